@@ -13,7 +13,7 @@ from problems.assembly_poses.check import corrected, verdicts_of
 from problems.assembly_poses.cycle import read_assembly_cycle
 from problems.assembly_poses.own_cycle import own_cycle
 from problems.assembly_poses.problem import build
-from problems.assembly_poses.report import report
+from problems.assembly_poses.report import report, report_starts
 from problems.assembly_poses.solve import solve
 from problems.assembly_poses.starts import solve_from_random_starts
 from problems.common.command import RESULTS, end_with, new_app, run_command, worst
@@ -39,11 +39,12 @@ def run(
     joint = load_assembly(assembly)
     given = own_cycle(joint) if cycle is None else read_assembly_cycle(cycle, joint)
     problem = build(joint, given)
-    result = solve(problem)
-    tried = solve_from_random_starts(assembly, given, result, starts) if starts else None
-    result = corrected(assembly, problem, result)
+    by_contact = solve(problem)
+    result = corrected(assembly, problem, by_contact)
     verdicts = verdicts_of(problem, result)
-    report(problem, result, verdicts, out, tried)
+    report(problem, result, verdicts, out)
+    if starts:
+        report_starts(solve_from_random_starts(assembly, given, by_contact, starts), out)
     end_with(worst(verdicts.values()), NAME, out)
 
 

@@ -16,7 +16,7 @@ from casadi_contact.verification import Verdict
 from problems.assembly_poses.problem import AssemblyPoses
 from problems.assembly_poses.solve import AssemblyResult
 from problems.common.outcome import print_outcome, solver_record
-from problems.common.records import DIGITS, assembly_columns, pose_columns, write_summary
+from problems.common.records import DIGITS, add_to_summary, assembly_columns, pose_columns, write_summary
 from problems.pose_estimation.starts import RandomStarts
 
 
@@ -25,7 +25,6 @@ def report(
     result: AssemblyResult,
     verdicts: Mapping[str, Verdict],
     out: Path,
-    starts: RandomStarts | None = None,
 ) -> None:
     """Print what became of it and write assembly_poses.csv, .png and summary.json in the folder out.
 
@@ -35,9 +34,6 @@ def report(
     for name, verdict in verdicts.items():
         console.print(f"{name}: {verdict}", highlight=False, soft_wrap=True)
     print_outcome(console, result)
-    if starts is not None:
-        text = str(starts).replace("the same solution", "the same loads")
-        console.print(text, highlight=False, soft_wrap=True)
     _write_table(out / "assembly_poses.csv", problem, result)
     summary = {
         "assembly": problem.assembly.name,
@@ -49,11 +45,16 @@ def report(
         "largest_residual_N": float(result.residual_n.max()),
         **solver_record(result),
     }
-    if starts is not None:
-        summary["random_starts"] = starts.record()
     write_summary(out / "summary.json", summary)
     draw(problem, result, out / "assembly_poses.png")
     console.print(f"results in {out}", highlight=False)
+
+
+def report_starts(starts: RandomStarts, out: Path) -> None:
+    """Print what became of random starts about a solution, and add it to the summary in the folder out."""
+    text = str(starts).replace("the same solution", "the same loads")
+    PlainConsole().print(text, highlight=False, soft_wrap=True)
+    add_to_summary(out / "summary.json", {"random_starts": starts.record()})
 
 
 def _write_table(path: Path, problem: AssemblyPoses, result: AssemblyResult) -> None:

@@ -36,7 +36,16 @@ def one_start(name: str, cycle: AssemblyCycle, poses: Array, loads: Array, seed:
     problem = build(load_assembly(name), cycle)
     result = solve(problem, random_start(problem, poses, np.random.default_rng(seed)))
     same = loads_apart_n(problem.assembly, result.loads, loads) < SAME_N
-    return StartOutcome.of(result.converged, same, result.iterations)
+    loaded = loaded_frames(problem)
+    return StartOutcome.of(result.converged[loaded], same[loaded], result.iterations)
+
+
+def loaded_frames(problem: AssemblyPoses) -> np.ndarray:
+    """True (n,) where the measured contact carries load: in other frames nothing tells its body's pose. Without a
+    measured contact, or any load in it, everywhere."""
+    everywhere = np.ones(len(problem.cycle), dtype=bool)
+    loaded = everywhere if problem.measured is None else problem.measured.wanted.loaded
+    return loaded if loaded.any() else everywhere
 
 
 def solve_from_random_starts(

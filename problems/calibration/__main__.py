@@ -14,7 +14,7 @@ from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
 from problems.calibration.measurement import TRUTH, read_measurement, synthetic_measurement
 from problems.calibration.problem import DEFAULT, build
-from problems.calibration.report import report
+from problems.calibration.report import report, report_starts
 from problems.calibration.solve import CalibrationResult, random_starts, solve
 from problems.common.command import RESULTS, new_app, run_command
 
@@ -63,8 +63,9 @@ def run(
         write_columns(out / "made_up.csv", data.columns())
     problem = build(model, data, names)
     result = solve(problem)
-    others = [solve(problem, start) for start in random_starts(problem, starts)]
-    report(problem, result, others, truth, out)
+    report(problem, result, truth, out)
+    if others := [solve(problem, start) for start in random_starts(problem, starts)]:
+        report_starts(problem, result, others, truth, out)
     if reason := failure(result):
         print(f"{NAME}: {reason}", file=sys.stderr)
         raise typer.Exit(2)

@@ -20,7 +20,7 @@ from problems.calibration.measurement import in_fixed_body
 from problems.calibration.problem import Calibration
 from problems.calibration.solve import CalibrationResult
 from problems.common.outcome import ended_in_words, solver_record
-from problems.common.records import DIGITS, rms_and_largest, write_summary
+from problems.common.records import DIGITS, add_to_summary, rms_and_largest, write_summary
 
 _SAME = 1e-3  # standard deviations: starts that end closer together found the same estimate
 _MATERIAL_UNITS = {"youngs_modulus": "MPa", "poissons_ratio": "-", "thickness": "mm"}
@@ -51,7 +51,6 @@ def needed_noise(problem: Calibration, result: CalibrationResult) -> dict[str, f
 def report(
     problem: Calibration,
     result: CalibrationResult,
-    others: Sequence[CalibrationResult],
     truth: Mapping[str, float] | None,
     out: Path,
 ) -> None:
@@ -60,8 +59,6 @@ def report(
     relative = in_fixed_body(result.poses, result.place)
     solved = np.full(len(relative), result.solved)
     verdict = judge(problem.model, relative, solved, own_model(problem.model.scene))
-    compared = others if result.uncertainty.identifiable.any() else []  # else there is no estimate to reach again
-    same = sum(same_estimate(result, other) for other in compared)
     columns = _columns(problem, result, truth)
     table = Table(title=f"Calibration of {problem.model.scene.name}, {len(relative)} frames")
     for name in columns:
@@ -76,17 +73,33 @@ def report(
             console.print(f"{name} to 1 %: measure with {factor:.2g} times these deviations", highlight=False)
     console.print(
         f"IPOPT: {result.ipopt_status}, {result.iterations} iterations, {result.seconds:.2f} s with its start; "
-        f"sum of squares over degrees of freedom {result.misfit:.3g}, at most {result.largest_misfit:.3g} expected"
-        + (f"; {same} of {len(compared)} random starts reach it" if compared else ""),
+        f"sum of squares over degrees of freedom {result.misfit:.3g}, at most {result.largest_misfit:.3g} expected",
         highlight=False,
     )
     if not result.explained:
         console.print("standard deviations are scaled by its root: the stated ones do not explain it", highlight=False)
     console.print(f"relative poses, scene's own material: {verdict}", highlight=False)
     write_columns(out / "calibration.csv", columns, digits=DIGITS)
-    write_summary(out / "calibration.json", _summary(problem, result, compared, verdict, same, columns))
-    draw(problem, result, others, truth, out / "calibration.png")
+    write_summary(out / "calibration.json", _summary(problem, result, verdict, columns))
+    draw(problem, result, [], truth, out / "calibration.png")
     console.print(f"results in {out}", highlight=False)
+
+
+def report_starts(
+    problem: Calibration,
+    result: CalibrationResult,
+    others: Sequence[CalibrationResult],
+    truth: Mapping[str, float] | None,
+    out: Path,
+) -> None:
+    """Print how many random starts reach the estimate, and add them to the summary and the picture in the folder out;
+    nothing where the data determine no parameter, so that there is no estimate to reach."""
+    if not result.uncertainty.identifiable.any():
+        return
+    same = sum(same_estimate(result, other) for other in others)
+    PlainConsole().print(f"{same} of {len(others)} random starts reach it", highlight=False)
+    add_to_summary(out / "calibration.json", {"random_starts": {"tried": len(others), "same": same}})
+    draw(problem, result, others, truth, out / "calibration.png")
 
 
 def _columns(problem: Calibration, result: CalibrationResult, truth: Mapping[str, float] | None) -> dict[str, Any]:
@@ -109,9 +122,7 @@ def _columns(problem: Calibration, result: CalibrationResult, truth: Mapping[str
 def _summary(
     problem: Calibration,
     result: CalibrationResult,
-    compared: Sequence[CalibrationResult],
     verdict: Verdict,
-    same: int,
     columns: Mapping[str, Any],
 ) -> dict[str, Any]:
     return {
@@ -125,7 +136,6 @@ def _summary(
         "largest_misfit": result.largest_misfit,
         "explained": result.explained,
         **solver_record(result),
-        "random_starts": {"tried": len(compared), "same": same},
         "load_error": {
             name: rms_and_largest(error)
             for name, error in zip(problem.measured.load_names, result.load_error.T, strict=True)

@@ -7,7 +7,9 @@ all δ has the Schur complement
 
 whose inverse is the covariance of z (normal errors, residuals nearly linear over their spread). An eigenvector with an
 eigenvalue below 1 is a direction that the data know no better than by one unit of z: a factor of e in the material,
-1 mm or 1/25 rad of placement. Parameters that take part in it are not identifiable together.
+1 mm or 1/25 rad of placement. Parameters that one unit along it moves by more than their deviation from all other
+directions are not identifiable together; the deviation of the rest contains it, to first order: along an open
+direction that bends, others may go on from there.
 
 The covariance supposes that the model explains the data but for the stated errors. Then the sum of squares follows χ²
 with its degrees of freedom; where it is larger than that explains, deviations are scaled by √(χ²/ν) (Birge ratio). A
@@ -29,7 +31,6 @@ from problems.calibration.problem import Calibration
 _LEAST_EIGENVALUE = 1.0
 _AT_BOUND = 1e-3  # of z
 CHANCE = 1e-4  # of a sum of squares beyond `largest_misfit` where the stated deviations are right
-_TAKES_PART = 0.05  # component of an unknown direction
 
 
 @dataclass(frozen=True)
@@ -77,8 +78,9 @@ def uncertainty(problem: Calibration, z: Array, delta: Array, scale: float = 1.0
     """Standard deviations, times scale, and correlations at an estimate."""
     values, vectors = np.linalg.eigh(reduced_hessian(problem, z, delta))
     known = values >= _LEAST_EIGENVALUE
-    tied = tuple(_names(problem.parameters, vector) for vector in vectors[:, ~known].T)
-    covariance = (vectors[:, known] / values[known]) @ vectors[:, known].T
+    apart = np.sqrt(np.sum(vectors[:, known] ** 2 / values[known], axis=1))  # from the known directions alone
+    tied = tuple(_names(problem.parameters, np.abs(vector) > apart) for vector in vectors[:, ~known].T)
+    covariance = (vectors / np.where(known, values, _LEAST_EIGENVALUE)) @ vectors.T
     m = len(problem.parameters)
     ends = np.minimum(z - problem.lower[:m], problem.upper[:m] - z) < _AT_BOUND
     free = ends | np.isin(problem.parameters, [name for group in tied for name in group])
@@ -90,5 +92,5 @@ def uncertainty(problem: Calibration, z: Array, delta: Array, scale: float = 1.0
     return Uncertainty(problem.parameters, deviation, covariance / np.outer(spread, spread), tied, at_bound)
 
 
-def _names(parameters: Sequence[str], vector: Array) -> tuple[str, ...]:
-    return tuple(name for name, part in zip(parameters, vector, strict=True) if abs(part) > _TAKES_PART)
+def _names(parameters: Sequence[str], chosen: np.ndarray) -> tuple[str, ...]:
+    return tuple(name for name, taken in zip(parameters, chosen, strict=True) if taken)

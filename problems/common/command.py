@@ -31,10 +31,11 @@ def worst(verdicts: Iterable[Verdict]) -> Verdict:
     return min(verdicts, key=lambda verdict: verdict.exit_code or 4)
 
 
-def end_with(verdict: Verdict, name: str, out: Path) -> None:
-    """End the command with the verdict's exit code, and one line on stderr where frames are not verified."""
+def end_with(verdict: Verdict, name: str, out: Path, rows: str = "frames") -> None:
+    """End the command with the verdict's exit code, and one line on stderr where rows are not verified; rows: what the
+    command calls them."""
     if verdict.exit_code:
         good = verdict.solved if verdict.exit_code == 2 else verdict.verified
         what = "not solved" if verdict.exit_code == 2 else f"solved, but {verdict.doubt}"
-        print(f"{name}: {what}: frames {rows_in_words(~good & verdict.asked)}; see {out}", file=sys.stderr)
+        print(f"{name}: {what}: {rows} {rows_in_words(~good & verdict.asked)}; see {out}", file=sys.stderr)
         raise typer.Exit(verdict.exit_code)

@@ -60,6 +60,11 @@ def write_summary(path: Path, content: Mapping[str, Any]) -> None:
         beside.write_text(json.dumps(whole, indent=1, ensure_ascii=False, default=str, allow_nan=False), "utf-8")
 
 
+def add_to_summary(path: Path, content: Mapping[str, Any]) -> None:
+    """More entries of a summary that is written: of random starts, which take long, after what they start from."""
+    write_summary(path, {**json.loads(path.read_text("utf-8")), **content})
+
+
 def _without_nan(value: Any) -> Any:
     """The same with None for NaN and infinity, which JSON has not."""
     if isinstance(value, Mapping):

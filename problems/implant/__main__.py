@@ -29,8 +29,8 @@ from problems.common.contact import ContactSource
 from problems.implant.from_meshes import fixed_and_cycles, is_mesh, scene_of_meshes
 from problems.pose_estimation.estimate import cycle_warnings, estimated
 from problems.pose_estimation.problem import Cycle, build
-from problems.pose_estimation.report import report
-from problems.pose_estimation.starts import start_from_file
+from problems.pose_estimation.report import report, report_starts
+from problems.pose_estimation.starts import solve_from_random_starts, start_from_file
 
 NAME = "implant"
 app = new_app()
@@ -82,8 +82,10 @@ def run(
     problems = [build(model, cycle, compiled=True) for cycle in measured]
     for number, (path, problem, first) in enumerate(zip(cycles, problems, poses, strict=True), start=1):
         typer.echo(f"cycle {number} of {len(problems)}: {path.stem}, {problem.frames} frames")
-        found = estimated(source, problem, first, elements, starts)
-        report(problem, found, folder / "poses" / path.stem, source.kind)
+        found, place = estimated(problem, first, elements), folder / "poses" / path.stem
+        report(problem, found, place, source.kind)
+        if starts:
+            report_starts(solve_from_random_starts(source, problem, found.result.poses, starts), place)
         codes.append(found.verdict.exit_code)
     if any(codes):
         worst = "some frames have no pose" if 2 in codes else "some frames are not verified"

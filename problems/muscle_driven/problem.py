@@ -31,6 +31,7 @@ from problems.muscle_contact.muscle import (
     MAX_FIBRE_SPEED_PER_S,
     MuscleParameters,
     active_force_length,
+    force_capacity,
     force_velocity,
     passive_force_length,
 )
@@ -102,8 +103,9 @@ def build(
     """Equations of motion on a surrogate, a foundation or any contact model.
 
     Raises ValueError for too few frames, for an inverse solution with frames that muscles do not balance or reserves
-    that they lack, with compliant tendons, isometric muscles or other balanced coordinates than `BALANCED`, and for a
-    contact model of no knee with two sides (`check_knee`).
+    that they lack, with compliant tendons, isometric muscles, a patella (its quadriceps pull along other lines than the
+    walk's) or other balanced coordinates than `BALANCED`, and for a contact model of no knee with two sides
+    (`check_knee`).
     """
     check_knee("a knee driven by muscles", model.scene, model.load_names)
     _check_drivable(inverse, solved)
@@ -165,6 +167,11 @@ def _check_drivable(inverse: MuscleContact, solved: MuscleContactResult) -> None
         )
     if inverse.balanced != BALANCED:
         raise ValueError(f"{', '.join(inverse.balanced)} are balanced, expected {', '.join(BALANCED)}")
+    if inverse.extensor is not None:
+        raise ValueError(
+            "the quadriceps pull over a patella in the inverse solution, expected one without: here they pull along "
+            "the walk's moment arms"
+        )
     unbalanced = ~solved.converged | solved.overloaded
     if unbalanced.any():
         raise ValueError(
@@ -178,7 +185,8 @@ def _check_drivable(inverse: MuscleContact, solved: MuscleContactResult) -> None
             f"{rows_in_words(leaning)}, at most {_LARGEST_RESERVE} expected, since they drive nothing: give stronger "
             "muscles, or a walk that asks less"
         )
-    rigid = inverse.capacity.active_n * solved.activations + inverse.capacity.passive_n
+    hill = force_capacity(inverse.muscles, walk.lengths_m, walk.velocities_m_per_s)
+    rigid = hill.active_n * solved.activations + hill.passive_n
     if np.abs(solved.muscle_forces_n - rigid).max() > 0.1:
         raise ValueError(
             "tendons are compliant or muscles isometric in the inverse solution, expected rigid Hill muscles"

@@ -17,7 +17,7 @@ from problems import muscle_contact
 from problems.common.command import RESULTS, end_with, new_app, run_command, worst
 from problems.common.knee_scene import KNEE_LOADS
 from problems.common.outcome import print_reasons, rows_in_words
-from problems.common.records import DIGITS, assembly_columns, pose_columns, write_summary
+from problems.common.records import DIGITS, add_to_summary, assembly_columns, pose_columns, write_summary
 from problems.muscle_contact.diagnosis import diagnose
 from problems.muscle_contact.extensor import quadriceps
 from problems.muscle_contact.given import (
@@ -67,6 +67,12 @@ def run(
     if (slack := tension < LEAST_TENSION_N).any():
         said = f"quadriceps are slack in frames {rows_in_words(slack)}: there they pull by {LEAST_TENSION_N:g} N"
         console.print(said, highlight=False, soft_wrap=True)
+    columns = {"time_s": walk.time_s, "quadriceps_N": tension, **pose_columns(ride.poses[:, 1])}
+    columns |= assembly_columns(ride.assembly.load_kinds, ride.loads) | {"residual_N": ride.residual_n}
+    write_columns(out / "patella.csv", columns, digits=DIGITS)
+    summary = {"walk": walk.name, "femur_verdict": str(walked), "verdict": str(verdict)}
+    write_summary(out / "summary.json", summary | {"largest_residual_N": float(ride.residual_n.max())})
+    console.print(f"results in {out}", highlight=False)
     reached = []
     for seed in range(starts):
         again = follow(ride.assembly, solved.poses, tension, start_poses(ride, np.random.default_rng(seed)))
@@ -75,12 +81,7 @@ def run(
         whole = sum(share == 1.0 for share in reached)
         share = f"{100 * np.mean(reached):.2f} % of frames"
         console.print(f"{whole} of {starts} random starts find the same loads in all frames, {share}", highlight=False)
-    columns = {"time_s": walk.time_s, "quadriceps_N": tension, **pose_columns(ride.poses[:, 1])}
-    columns |= assembly_columns(ride.assembly.load_kinds, ride.loads) | {"residual_N": ride.residual_n}
-    write_columns(out / "patella.csv", columns, digits=DIGITS)
-    summary = {"walk": walk.name, "femur_verdict": str(walked), "verdict": str(verdict), "random_starts": reached}
-    write_summary(out / "summary.json", summary | {"largest_residual_N": float(ride.residual_n.max())})
-    console.print(f"results in {out}", highlight=False)
+        add_to_summary(out / "summary.json", {"random_starts": reached})
     end_with(worst((walked, verdict)), NAME, out)
 
 

@@ -16,9 +16,9 @@ from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption, warm_model
 from problems.pose_estimation.estimate import cycle_warnings, estimated
 from problems.pose_estimation.problem import Cycle, build
-from problems.pose_estimation.report import report
+from problems.pose_estimation.report import report, report_starts
 from problems.pose_estimation.solve import solve
-from problems.pose_estimation.starts import start_from_file
+from problems.pose_estimation.starts import solve_from_random_starts, start_from_file
 
 NAME = "pose_estimation"
 app = new_app()
@@ -61,8 +61,10 @@ def run(
     if warm is not None:
         poses = solve(build(warm_model(warm, problem.model), measured)).poses
     model = own_model(problem.model.scene)
-    found = estimated(source, problem, poses, model, starts)
+    found = estimated(problem, poses, model)
     report(problem, found, out, source.kind)
+    if starts:
+        report_starts(solve_from_random_starts(source, problem, found.result.poses, starts), out)
     end_with(found.verdict, NAME, out)
 
 

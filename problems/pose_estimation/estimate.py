@@ -1,4 +1,4 @@
-"""A cycle's poses with all that a command says of them: warnings about the cycle, a verdict, random starts."""
+"""A cycle's poses with all that a command says of them: warnings about the cycle, a verdict."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from casadi_contact.conventions import Array
 from casadi_contact.motion.unit_warnings import unit_warnings
 from casadi_contact.scenes import Scene
 from casadi_contact.verification import Verdict, judge, own_model
-from problems.common.contact import ContactSource
 from problems.common.learned_range import reasons
 from problems.pose_estimation.centre_units import centre_warnings
 from problems.pose_estimation.completion import solve_and_complete
@@ -20,18 +19,16 @@ from problems.pose_estimation.on_foundation import OnFoundation
 from problems.pose_estimation.problem import Cycle, PoseEstimation, measured_pose, wanted_loads
 from problems.pose_estimation.sign_warnings import sign_warnings
 from problems.pose_estimation.solve import PoseResult, motion_of
-from problems.pose_estimation.starts import RandomStarts, solve_from_random_starts
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """The solution with a reason for every frame that is not verified, what the contact model says of it, what it is on
-    the elements of a scene that has some, and what became of random starts, None where none were asked for."""
+    """The solution with a reason for every frame that is not verified, what the contact model says of it, and what it
+    is on the elements of a scene that has some."""
 
     result: PoseResult
     verdict: Verdict
     ef: OnFoundation | None
-    starts: RandomStarts | None
 
 
 def cycle_warnings(scene: Scene, cycle: Cycle) -> Iterator[str]:
@@ -47,12 +44,9 @@ def cycle_warnings(scene: Scene, cycle: Cycle) -> Iterator[str]:
     yield from sign_warnings(wanted, measured, model)
 
 
-def estimated(
-    source: ContactSource, problem: PoseEstimation, start: Array | None, model: ContactModel | str, starts: int
-) -> Estimate:
+def estimated(problem: PoseEstimation, start: Array | None, model: ContactModel | str) -> Estimate:
     """A problem solved, completed and judged on the contact model, or the reason why there is none (`own_model`).
 
-    source: where the problem's own model is loaded from anew, by the workers that solve from as many random starts.
     start: poses (n, 6), `PoseEstimation.start_poses` if None.
     """
     result = solve_and_complete(problem, start, model)
@@ -63,6 +57,5 @@ def estimated(
         steps = motion.leaping(result.poses, result.converged & problem.wanted.loaded)
         verdict = replace(verdict, leaps=np.append(steps, False) | np.append(False, steps))
     ef = OnFoundation.of(problem, result)
-    tried = solve_from_random_starts(source, problem, result.poses, starts) if starts else None
     result = replace(result, reason=reasons(problem.model, result.poses, verdict, result.reason))
-    return Estimate(result, verdict, ef, tried)
+    return Estimate(result, verdict, ef)

@@ -20,13 +20,21 @@ from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.common.outcome import print_outcome, print_verdict, rows_in_words, solver_record
 from problems.common.pressures import pressure_columns, pressures_table
-from problems.common.records import DIGITS, pose_columns, rms_and_largest, rms_and_largest_words, write_summary
+from problems.common.records import (
+    DIGITS,
+    add_to_summary,
+    pose_columns,
+    rms_and_largest,
+    rms_and_largest_words,
+    write_summary,
+)
 from problems.pose_estimation.estimate import Estimate
 from problems.pose_estimation.identifiability import hardly_determined_frames, hardly_determined_in_words
 from problems.pose_estimation.on_foundation import OnFoundation
 from problems.pose_estimation.problem import PoseEstimation
 from problems.pose_estimation.several_poses import elsewhere_mm, several_poses_in_words, unstable_frames
 from problems.pose_estimation.solve import PoseResult
+from problems.pose_estimation.starts import RandomStarts
 
 Errors = dict[str, dict[str, dict[str, float | None]]]
 CENTRE_OFF_MM = 1.0
@@ -113,6 +121,8 @@ def report(problem: PoseEstimation, estimate: Estimate, out: Path, kind: str = "
     if ef is not None:
         pressed = pressures_table(cycle.time_s, ef.pressures, scene.patch_names, f"{cycle.name} pressures")
         write_table(pressed, out / "pressures.sto")
+    else:
+        (out / "pressures.sto").unlink(missing_ok=True)  # of other poses
     summary: dict[str, Any] = {
         "verdict": str(verdict),
         "cycle": cycle.name,
@@ -134,11 +144,15 @@ def report(problem: PoseEstimation, estimate: Estimate, out: Path, kind: str = "
     }
     if _learnable(problem, result):
         summary["refine"] = _REFINE
-    if estimate.starts is not None:
-        summary["random_starts"] = estimate.starts.record()
     write_summary(out / "summary.json", summary)
     draw(problem, result, verdict, tracked, kind, out / "pose_estimation.png")
     PlainConsole().print(f"results in {out}", highlight=False)
+
+
+def report_starts(starts: RandomStarts, out: Path) -> None:
+    """Print what became of random starts about a solution, and add it to the summary in the folder out."""
+    PlainConsole().print(str(starts), highlight=False)
+    add_to_summary(out / "summary.json", {"random_starts": starts.record()})
 
 
 def _print(problem: PoseEstimation, estimate: Estimate, errors: Errors, ef: OnFoundation | None, kind: str) -> None:
@@ -156,8 +170,6 @@ def _print(problem: PoseEstimation, estimate: Estimate, errors: Errors, ef: OnFo
     print_outcome(console, estimate.result)
     if learnable := _learnable(problem, estimate.result):
         console.print(f"{learnable} frames on the contact model fit on the insert: {_REFINE}", highlight=False)
-    if estimate.starts is not None:
-        console.print(str(estimate.starts), highlight=False)
 
 
 def _learnable(problem: PoseEstimation, result: PoseResult) -> int:

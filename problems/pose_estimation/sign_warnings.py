@@ -37,23 +37,31 @@ def _flexion(wanted: WantedLoads, rz: Array) -> str:
 
 
 def _sides(wanted: WantedLoads, model: ElasticFoundation) -> list[str]:
-    """Of each centre of pressure c, whether it follows Σ_p F_p·m_p / Σ_p F_p or rather minus that, where m_p are the
-    middles of the patches, from the middle of all."""
+    """Of the centre of pressure along which the patches' middles m_p lie farthest apart, whether it follows
+    Σ_p F_p·m_p / Σ_p F_p, or rather minus that, as in the other knee, or its image about the middle of all, as with
+    exchanged sides."""
     scene = wanted.scene
     loads = [normal.loads[0] for normal in scene.normal_loads]
     if len(loads) < 2 or not wanted.centres or not set(loads) <= set(wanted.values):
         return []
     forces = np.abs(np.column_stack([wanted.values[name] for name in loads]))
+    middle_mm = np.array([patch.centres_mm.mean(axis=0) for patch in scene.elements(model.grid)])
     total, warnings = forces.sum(axis=1), []
     for name, centre in wanted.centres.items():
-        middles = np.array([patch.centres_mm[:, centre.axis].mean() for patch in scene.elements(model.grid)])
-        split, torque = forces @ (middles - middles.mean()), total * wanted.values[name]
-        off, left = (float(np.linalg.norm(torque - sign * split)) for sign in (1.0, -1.0))
-        if left < _MIRRORED * off:
-            off_mm, left_mm = np.array([off, left]) / np.linalg.norm(total)
+        if centre.axis != np.ptp(middle_mm, axis=0).argmax():
+            continue
+        middles = middle_mm[:, centre.axis]
+        torque = total * wanted.values[name]
+        off = np.linalg.norm(torque - forces @ middles)
+        images = {
+            "is this a left knee that was not mirrored": np.linalg.norm(torque + forces @ middles),
+            "are the sides exchanged": np.linalg.norm(torque + forces @ (middles - 2.0 * middles.mean())),
+        }
+        if asked := [question for question, left in images.items() if left < _MIRRORED * off]:
+            off_mm, left_mm = np.array([off, min(images.values())]) / np.linalg.norm(total)
             warnings.append(
                 f"{name} lies {off_mm:.2g} mm from where {' and '.join(loads)} put it, its mirror image {left_mm:.2g} "
-                "mm: is this a left knee that was not mirrored, or are the sides exchanged?"
+                f"mm: {', or '.join(asked)}?"
             )
     return warnings
 

@@ -20,7 +20,7 @@ from problems.common.contact import ContactSource, SceneOption, SurrogateOption,
 from problems.common.learned_range import reasons
 from problems.static_equilibrium.diagnosis import diagnose
 from problems.static_equilibrium.problem import FREE, SOFT_TISSUE, StaticEquilibrium, build
-from problems.static_equilibrium.report import report
+from problems.static_equilibrium.report import report, report_starts
 from problems.static_equilibrium.search import search
 from problems.static_equilibrium.solve import solve
 from problems.static_equilibrium.starts import solve_from_lifts
@@ -73,9 +73,10 @@ def run(
     result = diagnose(problem, result, foundation)
     verdict = judge(model, result.poses, result.converged, foundation)
     result = replace(result, reason=reasons(model, result.poses, verdict, result.reason))
-    again = solve_from_lifts(problem, result, starts) if starts and result.converged.any() else None
-    report(problem, result, verdict, out, again, source.kind)
-    end_with(verdict, NAME, out)
+    report(problem, result, verdict, out, source.kind)
+    if starts and result.converged.any():
+        report_starts(solve_from_lifts(problem, result, starts), out)
+    end_with(verdict, NAME, out, "rows")
 
 
 def main() -> None:

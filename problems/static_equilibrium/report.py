@@ -19,7 +19,7 @@ from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
 from problems.common.contact import grids_in_words, models_on_grids
 from problems.common.outcome import print_outcome, print_verdict, solver_record
-from problems.common.records import DIGITS, load_columns, pose_columns, write_summary
+from problems.common.records import DIGITS, add_to_summary, load_columns, pose_columns, write_summary
 from problems.static_equilibrium.on_model import on_model
 from problems.static_equilibrium.problem import StaticEquilibrium
 from problems.static_equilibrium.solve import EquilibriumResult
@@ -31,7 +31,6 @@ def report(
     result: EquilibriumResult,
     verdict: Verdict,
     out: Path,
-    starts: LiftedStarts | None = None,
     kind: str = "surrogate",
 ) -> None:
     """Print the table and write static_equilibrium.csv, .json and .png in the folder out; kind: what to call
@@ -57,8 +56,6 @@ def report(
     found = {name: int(np.isfinite(poses[:, 0]).sum()) for name, poses in ef_poses.items()}
     for name, largest in off.items():
         console.print(f"EF {grids[name]} - {kind}, {_difference(largest, moved[name], found[name])}", highlight=False)
-    if starts is not None:
-        console.print(str(starts), highlight=False)
     _write_table(out / "static_equilibrium.csv", problem, result, ef.get("fine"), verdict)
     summary = {
         "verdict": str(verdict),
@@ -71,11 +68,16 @@ def report(
         "ef_off_max": {name: dict(zip(WRENCH_NAMES, m.tolist(), strict=True)) for name, m in off.items()},
         "ef_pose_off_max": {name: dict(zip(POSE_NAMES, m.tolist(), strict=True)) for name, m in moved.items()},
         "ef_rows_with_equilibrium": found,
-        **({} if starts is None else {"random_starts": starts.record()}),
     }
     write_summary(out / "static_equilibrium.json", summary)
     draw(result, ef_poses.get("fine"), ef.get("fine"), kind, out / "static_equilibrium.png")
     console.print(f"results in {out}", highlight=False)
+
+
+def report_starts(starts: LiftedStarts, out: Path) -> None:
+    """Print what became of lifted starts about a solution, and add it to the summary in the folder out."""
+    PlainConsole().print(str(starts), highlight=False)
+    add_to_summary(out / "static_equilibrium.json", {"random_starts": starts.record()})
 
 
 def _difference(wrench: Array, moved: Array, found: int) -> str:

@@ -18,7 +18,7 @@ from problems.assembly_poses import AssemblyCycle
 from problems.assembly_poses.check import corrected, verdicts_of
 from problems.assembly_poses.cycle import read_assembly_cycle
 from problems.assembly_poses.solve import _beside_solved
-from problems.assembly_poses.starts import random_start
+from problems.assembly_poses.starts import loaded_frames, random_start
 from problems.patella.follow import SAME_N, loads_apart_n
 from tests.support.compiler import needs_compiler
 
@@ -76,6 +76,16 @@ def test_random_starts_of_all_bodies_end_at_the_same_loads(problem, result):
         again = assembly_poses.solve(problem, random_start(problem, result.poses, np.random.default_rng(seed)))
         assert again.converged.all(), again.reason
         assert loads_apart_n(problem.assembly, again.loads, result.loads).max() < SAME_N
+
+
+@needs_compiler
+def test_a_frame_without_load_counts_for_nothing_in_random_starts(problem):
+    bears = np.array([1.0, 0.0, 1.0])
+    loads = {name: curve * bears for name, curve in problem.cycle.loads.items()}
+    lifted = assembly_poses.build(problem.assembly, replace(problem.cycle, loads=loads))
+    assert loaded_frames(lifted).tolist() == [True, False, True]
+    none = {name: 0.0 * curve for name, curve in problem.cycle.loads.items()}
+    assert loaded_frames(assembly_poses.build(problem.assembly, replace(problem.cycle, loads=none))).all()
 
 
 BALL = """format = 1

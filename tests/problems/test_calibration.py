@@ -164,6 +164,16 @@ def test_a_dish_turned_about_its_own_axis_is_the_same_dish(knee):
     assert {"fixed_tx", "fixed_rz"} <= set(tied[0])
 
 
+def test_estimates_that_explain_the_data_as_well_differ_by_no_more_than_is_said_to_be_known(knee):
+    """What goes a little way along with an open direction is as open, in multiples of its own small deviation."""
+    problem, _ = made_up(knee, (*calibration.DEFAULT, "fixed_rz"), motion="pressing")
+    one, other = calibration.solve(problem), calibration.solve(problem, {"fixed_tx": -1.0})
+    assert abs(one.misfit - other.misfit) < 1e-4
+    assert np.abs(one.values - other.values).max() > 0.5
+    for result in (one, other):
+        assert (np.abs(one.values - other.values) <= 3.0 * result.uncertainty.deviation).all()
+
+
 def test_frames_of_scene_and_insert_lead_to_each_other():
     poses, place = np.array([[1.0, 27.0, -2.0, 0.1, -0.2, -0.9]]), np.array([3.0, -2.0, 5.0, 0.2, -0.1, 0.3])
     np.testing.assert_allclose(in_fixed_body(in_scene_frame(poses, place), place), poses, atol=1e-12)
@@ -206,12 +216,29 @@ def test_no_start_reaches_an_estimate_that_the_data_do_not_determine(tmp_path, m
     assert "random starts" not in said
 
 
+def test_ctrl_c_during_random_starts_leaves_what_was_estimated(tmp_path, monkeypatch):
+    solve, starts = calibration.solve, []
+
+    def interrupted(problem, start=None):
+        if start is None:
+            return solve(problem)
+        starts.append(start)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(__main__, "solve", interrupted)
+    assert ended(monkeypatch, __main__.main, "--out", tmp_path, "--frames", FRAMES, "--starts", 2) == 130
+    assert len(starts) == 1
+    assert json.loads((tmp_path / "calibration.json").read_text("utf-8"))["explained"] is True
+    assert {path.name for path in tmp_path.iterdir()} >= {"calibration.csv", "calibration.png"}
+
+
 def test_the_command_writes_table_summary_and_picture(tmp_path, monkeypatch, capsys):
     assert ended(monkeypatch, __main__.main, "--out", tmp_path, "--frames", FRAMES, "--starts", 1) == 0
     assert "1 of 1 random starts reach it" in capsys.readouterr().out.replace("\n", " ")
     rows = list(csv.DictReader((tmp_path / "calibration.csv").open(encoding="utf-8")))
     assert [row["parameter"] for row in rows] == list(calibration.DEFAULT)
     assert json.loads((tmp_path / "calibration.json").read_text("utf-8"))["not_identifiable_together"] == []
+    assert json.loads((tmp_path / "calibration.json").read_text("utf-8"))["random_starts"] == {"tried": 1, "same": 1}
     assert (tmp_path / "calibration.png").read_bytes().startswith(b"\x89PNG")
 
 

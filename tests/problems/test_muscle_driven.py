@@ -144,6 +144,11 @@ def test_an_inverse_solution_that_muscles_do_not_carry_is_refused(driven):
     stretched = replace(driven.solved, muscle_forces_n=driven.solved.muscle_forces_n + 1.0)
     with pytest.raises(ValueError, match="expected rigid Hill muscles"):
         muscle_driven.build(driven.model, driven.inverse, stretched)
+    asleep = muscle_contact.build(driven.model, driven.inverse.walk, model="isometric")
+    with pytest.raises(ValueError, match="or muscles isometric"):
+        muscle_driven.build(driven.model, asleep, muscle_contact.solve(asleep))
+    with pytest.raises(ValueError, match=r"quadriceps pull over a patella .*, expected one without"):
+        muscle_driven.build(driven.model, replace(driven.inverse, extensor=object()), driven.solved)
     for tolerance in (0.0, np.inf):
         with pytest.raises(ValueError, match=f"tolerance is {tolerance}"):
             muscle_driven.solve(driven, tolerance=tolerance)

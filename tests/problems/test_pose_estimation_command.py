@@ -14,6 +14,7 @@ from casadi_contact.motion.opensim import read_opensim_table
 from casadi_contact.motion.walking import reference_cycle
 from problems import pose_estimation
 from problems.pose_estimation import __main__
+from problems.pose_estimation.on_foundation import OnFoundation
 from problems.pose_estimation.starts import start_from_file
 from tests.support.command import ended, ran
 
@@ -76,6 +77,24 @@ def test_a_solution_that_the_contact_model_denies_is_called_so_first_of_all(tmp_
     summary = json.loads((tmp_path / "summary.json").read_text("utf-8"))
     assert next(iter(summary)) == "verdict"
     assert summary["verified"] < summary["converged"] == 11
+
+
+def test_what_is_written_is_of_these_poses_even_if_their_random_starts_are_interrupted(tmp_path, monkeypatch):
+    """Pressures of an earlier cycle do not stay beside poses of a later one, on a model without elements."""
+    write_cycle(reference_cycle(frames=11), tmp_path / "walk.csv")
+    arguments = ("--cycle", tmp_path / "walk.csv", "--out", tmp_path)
+    assert ended(monkeypatch, __main__.main, *arguments) == 0
+    assert (tmp_path / "pressures.sto").exists()
+    monkeypatch.setattr(OnFoundation, "of", lambda *_: None)
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(__main__, "solve_from_random_starts", interrupted)
+    (tmp_path / "summary.json").unlink()
+    assert ended(monkeypatch, __main__.main, *arguments, "--starts", 5) == 130
+    assert json.loads((tmp_path / "summary.json").read_text("utf-8"))["converged"] == 11
+    assert not (tmp_path / "pressures.sto").exists()
 
 
 def test_frames_that_are_not_solved_are_called_so_first_of_all(tmp_path, monkeypatch, capsys):

@@ -8,7 +8,6 @@ from casadi_contact.contact import PolarFoundation, Rays
 from casadi_contact.motion.joint_cycle import JointCycle
 from casadi_contact.verification import own_model
 from problems import pose_estimation
-from problems.common.contact import ContactSource
 from problems.pose_estimation.estimate import estimated
 from problems.pose_estimation.identifiability import (
     hardly_determined,
@@ -76,8 +75,8 @@ def test_only_frames_that_are_solved_are_named():
 @needs_compiler
 def test_the_report_tells_beside_its_verdict_that_a_verified_pose_is_one_of_many(tmp_path, capsys):
     problem = problem_of("sphere_on_plane", FORCES, POSES)
-    source, model = ContactSource(scene="sphere_on_plane"), own_model(problem.model.scene)
-    report(problem, estimated(source, problem, None, model, 0), tmp_path, "foundation")
+    model = own_model(problem.model.scene)
+    report(problem, estimated(problem, None, model), tmp_path, "foundation")
     said = " ".join(capsys.readouterr().out.split())
     assert "2 of 2 solved and verified" in said
     assert "the wanted loads hardly tell the pose in 2 of 2 frames: 1 mm away" in said

@@ -11,7 +11,6 @@ from casadi_contact.conventions import POSE_NAMES
 from casadi_contact.motion.joint_cycle import JointCycle
 from casadi_contact.motion.walking import reference_cycle
 from problems import pose_estimation
-from problems.common.contact import ContactSource
 from problems.pose_estimation.estimate import estimated
 from problems.pose_estimation.several_poses import elsewhere_mm, several_poses_in_words, unstable_frames
 from problems.pose_estimation.solve import without_leaps
@@ -43,7 +42,7 @@ def words(problem, found):
 def test_frames_that_begin_elsewhere_are_solved_beside_their_neighbours(problem):
     alone = pose_estimation.solve(problem, start_at(PLACES))
     np.testing.assert_allclose(alone.poses[:, 0], PLACES, atol=1.0)
-    found = estimated(ContactSource(scene="sphere_on_plane"), problem, start_at(PLACES), contact_model(), 0)
+    found = estimated(problem, start_at(PLACES), contact_model())
     np.testing.assert_allclose(found.result.poses[:, 0], DIP_MM, atol=1.0)
     assert found.verdict.verified.all()
     assert found.verdict.exit_code == 0
@@ -55,7 +54,7 @@ def test_frames_that_begin_elsewhere_are_solved_beside_their_neighbours(problem)
 
 def test_a_leap_that_stays_is_told_and_its_frames_are_not_verified(problem, monkeypatch):
     monkeypatch.setattr("problems.pose_estimation.completion.without_leaps", lambda problem, result: result)
-    found = estimated(ContactSource(scene="sphere_on_plane"), problem, start_at(PLACES), contact_model(), 0)
+    found = estimated(problem, start_at(PLACES), contact_model())
     beside = np.isin(np.arange(FRAMES), [3, 4, 5, 6, 12, 13, 14])
     np.testing.assert_array_equal(found.verdict.verified, ~beside)
     assert found.verdict.exit_code == 3
@@ -68,7 +67,7 @@ def test_a_leap_that_stays_is_told_and_its_frames_are_not_verified(problem, monk
 
 
 def test_a_body_that_would_slide_off_a_ridge_is_told(problem):
-    found = estimated(ContactSource(scene="sphere_on_plane"), problem, start_at(np.zeros(FRAMES)), contact_model(), 0)
+    found = estimated(problem, start_at(np.zeros(FRAMES)), contact_model())
     np.testing.assert_allclose(found.result.poses[:, 0], 0.0, atol=1.0)
     assert unstable_frames(problem, found.result).all()
     elsewhere, said = words(problem, found)

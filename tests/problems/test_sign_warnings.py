@@ -39,6 +39,25 @@ def test_a_left_knee_exchanged_sides_and_reversed_flexion_get_a_warning(changes,
     assert expected in "".join(told)
 
 
+@pytest.mark.parametrize("aside_mm", [-8.0, 8.0])
+@pytest.mark.parametrize(("image", "expected"), [("", ""), ("mirrored", "left knee"), ("exchanged", "exchanged")])
+def test_sides_are_told_wherever_the_scene_has_its_origin(image, expected, aside_mm, monkeypatch):
+    """The knee's elements and centres of pressure, seen from a frame that lies to the side."""
+    scene = cc.load_scene("knee")
+    elements = scene.elements((20, 15))
+    moved = [replace(patch, centres_mm=patch.centres_mm + np.array([0.0, 0.0, aside_mm])) for patch in elements]
+    monkeypatch.setattr(type(scene), "elements", lambda *_: moved)
+    middle = {
+        "": aside_mm + WALK.cop_ml_mm,
+        "mirrored": -aside_mm - WALK.cop_ml_mm,
+        "exchanged": aside_mm - WALK.cop_ml_mm,
+    }
+    told = warnings(replace(WALK, cop_ml_mm=middle[image]))
+    assert len(told) == bool(expected)
+    assert expected in "".join(told)
+    assert "or are" not in "".join(told), "only one of the two explains it"
+
+
 def test_forces_that_pull_a_hip_out_of_its_cup_get_a_warning():
     cycle = scene_cycles(cc.load_scene("hip"))[0]
     assert warnings(cycle, "hip") == []

@@ -25,6 +25,7 @@ def test_the_command_writes_table_csv_summary_and_picture(tmp_path, monkeypatch,
         np.testing.assert_allclose(turned[:2], 0.0, atol=1.0)
         assert abs(float(row["Tx_ef_Nmm"]) - float(row["Tx_contact_Nmm"])) < 100.0
     summary = json.loads((tmp_path / "static_equilibrium.json").read_text("utf-8"))
+    assert summary["random_starts"]
     assert summary["converged"] == 2
     assert set(summary["ef_rows_with_equilibrium"].values()) == {2}
     assert all(off["ty"] > 0.0 for off in summary["ef_pose_off_max"].values())
@@ -40,7 +41,7 @@ def test_a_patella_under_a_knee_s_loads_ends_without_a_search(tmp_path, monkeypa
 
 def test_loads_without_equilibrium_end_with_status_2(tmp_path, monkeypatch, capsys):
     assert ended(monkeypatch, __main__.main, "--out", tmp_path, "--starts", 0, "--flexions", "20", "--fy", "300") == 2
-    assert "static_equilibrium: not solved: frames 0" in capsys.readouterr().err
+    assert "static_equilibrium: not solved: rows 0" in capsys.readouterr().err
     summary = json.loads((tmp_path / "static_equilibrium.json").read_text("utf-8"))
     # No equilibrium of the elements is no agreement with them, which would be 0.
     assert set(summary["ef_rows_with_equilibrium"].values()) == {0}
