@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from casadi_contact.contact.model import CallableModel, ContactModel
+from casadi_contact.contact.torques import wrong_torques
 from casadi_contact.contact.touch import ways_of_pressing
 from casadi_contact.conventions import Array, evenly, pose_text
 from casadi_contact.quantities import FORCE, of_kind, quantity, two_digits
@@ -50,7 +51,8 @@ class _Contact:
 
 
 def try_model(model: ContactModel, touching: Array, wanted: Mapping[str, Array], tolerance_n: float) -> None:
-    """Raise ValueError for a model that cannot be settled on: `_refuse_reversed`, `_refuse_memory`, `_refuse_noise`.
+    """Raise ValueError for a model that cannot be settled on, `_refuse_reversed`, `_refuse_memory`, `_refuse_noise`, or
+    whose torques do not belong to its forces, `_refuse_torques`.
 
     It is asked at up to 5 of the poses (n, 6) at the first touch, pressed on so far that they carry about the wanted
     forces (n,), which are by load name as `first_touch` takes them. A model without wrenches is not tried. A logged
@@ -72,6 +74,7 @@ def try_model(model: ContactModel, touching: Array, wanted: Mapping[str, Array],
         slope = _refuse_reversed(contact)
         _refuse_memory(contact, slope, tolerance_n)
         _refuse_noise(contact, slope, tolerance_n)
+        _refuse_torques(contact)
         _tell_noise(contact)
 
 
@@ -174,6 +177,17 @@ def _let_pass(contact: _Contact, row: int, noise_n: float, slope: Array) -> str:
         step = two_digits(_STEPS_PER_NOISE * noise_n / slope[row])
         cure += f", and give cc.CallableModel step_mm={step}, step_rad={two_digits(float(step) / 25.0)} or more"
     return cure
+
+
+def _refuse_torques(contact: _Contact) -> None:
+    """ValueError for torques of another unit, sign or origin than forces of contact ask for; a model that gives none,
+    or no slopes, is not asked."""
+    if not hasattr(contact.model, "wrench_jacobian"):
+        return
+    wrenches, slopes = contact.model.wrench_jacobian(contact.poses)
+    rows = np.arange(len(contact.poses))
+    if wrong := wrong_torques(contact.poses, wrenches[rows, contact.patches], slopes[rows, contact.patches]):
+        raise ValueError(f"the contact model's torques are {wrong}; seen at its {contact.text(0)}")
 
 
 def _tell_noise(contact: _Contact) -> None:

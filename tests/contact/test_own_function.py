@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.contact.torques import wrong_torques
 from casadi_contact.contact.trial import try_model
 from casadi_contact.project import reference_motion_cycles
 from casadi_contact.sampling import SamplingSettings, reference_motion
@@ -117,6 +118,41 @@ def test_loads_on_the_moving_body_are_refused_without_gaps_too():
     _, estimate = estimated(scene, lambda poses: -wrenches(poses), None)
     with pytest.raises(ValueError, match=r"patch med pulls with .* N at tx .*, on its way into contact"):
         estimate()
+
+
+WRONG_TORQUES = {
+    "in N·m, expected N·mm: return 1000 times": (1e-3, False),
+    "of the wrong sign": (-1.0, False),
+    "about the moving body's origin, expected the": (1.0, True),
+    "(in N·m )?about the moving body's origin, expected": (1e-3, True),
+}
+"""By what is said: the factor of the torques, and whether they are about the moving body's origin."""
+
+
+@pytest.mark.parametrize("said", WRONG_TORQUES)
+@pytest.mark.parametrize("joint", JOINTS)
+def test_torques_that_do_not_belong_to_their_forces_are_refused_with_the_cure(joint, said):
+    """By the energy that contact stores: what a turn does to forces a move does to torques. A ball has none about its
+    own centre, in whatever unit."""
+    scene, wrenches, gaps = JOINTS[joint]()
+
+    factor, moving = WRONG_TORQUES[said]
+
+    def wrong(poses):
+        forces, torques = np.split(wrenches(poses), 2, axis=2)
+        return np.concatenate([forces, factor * (torques - moving * np.cross(poses[:, None, :3], forces))], axis=2)
+
+    _, estimate = estimated(scene, wrong, gaps)
+    with pytest.raises(ValueError, match=f"torques are {said}"):
+        estimate()
+
+
+def test_of_a_model_without_torques_nothing_is_asked():
+    model = cc.CallableModel(own_contact.SCENE, lambda poses: own_contact.wrenches(poses) * np.repeat([1.0, 0.0], 3))
+    poses = np.array([[5.0, -2.0, 2.0, 0.1, 0.0, 0.0]])
+    wrenches, slopes = model.wrench_jacobian(poses)
+    assert wrenches.any()
+    assert wrong_torques(poses, wrenches[:, 0], slopes[:, 0]) == ""
 
 
 @pytest.mark.parametrize("seed", range(5))
