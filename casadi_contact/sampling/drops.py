@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from casadi_contact.dataset import DOMAINS, Samples
 from casadi_contact.scenes import Scene
+from casadi_contact.shapes.mesh_bodies import body_mesh
 
 MOST_DROPPED = 0.3
 
@@ -24,20 +25,22 @@ def refuse_many_dropped(samples: Samples, most: float = MOST_DROPPED) -> None:
         if share > most:
             reasons = samples.provenance.get("dropped", {}).get(domain, {})
             listed = "; ".join(f"{reason} ({count})" for reason, count in sorted(reasons.items(), key=lambda r: -r[1]))
+            digits = 0 if f"{share:.0%}" != f"{most:.0%}" else 2
             raise ValueError(
-                f"{share:.0%} of the samples of {domain} were dropped, expected at most {most:.0%}: {listed}. "
-                + _cure(max(reasons, key=reasons.get, default=""), samples.scene)
+                f"{share:.{digits}%} of the samples of {domain} were dropped, expected at most {most:.{digits}%}: "
+                f"{listed}. {_cure(max(reasons, key=reasons.get, default=''), samples.scene, domain)}"
                 + " To learn from what is left all the same, set most_dropped in the scene's [sampling] and run again: "
                 "the samples are kept"
             )
 
 
-def _cure(reason: str, scene: Scene) -> str:
+def _cure(reason: str, scene: Scene, domain: str) -> str:
     if "edge" in reason:
         rim = 'set open_edges = "rim" in [geometry] where it ends with its mesh, '
+        open_mesh = scene.geometry.get("open_edges") == "cut" and len(body_mesh(scene.geometry, "fixed").boundary_edges)
         return (
             "Contact runs off the fixed surface: enlarge its patches where the part really goes on, "
-            + (rim if scene.geometry.get("open_edges") == "cut" else "")
+            + (rim if open_mesh else "")
             + "or draw closer to the reference motion (smaller d3_fraction, d2_offset or d3_minimum_widths in the "
             "scene's [sampling])."
         )
@@ -53,6 +56,7 @@ def _cure(reason: str, scene: Scene) -> str:
         return (
             "A step of lifting is shorter than the overlap at the boundary load: lift farther (larger liftoff_mm in "
             "the scene's [sampling]) or lower loads.boundary_load. Or a part embraces the other, which meets its "
-            f"opposite wall: lift less far (smaller liftoff_mm). Else check the scene's patches{shown}."
+            f"opposite wall: lift less far (smaller liftoff_mm). A model that presses however far it is lifted has no "
+            f"such samples: set {domain} = 0 in sampling.counts. Else check the scene's patches{shown}."
         )
     return f"Check the scene's surfaces and patches{shown}."

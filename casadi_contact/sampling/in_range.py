@@ -40,17 +40,13 @@ def samples_in_range(
     Half of the poses are pressed, as far as `MOST_DRAWN` times as many hold them: chance seldom presses. Roles, poses
     that are dropped, and progress are those of `samples_around`. Raises ValueError where all samples are test rows.
     """
-    if (samples.role == TEST).all():
-        raise ValueError(f"{len(samples)} samples, all of them test rows, expected some that were learned: no range")
     if count is None:
-        count = min(len(samples) // 3, _MOST_OF_OWN if model_name_of(samples) is None else _MOST)
-    known = samples.poses[samples.role != TEST]
-    low, width = known.min(axis=0), np.ptp(known, axis=0)
+        count = most_in_range(samples)
     rng = np.random.default_rng(seed)
     halves: tuple[list[Array], list[Array]] = [], []
     wanted = (count // 2, count - count // 2)
-    for _ in range(0, MOST_DRAWN * count, _AT_ONCE):
-        poses = samples.scene.pose_space.onto(low + width * rng.random((_AT_ONCE, 6)))
+    for _ in range(0, max(MOST_DRAWN * count, 1), _AT_ONCE):
+        poses = poses_in_range(samples, _AT_ONCE, rng)
         poses = poses[validity(poses) > ASKED_FROM_VALIDITY]
         pressed = (roots(poses) > 0.0).any(axis=1)
         for half, most, rows in zip(halves, wanted, (pressed, ~pressed), strict=True):
@@ -58,3 +54,17 @@ def samples_in_range(
         if all(len(half) == most for half, most in zip(halves, wanted, strict=True)):
             break
     return samples_at(model, samples.scene, np.array([*halves[0], *halves[1]]).reshape(-1, 6), progress)
+
+
+def most_in_range(samples: Samples) -> int:
+    """How many poses `samples_in_range` draws where nothing else is said."""
+    return min(len(samples) // 3, _MOST_OF_OWN if model_name_of(samples) is None else _MOST)
+
+
+def poses_in_range(samples: Samples, count: int, rng: np.random.Generator) -> Array:
+    """Poses (count, 6) drawn evenly over the range of the samples that are not test rows, on the scene's pose space;
+    raises ValueError where all are."""
+    known = samples.poses[samples.role != TEST]
+    if not len(known):
+        raise ValueError(f"{len(samples)} samples, all of them test rows, expected some that were learned: no range")
+    return samples.scene.pose_space.onto(known.min(axis=0) + np.ptp(known, axis=0) * rng.random((count, 6)))

@@ -173,7 +173,9 @@ def _opposite(normals: Array) -> list[float]:
 
 def cut_cells(geometry: Geometry, patch: str, cells: Cells, field: DistanceField) -> np.ndarray:
     """True (nx, nz) for cells beside which the surface goes on in no patch, or the mesh was cut open: contact that
-    reaches them may be larger than the model knows. At a rim of the part contact ends indeed.
+    reaches them may be larger than the model knows. At a rim of the part contact ends indeed: the surface turns away
+    there, or goes on within the patch's own box without bearing elements, too steep for them. A wall there that faces
+    the cell may carry load.
 
     What lies beside a cell is looked at a step of the grid away, and not nearer than the field's nodes lie, which round
     off a rim.
@@ -198,9 +200,10 @@ def cut_cells(geometry: Geometry, patch: str, cells: Cells, field: DistanceField
         tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
         beyond = here + width[:, None] * tangent
         distance, slope = field(beyond)
-        turned = np.linalg.norm(np.cross(normal, slope), axis=1) > _ROLLING_OVER * np.linalg.norm(slope, axis=1)
-        rolls_over = turned & (np.einsum("nk,nk->n", slope, tangent) > 0.0)
-        goes_on = (np.abs(distance) < _SAME_SURFACE * width) & ~rolls_over
+        size, away = np.linalg.norm(slope, axis=1), np.einsum("nk,nk->n", slope, tangent)
+        turned = np.linalg.norm(np.cross(normal, slope), axis=1) > _ROLLING_OVER * size
+        ends_here = _in_box(geometry, patch, beyond) & ~(turned & (away < -_ROLLING_OVER * size))
+        goes_on = (np.abs(distance) < _SAME_SURFACE * width) & ~(turned & (away > 0.0)) & ~ends_here
         for other in others:
             goes_on &= ~_in_box(geometry, other, beyond)
         if open_edges is not None:

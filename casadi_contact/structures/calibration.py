@@ -16,7 +16,6 @@ import numpy as np
 from casadi_contact.conventions import Array, Update, in_stage
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.sampling.chunk import WrenchModel
-from casadi_contact.sampling.in_range import samples_in_range
 from casadi_contact.sampling.led_to import samples_led_to
 from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.structures.base import Surrogate
@@ -25,6 +24,7 @@ from casadi_contact.structures.cubic_logistic import cubic_terms, logistic_coeff
 from casadi_contact.structures.distrust import Border, Box, Confirmation, OffSpace
 from casadi_contact.structures.error_bounds import BANDWIDTH, CENTRES, LEAST_LEVEL, LEAST_ROWS, with_error_bounds
 from casadi_contact.structures.gaussian_kernels import soft_distance, spread_centres, thinned
+from casadi_contact.structures.poses_over_range import poses_over_range
 from casadi_contact.structures.states import state_columns
 from casadi_contact.structures.trust import KEPT, LIGHT_LOADS, SURE, SURELY_VALID, Trust
 from casadi_contact.structures.wrong_poses import right_ones, with_error_classifier
@@ -79,10 +79,16 @@ def with_trust(
         for what in ("poses over the range", "poses it leads to", "where it is wrong", "expected errors")
     )
     if model is not None:
-        first = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
-        in_range = samples_in_range(samples, model, first.validity, first.trust_roots, progress=over_range)
+        around_and = list(moved)
+        in_range, trust = poses_over_range(
+            kind(surrogate.scene, surrogate.networks, surrogate.record, trust),
+            samples,
+            model,
+            lambda found: _distrusting(tube, surrogate, known, [*around_and, found]),
+            over_range,
+        )
         moved.append(in_range)
-        trust = _distrusting(tube, surrogate, known, moved)
+        first = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
         led = samples_led_to(surrogate, samples, model, first.validity, progress=leading)
         others = [part.select(role=VALIDATION) for part in (*moved, led)]
         trust = with_error_classifier(trust, surrogate, known, others, classifying)

@@ -1,12 +1,13 @@
 """Samples that a plan asked for and did not get are counted, and too many of them stop a build."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from casadi_contact.dataset import Dropped, Samples
-from casadi_contact.sampling import SamplingSettings
+from casadi_contact.sampling import SamplingSettings, drops
 from casadi_contact.sampling.drops import dropped_shares, refuse_many_dropped
 from casadi_contact.scenes import load_scene
 from tests.support import own_contact
@@ -58,14 +59,24 @@ def test_a_scene_without_surfaces_is_not_sent_to_a_picture_of_them(reason):
         assert ("casadi-contact show" in str(error.value)) is named
 
 
-def test_where_a_mesh_was_taken_for_cut_open_the_cure_names_the_key_that_says_otherwise():
-    """A cup that ends at its rim, of which a proposal cannot know whether it was cut from a larger one."""
-    at_edge = "contact reaches the edge of the elements"
-    for ends, named in (("cut", True), ("rim", False)):
-        mesh = replace(SPHERE, geometry={**SPHERE.geometry, "open_edges": ends})
-        with pytest.raises(ValueError, match="enlarge its patches") as error:
-            refuse_many_dropped(samples(60, 40, at_edge, mesh))
-        assert ('open_edges = "rim"' in str(error.value)) is named
+@pytest.mark.parametrize(("ends", "open_sides", "named"), [("cut", 4, True), ("cut", 0, False), ("rim", 4, False)])
+def test_where_a_mesh_was_taken_for_cut_open_the_cure_names_the_key_that_says_otherwise(
+    ends, open_sides, named, monkeypatch
+):
+    """A cup that ends at its rim, of which a proposal cannot know whether it was cut from a larger one. A closed mesh
+    has no edge that the key speaks of."""
+    monkeypatch.setattr(drops, "body_mesh", lambda *_: SimpleNamespace(boundary_edges=np.zeros((open_sides, 2))))
+    mesh = replace(SPHERE, geometry={**SPHERE.geometry, "open_edges": ends})
+    with pytest.raises(ValueError, match="enlarge its patches") as error:
+        refuse_many_dropped(samples(60, 40, "contact reaches the edge of the elements", mesh))
+    assert ('open_edges = "rim"' in str(error.value)) is named
+
+
+def test_shares_that_differ_by_less_than_a_percent_are_told_apart():
+    with pytest.raises(
+        ValueError, match=r"99\.70% of the samples of D3 were dropped, expected at most 99\.60%.*D3 = 0"
+    ):
+        refuse_many_dropped(samples(3, 997, "touches though lifted off"), most=0.996)
 
 
 def test_the_limit_is_a_setting_of_the_scene_and_changes_no_sample():

@@ -1,0 +1,49 @@
+"""Contact ends at the rim of a closed part, whatever its grid, and goes on where a patch ends before the part."""
+
+import numpy as np
+import pytest
+
+from tests.support.meshes import ball_mesh, outward, scene_of, slab_mesh
+
+GRIDS = [(40, 20), (40, 40), (80, 40), (60, 60), (160, 80)]
+HALF_MM = np.array([13.0, 17.0])
+
+
+def oval_dish(edge_mm, hollow_mm):
+    """A closed dish, hollow by the sphere's radius, whose outline is an ellipse; its rim falls steeply."""
+    rings, around = int(HALF_MM.max() / edge_mm), int(2.0 * np.pi * HALF_MM.max() / edge_mm)
+    share, angle = np.arange(1, rings + 1) / rings, 2.0 * np.pi * np.arange(around) / around
+    x, z = (half * np.outer(share, of(angle)).ravel() for half, of in zip(HALF_MM, (np.cos, np.sin), strict=True))
+    x, z = np.append(0.0, x), np.append(0.0, z)
+    points = np.stack([x, hollow_mm - np.sqrt(hollow_mm**2 - x**2 - z**2), z], axis=1)
+    j, k = np.arange(around), (np.arange(around) + 1) % around
+    faces = [np.stack([0 * j, 1 + k, 1 + j], axis=1)]
+    for first in 1 + around * np.arange(rings - 1):
+        a, b, c, d = first + j, first + k, first + around + j, first + around + k
+        faces += [np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)]
+    return slab_mesh(points, outward(points, np.concatenate(faces), lambda p: 0.0 * p + [0.0, 1.0, 0.0]), 6.0)
+
+
+@pytest.fixture(scope="module")
+def dish(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("dish")
+    moving = ball_mesh(24.0, 1.5)
+
+    def scene(extra=""):
+        return scene_of(folder, moving, oval_dish(0.8, 27.0), extra=extra)
+
+    return scene
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+def test_no_element_of_a_closed_part_is_cut_at_its_rim(dish, grid):
+    (patch,) = dish().elements(grid)
+    assert len(patch.edge_centres_mm) == 0
+
+
+@pytest.mark.parametrize("grid", GRIDS)
+def test_elements_are_cut_where_a_patch_ends_before_the_part(dish, grid):
+    low = "[geometry.patches.contact]\nx = [-100.0, 5.0]\n"
+    (patch,) = dish(low).elements(grid)
+    assert len(patch.edge_centres_mm) >= grid[1] // 2
+    assert np.all(patch.edge_centres_mm[:, 0] > 5.0 - 1.5 * 18.0 / grid[0])
