@@ -18,6 +18,7 @@ from problems.pose_estimation.estimate import estimated
 from problems.pose_estimation.reach import beyond_reach_mm
 from problems.pose_estimation.report import _learnable
 from problems.pose_estimation.search import search
+from problems.pose_estimation.starts import solve_from_random_starts
 from problems.pose_estimation.wanted import WantedLoads
 
 FREE, LOADS = ("tx", "ty", "tz", "rx"), ("Fy_med", "Fy_lat", "Tx", "Tz")
@@ -138,12 +139,14 @@ def test_a_frame_without_load_counts_for_nothing_in_a_verdict_and_in_random_star
     cycle = reference_cycle(frames=5)
     unloaded = np.arange(5) == 2
     lifted = replace(cycle, fy_med=np.where(unloaded, 0.0, cycle.fy_med), fy_lat=np.where(unloaded, 0.0, cycle.fy_lat))
-    found = estimated(ContactSource("knee"), pose_estimation.build(knee, lifted), None, foundation, 1)
+    problem = pose_estimation.build(knee, lifted)
+    found = estimated(problem, None, foundation)
     assert found.verdict.exit_code == 0
     assert found.verdict.words[2] == "no load"
     assert not replace(found.verdict, errors=np.full_like(found.verdict.errors, 1e3)).differs[2]
     assert str(found.verdict) == "4 of 4 solved and verified on EF 80×40, 1 bear no load"
-    assert (found.starts.solved, found.starts.reached) == (1, 1)
+    starts = solve_from_random_starts(ContactSource("knee"), problem, found.result.poses, 1)
+    assert (starts.solved, starts.reached) == (1, 1)
 
 
 def test_a_surrogate_that_has_no_such_pose_inside_its_range_is_told(knee, foundation):
