@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +15,7 @@ from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
 from problems.calibration.measurement import TRUTH, read_measurement, synthetic_measurement
 from problems.calibration.problem import DEFAULT, build
-from problems.calibration.report import report, report_starts
+from problems.calibration.report import report, report_starts, rivals
 from problems.calibration.solve import CalibrationResult, random_starts, solve
 from problems.common.command import RESULTS, new_app, run_command
 
@@ -45,8 +46,8 @@ def run(
 ) -> None:
     """Estimate material and placement of the insert from poses and loads, with their uncertainty.
 
-    Exit status 2: not solved, the foundation with these parameters does not explain the data, or some parameters
-    cannot be told apart by them.
+    Exit status 2: not solved, the foundation with these parameters does not explain the data, some parameters cannot
+    be told apart by them, or random starts find other estimates that explain them as well.
     """
     writable_folder(out)
     model = cc.foundation(scene)
@@ -64,16 +65,17 @@ def run(
     problem = build(model, data, names)
     result = solve(problem)
     report(problem, result, truth, out)
-    if others := [solve(problem, start) for start in random_starts(problem, starts)]:
+    others = [solve(problem, start) for start in random_starts(problem, starts)]
+    if others:
         report_starts(problem, result, others, truth, out)
-    if reason := failure(result):
+    if reason := failure(result, rivals(problem, result, others)):
         print(f"{NAME}: {reason}", file=sys.stderr)
         raise typer.Exit(2)
 
 
-def failure(result: CalibrationResult) -> str:
+def failure(result: CalibrationResult, as_good: Sequence[CalibrationResult] = ()) -> str:
     """Why the estimates are not to be used, or nothing. What the data leave open is told of an unsolved problem too: it
-    may be why there is no minimum to end at."""
+    may be why there is no minimum to end at. as_good: other estimates that explain the data as well."""
     found = [] if result.solved else [f"not solved: {result.ipopt_status}"]
     if not result.explained:
         said = f"the sum of squares is {result.misfit:.3g} times its degrees of freedom"
@@ -98,6 +100,13 @@ def failure(result: CalibrationResult) -> str:
     if result.uncertainty.tied:
         groups = "; ".join(" and ".join(group) for group in result.uncertainty.tied)
         found.append(f"these data do not tell apart: {groups}; leave one of them to the scene, or measure more")
+    if as_good:
+        other = dict(zip(result.uncertainty.parameters, as_good[0].values, strict=True))
+        values = ", ".join(f"{name} {value:.4g}" for name, value in other.items())
+        found.append(
+            f"{len(as_good)} of the random starts end at other estimates that explain these data as well, such as "
+            f"{values}; leave a parameter to the scene, or measure more"
+        )
     return "; ".join(found)
 
 

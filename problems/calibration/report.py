@@ -19,6 +19,7 @@ from casadi_contact.verification import Verdict, judge, own_model
 from problems.calibration.measurement import in_fixed_body
 from problems.calibration.problem import Calibration
 from problems.calibration.solve import CalibrationResult
+from problems.calibration.uncertainty import degrees_of_freedom
 from problems.common.outcome import ended_in_words, solver_record
 from problems.common.records import DIGITS, add_to_summary, rms_and_largest, write_summary
 
@@ -37,6 +38,17 @@ def same_estimate(result: CalibrationResult, other: CalibrationResult) -> bool:
     known = result.uncertainty.identifiable
     away = np.abs(other.values - result.values)[known] / result.uncertainty.deviation[known]
     return other.solved and bool((away < _SAME).all())
+
+
+def rivals(
+    problem: Calibration, result: CalibrationResult, others: Sequence[CalibrationResult]
+) -> list[CalibrationResult]:
+    """Solutions that explain the data as well (a sum of squares no larger by 4, two standard deviations), with an
+    identifiable parameter more than one deviation away: the covariance knows of its own minimum alone."""
+    known, deviation = result.uncertainty.identifiable, result.uncertainty.deviation
+    most = result.misfit + 4.0 * max(result.misfit, 1.0) / degrees_of_freedom(problem)
+    apart = [(np.abs(other.values - result.values)[known] > deviation[known]).any() for other in others]
+    return [other for other, far in zip(others, apart, strict=True) if far and other.solved and other.misfit <= most]
 
 
 def needed_noise(problem: Calibration, result: CalibrationResult) -> dict[str, float]:
@@ -96,9 +108,10 @@ def report_starts(
     nothing where the data determine no parameter, so that there is no estimate to reach."""
     if not result.uncertainty.identifiable.any():
         return
-    same = sum(same_estimate(result, other) for other in others)
+    same, as_good = sum(same_estimate(result, other) for other in others), rivals(problem, result, others)
     PlainConsole().print(f"{same} of {len(others)} random starts reach it", highlight=False)
-    add_to_summary(out / "calibration.json", {"random_starts": {"tried": len(others), "same": same}})
+    record = {"tried": len(others), "same": same, "others_as_good": [other.values.tolist() for other in as_good]}
+    add_to_summary(out / "calibration.json", {"random_starts": record})
     draw(problem, result, others, truth, out / "calibration.png")
 
 

@@ -174,6 +174,15 @@ def test_estimates_that_explain_the_data_as_well_differ_by_no_more_than_is_said_
         assert (np.abs(one.values - other.values) <= 3.0 * result.uncertainty.deviation).all()
 
 
+def test_another_estimate_that_explains_the_data_as_well_is_told_and_ends_with_status_2(tmp_path, monkeypatch, capsys):
+    """Turned to either side the dish's axis comes to lie at one place: two minima. Deviations know of one each."""
+    options = ("--parameters", "fixed_tx,fixed_rz", "--noise", 0, "--starts", 4)
+    assert ended(monkeypatch, __main__.main, "--out", tmp_path, *options) == 2
+    said = capsys.readouterr().err
+    assert "end at other estimates that explain these data as well, such as fixed_tx" in said
+    assert json.loads((tmp_path / "calibration.json").read_text("utf-8"))["random_starts"]["others_as_good"]
+
+
 def test_frames_of_scene_and_insert_lead_to_each_other():
     poses, place = np.array([[1.0, 27.0, -2.0, 0.1, -0.2, -0.9]]), np.array([3.0, -2.0, 5.0, 0.2, -0.1, 0.3])
     np.testing.assert_allclose(in_fixed_body(in_scene_frame(poses, place), place), poses, atol=1e-12)
@@ -238,7 +247,11 @@ def test_the_command_writes_table_summary_and_picture(tmp_path, monkeypatch, cap
     rows = list(csv.DictReader((tmp_path / "calibration.csv").open(encoding="utf-8")))
     assert [row["parameter"] for row in rows] == list(calibration.DEFAULT)
     assert json.loads((tmp_path / "calibration.json").read_text("utf-8"))["not_identifiable_together"] == []
-    assert json.loads((tmp_path / "calibration.json").read_text("utf-8"))["random_starts"] == {"tried": 1, "same": 1}
+    assert json.loads((tmp_path / "calibration.json").read_text("utf-8"))["random_starts"] == {
+        "tried": 1,
+        "same": 1,
+        "others_as_good": [],
+    }
     assert (tmp_path / "calibration.png").read_bytes().startswith(b"\x89PNG")
 
 
