@@ -44,9 +44,7 @@ Device = Annotated[
     str,
     typer.Option(help='"cpu", or a torch device in this process ("cuda"; needs the extra train)'),
 ]
-Out = Annotated[
-    Path | None, typer.Option(help="folder of all results; results/SCENE-PRESET, or after a tolerance, if left out")
-]
+Out = Annotated[Path | None, typer.Option(help="folder of all results; results/SCENE-PRESET (-TOLERANCE) if left out")]
 
 
 def check_device(device: str, scheduler: str | None) -> None:

@@ -203,8 +203,8 @@ def kernel_speed_page(path: Path) -> str:
     content = read_kernel_speed(path)
     parts = [
         "Time per pose of all loads on one core: a CasADi graph and the compiled C kernel in single buffered calls as "
-        "an optimiser makes them, EF in one batch. The call alone is that of a compiled function that computes nothing, "
-        "with the copy of the pose. Medians of repeats taken in turn; where other programs ran "
+        "an optimiser makes them, EF in one batch. The call alone is that of a compiled function that computes "
+        "nothing, with the copy of the pose. Medians of repeats taken in turn; where other programs ran "
         "beside it, the lowest is the better guide. The Jacobian here is that of an expression in which the loads are "
         "called, as in IPOPT; charts time the kernel's own Jacobian function, which saves the call around it. "
         "`casadi-contact speed knee` measures this.",
