@@ -21,6 +21,7 @@ _LEAST_AREA_MM2, _LEAST_SIDE_MM = 4.0, 0.2  # of a patch: a smaller spot is no j
 _SAME_SURFACE = 0.35  # of a cell: farther from the surface, the point beside an edge lies beyond it
 _NEAR_MM, _LEAST_NEAR, _MOSTLY = 5.0, 10, 0.9  # elements near the moving body, and the share that is as good as all
 _ABOVE_MM, _BELOW_MM, _LARGEST_SHELL_MM = 0.5, 1e-3, 25.0
+_SURELY_BORNE = 0.5  # cosine of an angle to the line of sight, well above that of walls which bear no elements
 _ROLLING_OVER = 0.3  # sine of the angle that the surface turns away by within a cell: there the part ends
 _ALONG_EDGE = 9  # points of each open edge
 _NEAR_OPEN_EDGE = 1.5  # cells
@@ -77,10 +78,14 @@ def _seen(geometry: Geometry, patch: str, points: Array, normals: Array) -> np.n
     grid = geometry["elements"] == "grid"
     if not grid and not {"pressing", "cup_centre"} & {*geometry, *geometry["patches"][patch]}:
         return np.ones(len(points), dtype=bool)
+    return np.asarray(_upward(geometry, patch, points, normals) > (LEAST_UPWARD if grid else 0.0))
+
+
+def _upward(geometry: Geometry, patch: str, points: Array, normals: Array) -> Array:
+    """Parts (n,) of normals (n, 3) at points (n, 3) towards where a patch's elements are looked at from."""
     pressing, centre = patch_view(geometry, patch)
     inwards = np.array([pressing]) if centre is None else points - centre
-    upward = -(normals * inwards).sum(axis=1) / np.linalg.norm(inwards, axis=1)
-    return np.asarray(upward > (LEAST_UPWARD if grid else 0.0))
+    return np.asarray(-(normals * inwards).sum(axis=1) / np.linalg.norm(inwards, axis=1))
 
 
 def _in_box(geometry: Geometry, patch: str, points: Array) -> np.ndarray:
@@ -174,8 +179,8 @@ def _opposite(normals: Array) -> list[float]:
 def cut_cells(geometry: Geometry, patch: str, cells: Cells, field: DistanceField) -> np.ndarray:
     """True (nx, nz) for cells beside which the surface goes on in no patch, or the mesh was cut open: contact that
     reaches them may be larger than the model knows. At a rim of the part contact ends indeed: the surface turns away
-    there, or goes on within the patch's own box without bearing elements, too steep for them. A wall there that faces
-    the cell may carry load.
+    there, or lies within the patch's own box and is flat enough to bear elements. Where it grows too steep for them, as
+    deep in a cup, it goes on.
 
     What lies beside a cell is looked at a step of the grid away, and not nearer than the field's nodes lie, which round
     off a rim.
@@ -202,7 +207,9 @@ def cut_cells(geometry: Geometry, patch: str, cells: Cells, field: DistanceField
         distance, slope = field(beyond)
         size, away = np.linalg.norm(slope, axis=1), np.einsum("nk,nk->n", slope, tangent)
         turned = np.linalg.norm(np.cross(normal, slope), axis=1) > _ROLLING_OVER * size
-        ends_here = _in_box(geometry, patch, beyond) & ~(turned & (away < -_ROLLING_OVER * size))
+        turned_away = turned & (away > -_ROLLING_OVER * size)
+        borne = _upward(geometry, patch, beyond, slope) > _SURELY_BORNE * size
+        ends_here = _in_box(geometry, patch, beyond) & (turned_away | borne)
         goes_on = (np.abs(distance) < _SAME_SURFACE * width) & ~(turned & (away > 0.0)) & ~ends_here
         for other in others:
             goes_on &= ~_in_box(geometry, other, beyond)

@@ -47,3 +47,39 @@ def test_elements_are_cut_where_a_patch_ends_before_the_part(dish, grid):
     (patch,) = dish(low).elements(grid)
     assert len(patch.edge_centres_mm) >= grid[1] // 2
     assert np.all(patch.edge_centres_mm[:, 0] > 5.0 - 1.5 * 18.0 / grid[0])
+
+
+def socket(radius_mm, angle, edge_mm, outer_mm):
+    """A closed block with a spherical hollow as deep as an angle from its pole, flat around it."""
+    down = angle * np.arange(1, int(radius_mm * angle / edge_mm) + 1) / int(radius_mm * angle / edge_mm)
+    brim = radius_mm * np.sin(angle)
+    flat = np.linspace(brim, outer_mm, int((outer_mm - brim) / edge_mm) + 1)[1:]
+    radii = np.append(radius_mm * np.sin(down), flat)
+    heights = np.append(radius_mm * (np.cos(angle) - np.cos(down)), 0.0 * flat)
+    return slab_mesh(*turned_profile(radii, heights, radius_mm * (np.cos(angle) - 1.0), edge_mm), radius_mm + 5.0)
+
+
+def turned_profile(radii, heights, lowest, edge_mm):
+    """The surface about the y axis through a point on it and rings of these radii and heights."""
+    around = int(2.0 * np.pi * radii.max() / edge_mm)
+    angle = 2.0 * np.pi * np.arange(around) / around
+    rings = np.stack(
+        [np.outer(radii, np.cos(angle)), np.outer(heights, np.ones(around)), np.outer(radii, np.sin(angle))], axis=-1
+    )
+    j, k = np.arange(around), (np.arange(around) + 1) % around
+    faces = [np.stack([0 * j, 1 + k, 1 + j], axis=1)]
+    for first in 1 + around * np.arange(len(radii) - 1):
+        a, b, c, d = first + j, first + k, first + around + j, first + around + k
+        faces += [np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)]
+    points = np.vstack([[0.0, lowest, 0.0], rings.reshape(-1, 3)])
+    return points, outward(points, np.concatenate(faces), lambda p: 0.0 * p + [0.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize("grid", [(40, 40), (80, 80)])
+def test_elements_are_cut_where_a_socket_grows_too_steep_for_them(tmp_path, grid):
+    """Its wall goes on and faces the ball: a load to the side is carried there, by no element of this grid."""
+    scene = scene_of(tmp_path, ball_mesh(14.5, 1.2), socket(15.0, np.radians(85.0), 0.8, 22.0))
+    (patch,) = scene.elements(grid)
+    assert len(patch.edge_centres_mm) > grid[0] // 2
+    radii = np.hypot(patch.edge_centres_mm[:, 0], patch.edge_centres_mm[:, 2])
+    assert np.median(radii) > 12.0
