@@ -38,6 +38,8 @@ def wrong_torques(poses: Array, wrenches: Array, slopes: Array) -> str:
 
     poses (k, 6); wrenches (k, 6) of a patch each and slopes (k, 6, 6), their derivatives by the pose.
     """
+    known = np.isfinite(wrenches).all(axis=1) & np.isfinite(slopes).all(axis=(1, 2))
+    poses, wrenches, slopes = poses[known], wrenches[known], slopes[known]
     turned = np.swapaxes(slopes[:, :3, 3:], 1, 2)  # ∂F_i/∂θ_j by j and i, as all that follows
     carried = np.swapaxes(np.cross(np.eye(3), wrenches[:, None, :3]), 1, 2)
     carried += np.swapaxes(np.cross(poses[:, None, :3], np.swapaxes(slopes[:, :3, :3], 1, 2)), 1, 2)

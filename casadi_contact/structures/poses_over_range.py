@@ -27,7 +27,8 @@ def poses_over_range(
     """Poses drawn evenly where validity is above 0.1 (`samples_in_range`), and the trust that is fitted to them.
 
     Where the moved border lies farther out than the one before, nothing was asked. There poses are drawn too, as
-    densely if not more than at first, until less than a hundredth of the region is new, or four times in all.
+    densely where chance finds so many, if not more than at first, until less than a hundredth of the region is new, or
+    four times in all.
     """
     found = samples_in_range(samples, model, surrogate.validity, surrogate.trust_roots, seed=_SEED, progress=progress)
     trust, before = refitted(found), [surrogate]
@@ -39,7 +40,8 @@ def poses_over_range(
         if asked <= _NEW_SHARE * valid:
             break
         drawn, seed = len(found) + len(found.dropped.poses), _SEED + len(before)
-        count = min(round(drawn * asked / max(valid - asked, 1)) + 1, most_in_range(samples))
+        most = most_in_range(samples)
+        count = min(round(drawn * asked / (valid - asked)) + 1, most) if drawn and valid > asked else most
         more = samples_in_range(samples, model, new, current.trust_roots, count=count, seed=seed, progress=progress)
         found = found.join_samples(more)
         trust = refitted(found)

@@ -79,7 +79,8 @@ def uncertainty(problem: Calibration, z: Array, delta: Array, scale: float = 1.0
     values, vectors = np.linalg.eigh(reduced_hessian(problem, z, delta))
     known = values >= _LEAST_EIGENVALUE
     apart = np.sqrt(np.sum(vectors[:, known] ** 2 / values[known], axis=1))  # from the known directions alone
-    tied = tuple(_names(problem.parameters, np.abs(vector) > apart) for vector in vectors[:, ~known].T)
+    shares = np.abs(vectors[:, ~known].T) / np.maximum(apart, 1e-300)
+    tied = tuple(_names(problem.parameters, share >= min(1.0, share.max())) for share in shares)
     covariance = (vectors / np.where(known, values, _LEAST_EIGENVALUE)) @ vectors.T
     m = len(problem.parameters)
     ends = np.minimum(z - problem.lower[:m], problem.upper[:m] - z) < _AT_BOUND
