@@ -65,7 +65,8 @@ def run(
     problem = build(model, data, names)
     result = solve(problem)
     report(problem, result, truth, out)
-    others = [solve(problem, start) for start in random_starts(problem, starts)]
+    count = starts if result.uncertainty.identifiable.any() else 0  # else there is no estimate to reach again
+    others = [solve(problem, start) for start in random_starts(problem, count)]
     if others:
         report_starts(problem, result, others, truth, out)
     if reason := failure(result, rivals(problem, result, others)):

@@ -104,10 +104,7 @@ def report_starts(
     truth: Mapping[str, float] | None,
     out: Path,
 ) -> None:
-    """Print how many random starts reach the estimate, and add them to the summary and the picture in the folder out;
-    nothing where the data determine no parameter, so that there is no estimate to reach."""
-    if not result.uncertainty.identifiable.any():
-        return
+    """Print how many random starts reach the estimate; add them to the summary and the picture in the folder out."""
     same, as_good = sum(same_estimate(result, other) for other in others), rivals(problem, result, others)
     PlainConsole().print(f"{same} of {len(others)} random starts reach it", highlight=False)
     record = {"tried": len(others), "same": same, "others_as_good": [other.values.tolist() for other in as_good]}

@@ -15,13 +15,18 @@ def oval_dish(edge_mm, hollow_mm):
     share, angle = np.arange(1, rings + 1) / rings, 2.0 * np.pi * np.arange(around) / around
     x, z = (half * np.outer(share, of(angle)).ravel() for half, of in zip(HALF_MM, (np.cos, np.sin), strict=True))
     x, z = np.append(0.0, x), np.append(0.0, z)
-    points = np.stack([x, hollow_mm - np.sqrt(hollow_mm**2 - x**2 - z**2), z], axis=1)
+    y = hollow_mm - np.sqrt(hollow_mm**2 - x**2 - z**2)
+    return slab_mesh(*ringed(np.stack([x, y, z], axis=1), around), 6.0)
+
+
+def ringed(points, around):
+    """Points, the middle first and then rings of so many, and the triangles between them, facing +y."""
     j, k = np.arange(around), (np.arange(around) + 1) % around
     faces = [np.stack([0 * j, 1 + k, 1 + j], axis=1)]
-    for first in 1 + around * np.arange(rings - 1):
+    for first in range(1, len(points) - around, around):
         a, b, c, d = first + j, first + k, first + around + j, first + around + k
         faces += [np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)]
-    return slab_mesh(points, outward(points, np.concatenate(faces), lambda p: 0.0 * p + [0.0, 1.0, 0.0]), 6.0)
+    return points, outward(points, np.concatenate(faces), lambda p: 0.0 * p + [0.0, 1.0, 0.0])
 
 
 @pytest.fixture(scope="module")
@@ -56,23 +61,11 @@ def socket(radius_mm, angle, edge_mm, outer_mm):
     flat = np.linspace(brim, outer_mm, int((outer_mm - brim) / edge_mm) + 1)[1:]
     radii = np.append(radius_mm * np.sin(down), flat)
     heights = np.append(radius_mm * (np.cos(angle) - np.cos(down)), 0.0 * flat)
-    return slab_mesh(*turned_profile(radii, heights, radius_mm * (np.cos(angle) - 1.0), edge_mm), radius_mm + 5.0)
-
-
-def turned_profile(radii, heights, lowest, edge_mm):
-    """The surface about the y axis through a point on it and rings of these radii and heights."""
-    around = int(2.0 * np.pi * radii.max() / edge_mm)
-    angle = 2.0 * np.pi * np.arange(around) / around
-    rings = np.stack(
-        [np.outer(radii, np.cos(angle)), np.outer(heights, np.ones(around)), np.outer(radii, np.sin(angle))], axis=-1
-    )
-    j, k = np.arange(around), (np.arange(around) + 1) % around
-    faces = [np.stack([0 * j, 1 + k, 1 + j], axis=1)]
-    for first in 1 + around * np.arange(len(radii) - 1):
-        a, b, c, d = first + j, first + k, first + around + j, first + around + k
-        faces += [np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)]
-    points = np.vstack([[0.0, lowest, 0.0], rings.reshape(-1, 3)])
-    return points, outward(points, np.concatenate(faces), lambda p: 0.0 * p + [0.0, 1.0, 0.0])
+    around = int(2.0 * np.pi * outer_mm / edge_mm)
+    turn = 2.0 * np.pi * np.arange(around) / around
+    sides = [np.outer(radii, np.cos(turn)), np.outer(heights, np.ones(around)), np.outer(radii, np.sin(turn))]
+    points = np.vstack([[0.0, radius_mm * (np.cos(angle) - 1.0), 0.0], np.stack(sides, axis=-1).reshape(-1, 3)])
+    return slab_mesh(*ringed(points, around), radius_mm + 5.0)
 
 
 @pytest.mark.parametrize("grid", [(40, 40), (80, 80)])

@@ -31,7 +31,7 @@ def warn_once(message: str) -> None:
 
 def sigmoid_source(activation: str) -> str:
     """C function sigmoids(repeats, n, z): the kernel's sigmoid loop alone, to measure the rate of this machine."""
-    definitions = "".join(f"#define {name} 8\n" for name in ("WIDEST", "WIDTH", "LANES"))
+    definitions = "".join(f"#define {name} 8\n" for name in ("WIDEST", "WIDTH"))
     text = f"{c_text('core.h')}\n{activation_loops(activation)}"
     loop = f"for (int i = 0; i < repeats; i++) {activation}_0(n, z);"
     return f"{definitions}{text}\nvoid sigmoids(int repeats, int n, double *z) {{ {loop} }}\n"
