@@ -64,18 +64,16 @@ def build(
     folder: str | Path | None = None,
     progress: Update | None = None,
     executor: Executor | None = None,
-    device: str = "cpu",
 ) -> dict[str, Surrogate]:
     """Sample, train, evaluate and export, as ``casadi-contact build`` does; return the surrogates by structure.
 
     scene: a ready name or the path of a scene file. cycles: measured cycles to sample around. table: samples of any
     contact model to learn from instead of drawing them (`dataset.read_sample_table`). model: what samples are drawn
     from, "elements" or "foundation" as in the command, or a contact model of the same scene, in this process. folder:
-    of all results, results/SCENE-PRESET if left out. progress: called as (what, done, all, remark). device: "cpu", or a
-    torch device ("cuda") that samples and trains in this process. Called again after an interruption it goes on where
-    it stopped.
+    of all results, results/SCENE-PRESET if left out. progress: called as (what, done, all, remark). Called again
+    after an interruption it goes on where it stopped.
 
-    Raises ValueError for input that cannot be used or a device that cannot be had, OSError for a folder that cannot be
+    Raises ValueError for input that cannot be used, OSError for a folder that cannot be
     written or that another process works in.
     """
     check_table(table, cycles, model)
@@ -84,8 +82,8 @@ def build(
         if table is not None:
             take_table(project, Path(table))
         else:
-            draw(project, [Path(path) for path in cycles], model, progress, executor, device)
-        train(project, progress, executor, device=device, teacher=None if isinstance(model, str) else model)
+            draw(project, [Path(path) for path in cycles], model, progress, executor)
+        train(project, progress, executor, teacher=None if isinstance(model, str) else model)
         evaluate(project)
         export(project)
         report(project)

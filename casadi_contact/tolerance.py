@@ -117,12 +117,11 @@ def train_to_tolerance(
     executor: Executor | None = None,
     models: ModelPair = elastic_foundations,
     rounds: int = ROUNDS,
-    device: str = "cpu",
 ) -> Surrogate:
     """Sample and train in rounds until the tolerances of the project's scene are met, within `MET` of them on
     validation rows and at all on held-back ones; samples and surrogate of the last round go into the project's folder.
 
-    device: as in `pipeline.sample` and `project.train.train`. Goes on where an earlier run stopped. Raises
+    Goes on where an earlier run stopped. Raises
     ValueError, naming the largest misses, where the last round does not meet them; its samples and surrogate are kept
     all the same. A ValueError also refuses a folder with samples or surrogates that no such build of this scene made:
     they would be replaced.
@@ -138,12 +137,12 @@ def train_to_tolerance(
         preset = Preset(FIRST_SCALE * 2**k, {STRUCTURE: efforts})
         this = replace(project, folder=rounds_folder / f"round-{k + 1}", own=preset)
         this.folder.mkdir(parents=True, exist_ok=True)
-        samples, _ = sample(this, cycle_files, _in_round(update, k + 1), executor, models, device)
+        samples, _ = sample(this, cycle_files, _in_round(update, k + 1), executor, models)
         with worker_pool(executor) as workers:
             folder, title = this.folder / "training", f"round {k + 1}"
             cycles = [str(path) for path in cycle_files]
             command = build_command(project, samples, cycles, *_options(project.scene))
-            fitting = Fitting(STRUCTURE, efforts, folder, command, title, device=device)
+            fitting = Fitting(STRUCTURE, efforts, folder, command, title)
             surrogate = fit_surrogate(this, samples, fitting, update, workers)
             share = MET if k + 1 < rounds else 1.0
             missed = misses(surrogate, samples, share) or misses(surrogate, samples, 1.0, TEST)

@@ -74,8 +74,6 @@ def test_shell_completion_can_be_installed():
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ("build knee --device magic", "'magic'"),
-        ("sample knee --device cuda --scheduler tcp://127.0.0.1:1", "got --device cuda and --scheduler, expected one"),
         ("scene none.stl cup.stl", "none.stl does not exist"),
         ("scene a.stl b.stl --side up", "--side is 'up', expected right or left"),
         ("scene a.stl b.stl --out a.png", "--out is a.png, expected a scene file"),

@@ -21,7 +21,6 @@ PAGES = sorted(path.relative_to(ROOT) for path in (ROOT / "README.md", *(ROOT / 
 NEEDS = {
     Path("docs/how-to/meshes.md"): ("trimesh", "igl"),
     Path("docs/how-to/fmu.md"): ("fmpy",),
-    Path("docs/how-to/gpu.md"): ("torch",),
     Path("docs/how-to/pytorch-jax.md"): ("torch", "jax"),
 }
 EXAMPLES = [

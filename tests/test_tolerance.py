@@ -101,7 +101,7 @@ def test_a_loose_tolerance_takes_one_round_a_tight_one_more(tmp_path, asked):
 
 def test_a_tolerance_and_a_preset_draw_from_the_same_model_unless_told():
     of_both = [signature(draws).parameters["models"].default for draws in (tolerance.train_to_tolerance, sample)]
-    assert of_both == [elastic_foundations, elastic_foundations], "which a device knows too"
+    assert of_both == [elastic_foundations, elastic_foundations]
 
 
 def test_a_tolerance_out_of_reach_says_what_misses_and_keeps_what_there_is(tmp_path, asked):

@@ -13,7 +13,6 @@ from casadi_contact.sampling import MODELS
 from casadi_contact.scenes import ready_scenes
 from casadi_contact.structures import ready_surrogates
 from casadi_contact.terminal import PlainConsole
-from casadi_contact.training.arrays import arrays_for
 
 console = PlainConsole()
 
@@ -40,18 +39,7 @@ Scheduler = Annotated[
     str | None,
     typer.Option(help="address or file of a Dask scheduler whose workers do the work; the cores here if left out"),
 ]
-Device = Annotated[
-    str,
-    typer.Option(help='"cpu", or a torch device in this process ("cuda"; needs the extra train)'),
-]
 Out = Annotated[Path | None, typer.Option(help="folder of all results; results/SCENE-PRESET (-TOLERANCE) if left out")]
-
-
-def check_device(device: str, scheduler: str | None) -> None:
-    """Raises ValueError, before long work, for a device that cannot be had and for one beside a scheduler."""
-    if device != "cpu" and scheduler is not None:
-        raise ValueError(f"got --device {device} and --scheduler, expected one of them")
-    arrays_for(device)
 
 
 def check_html(out: Path) -> None:

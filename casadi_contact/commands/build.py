@@ -15,7 +15,6 @@ from casadi_contact.cluster import cluster_workers
 from casadi_contact.commands.arguments import (
     DEFAULT_PRESET,
     Cycles,
-    Device,
     ModelName,
     MoreCycles,
     Out,
@@ -24,7 +23,6 @@ from casadi_contact.commands.arguments import (
     SceneName,
     Scheduler,
     Table,
-    check_device,
     console,
     say_shipped,
 )
@@ -47,7 +45,6 @@ def build(
     table: Table = None,
     model: ModelName = "elements",
     scheduler: Scheduler = None,
-    device: Device = "cpu",
     out: Out = None,
     force_tol: Annotated[
         float | None, typer.Option(help="RMS error wanted of every force [N]: samples and sizes follow, not the preset")
@@ -55,7 +52,6 @@ def build(
     torque_tol: Annotated[float | None, typer.Option(help="RMS error wanted of every torque [N·mm], likewise")] = None,
 ) -> None:
     """Sample, train, evaluate and export; run again after an interruption to go on."""
-    check_device(device, scheduler)
     files, within = [*(cycles or []), *(more_cycles or [])], force_tol is not None or torque_tol is not None
     pipeline.check_table(table, files, model)
     if within:
@@ -64,11 +60,11 @@ def build(
         project = Project.open(scene, preset or DEFAULT_PRESET, out)
     with folder_lock(project.folder), cluster_workers(scheduler) as executor:
         stages: dict[str, Callable[[], None]] = {
-            "samples": lambda: _sample(project, files, table, model, executor, device),
-            "training": lambda: _train(project, executor, device),
+            "samples": lambda: _sample(project, files, table, model, executor),
+            "training": lambda: _train(project, executor),
         }
         if within:
-            stages = {"samples and training": lambda: _train_within(project, files, model, executor, device)}
+            stages = {"samples and training": lambda: _train_within(project, files, model, executor)}
         stages |= {
             "evaluation": lambda: _evaluate(project),
             "export": lambda: _export(project),
@@ -108,16 +104,14 @@ def sample(
     table: Table = None,
     model: ModelName = "elements",
     scheduler: Scheduler = None,
-    device: Device = "cpu",
     out: Out = None,
 ) -> None:
     """Draw samples of the elastic foundation in domains D1 to D7."""
-    check_device(device, scheduler)
     files = [*(cycles or []), *(more_cycles or [])]
     pipeline.check_table(table, files, model)
     project = Project.open(scene, preset, out)
     with cluster_workers(scheduler) as executor:
-        _sample(project, files, table, model, executor, device)
+        _sample(project, files, table, model, executor)
 
 
 def train(
@@ -125,14 +119,12 @@ def train(
     preset: PresetName = DEFAULT_PRESET,
     structure: Annotated[str | None, typer.Option(help="only this structure; all of the preset if left out")] = None,
     scheduler: Scheduler = None,
-    device: Device = "cpu",
     out: Out = None,
 ) -> None:
     """Train the preset's networks on the samples."""
-    check_device(device, scheduler)
     project = Project.open(scene, preset, out)
     with cluster_workers(scheduler) as executor:
-        _train(project, executor, device, structure)
+        _train(project, executor, structure)
 
 
 def calibrate(scene: SceneName, preset: PresetName = DEFAULT_PRESET, out: Out = None) -> None:
@@ -171,16 +163,14 @@ def export(
 
 
 def _sample(
-    project: Project, cycle_files: list[Path], table: Path | None, model: str, executor: Executor | None, device: str
+    project: Project, cycle_files: list[Path], table: Path | None, model: str, executor: Executor | None
 ) -> None:
     if table is not None:
         samples = pipeline.take_table(project, table)
         console.print(f"{len(samples)} samples of {table} in {project.samples_path}", highlight=False)
         return
     with progress_bars(console) as update:
-        samples, report = pipeline.sample(
-            project, cycle_files, update, executor, models=model_pair(model), device=device
-        )
+        samples, report = pipeline.sample(project, cycle_files, update, executor, models=model_pair(model))
     console.print(str(report), highlight=False)
     for domain, share in dropped_shares(samples).items():
         reasons = samples.provenance["dropped"].get(domain, {})
@@ -192,14 +182,14 @@ def _sample(
     console.print(f"{len(samples)} samples in {project.samples_path}", highlight=False)
 
 
-def _train_within(project: Project, files: list[Path], model: str, executor: Executor | None, device: str) -> None:
+def _train_within(project: Project, files: list[Path], model: str, executor: Executor | None) -> None:
     with progress_bars(console) as update:
-        train_to_tolerance(project, files, update, executor, model_pair(model), device=device)
+        train_to_tolerance(project, files, update, executor, model_pair(model))
 
 
-def _train(project: Project, executor: Executor | None, device: str, structure: str | None = None) -> None:
+def _train(project: Project, executor: Executor | None, structure: str | None = None) -> None:
     with progress_bars(console) as update:
-        paths = pipeline.train(project, update, executor, structure=structure, device=device)
+        paths = pipeline.train(project, update, executor, structure=structure)
     for path in paths:
         console.print(f"surrogate in {path}", highlight=False)
 

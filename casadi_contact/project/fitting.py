@@ -34,9 +34,8 @@ class Fitting:
 
     structure: key of `STRUCTURES`. efforts: by the start of a network's name (see `Preset`). checkpoints: folder that a
     later call goes on from. command: what a reader of the record runs to make it again. title: in progress, the
-    structure if empty. loads: fit only the networks that these need. device: a torch device trains networks of one
-    shape in batches instead (`training.TrainingSettings`). seed: of random weights. kept: networks by name that are
-    taken as they are.
+    structure if empty. loads: fit only the networks that these need. seed: of random weights. kept: networks by name
+    that are taken as they are.
     """
 
     structure: str
@@ -45,7 +44,6 @@ class Fitting:
     command: str
     title: str = ""
     loads: Sequence[str] | None = None
-    device: str = "cpu"
     seed: int = 0
     kept: Mapping[str, Network] = field(default_factory=dict)
 
@@ -81,9 +79,7 @@ def fit_surrogate(
         kept |= {name: starts[name] for name, each in asked.items() if each.gflop == 0.0}
     restarts = TrainingSettings.restarts if onward is None else 0
     settings = {
-        name: TrainingSettings(
-            each.sizes, each.activation, each.gflop, seed=fitting.seed, restarts=restarts, device=fitting.device
-        )
+        name: TrainingSettings(each.sizes, each.activation, each.gflop, seed=fitting.seed, restarts=restarts)
         for name, each in asked.items()
         if name not in kept
     }
@@ -107,7 +103,7 @@ def fit_surrogate(
     networks |= {twin: kind.reflection(twin, networks[of], scene) for twin, of in twins.items()}
     if fitting.loads is not None:
         networks = {name: networks[name] for name in kind.networks_for(scene, fitting.loads)}
-    record = training_record(project, samples, kind(scene, networks), fits, fitting.command, fitting.device)
+    record = training_record(project, samples, kind(scene, networks), fits, fitting.command)
     surrogate = kind(scene, networks, record if onward is None else gone_on(onward.record, record))
     if not fitting.kept and (line := budget_line(surrogate.record)):
         _log.warning("%s: %s", title, line)

@@ -35,7 +35,6 @@ from casadi_contact.sampling.motion_file import kept_motion, motion_origin, writ
 from casadi_contact.sampling.reference import Cycle
 from casadi_contact.sampling.worker_models import ModelPair
 from casadi_contact.scenes import Scene
-from casadi_contact.training.arrays import arrays_for
 
 _log = logging.getLogger(__name__)
 
@@ -56,11 +55,10 @@ def draw(
     model: DrawnModel | str,
     update: Update | None,
     executor: Executor | None,
-    device: str,
 ) -> None:
     """Draw the samples of the scene's elastic foundation, of another model by its name, or of a user's own."""
     if isinstance(model, str):
-        sample(project, cycles, update, executor, model_pair(model), device)
+        sample(project, cycles, update, executor, model_pair(model))
         return
     if model.scene.digest != project.scene.digest:
         raise ValueError(f"the model stands for another scene than {project.scene.name}: make it for this one")
@@ -90,26 +88,18 @@ def sample(
     update: Update | None = None,
     executor: Executor | None = None,
     models: ModelPair = elastic_foundations,
-    device: str = "cpu",
 ) -> tuple[Samples, ReferenceReport]:
     """Estimate the poses of the reference cycles and draw the samples, or go on where an earlier run stopped.
 
     cycle_files: measured cycles (§3.3); the built-in reference motion if empty. models: as in `draw_samples`, for
-    another contact model than the elastic foundation. device: a torch device evaluates the elastic foundation in this
-    process; its samples are those of the processor to rounding, not to the last bit.
+    another contact model than the elastic foundation.
 
     The reference motion is kept beside the samples: a later call goes on around it, and asks a model of one's own for a
     few of the samples again (`sampling.agreement`).
 
     Raises ValueError for samples or surrogates of something else in the folder, where more of a domain was dropped than
-    the settings' ``most_dropped`` and for gaps of the wrong sign (the file is kept), and for a device that cannot be
-    had, does not know the models, or has an executor beside it.
+    the settings' ``most_dropped`` and for gaps of the wrong sign (the file is kept).
     """
-    if device != "cpu":
-        if executor is not None:
-            raise ValueError(f"got device {device!r} and an executor, expected one of them")
-        with ThreadPoolExecutor(1) as here:
-            return sample(project, cycle_files, update, here, _on_device(models, device))
     surrogates_made(project)
     cycles = reference_motion_cycles(project.scene, cycle_files)
     for cycle in cycles:
@@ -156,15 +146,6 @@ def _undetermined(scene: Scene, cycle: Cycle) -> str:
         f"{len(loads)} loads ({', '.join(loads)}) cannot tell {len(free)} pose parameters ({', '.join(free)}): samples "
         "are drawn around one of many motions that carry them; measure more of either"
     )
-
-
-def _on_device(models: ModelPair, device: str) -> ModelPair:
-    if models is not elastic_foundations:
-        raise ValueError(f"got device {device!r} with another contact model, expected the elements' (--model elements)")
-    arrays_for(device)
-    from casadi_contact.bridges.torch_foundation import FoundationsOn  # imports torch
-
-    return FoundationsOn(device)
 
 
 @alone

@@ -34,14 +34,12 @@ def train(
     executor: Executor | None = None,
     *,
     structure: str | None = None,
-    device: str = "cpu",
     teacher: WrenchModel | None = None,
 ) -> list[Path]:
     """Train the preset's structures, or this one alone, on all cores, and write a surrogate file for each.
 
-    device: a torch device trains networks of one shape in batches instead (`training.TrainingSettings`). teacher: the
-    user's own contact model that the samples come from, for `with_trust`. Goes on from checkpoints where an earlier
-    run stopped. Raises ValueError for a structure that the preset does not train or that cannot stand for the scene's
+    teacher: the user's own contact model that the samples come from, for `with_trust`. Goes on from checkpoints where
+    an earlier run stopped. Raises ValueError for a structure that the preset does not train or that cannot stand for the scene's
     loads, and for active rounds on samples of another model than the library's.
     """
     structures = structures_for_scene(project)
@@ -60,7 +58,7 @@ def train(
     paths, made = [], surrogates_made(project)
     for name in structures if structure is None else [structure]:
         path = project.surrogate_path(name)
-        first = Fitting(name, project.preset.efforts[name], project.training_folder(name), command, device=device)
+        first = Fitting(name, project.preset.efforts[name], project.training_folder(name), command)
         with worker_pool(executor) as workers:
             surrogate = fit_surrogate(project, samples, first, update, workers, made=made)
             surrogate = _active_rounds(project, samples, surrogate, first, update, workers)

@@ -13,14 +13,13 @@ from casadi_contact.machine import machine_record
 from casadi_contact.project.project import Project, has_motion, read_motion
 from casadi_contact.structures import Surrogate
 from casadi_contact.structures.info import samples_record
-from casadi_contact.training.arrays import device_name
 from casadi_contact.training.fit import FitOutcome
 
 _COURSE_POINTS = 60  # of a fit that the record keeps
 
 
 def training_record(
-    project: Project, samples: Samples, surrogate: Surrogate, fits: dict[str, Any], command: str, device: str
+    project: Project, samples: Samples, surrogate: Surrogate, fits: dict[str, Any], command: str
 ) -> dict[str, Any]:
     """The record itself, in plain JSON values; its keys are told of in `casadi_contact.structures.info`."""
     odd = samples.provenance.get("odd_rows")
@@ -31,7 +30,7 @@ def training_record(
         "test_errors": domain_errors(surrogate, samples),
         "command": command,
         "reference_cycles": read_motion(project)[1] if has_motion(project) else [],
-        "machine": {**machine_record(), **({} if device == "cpu" else {"device": device_name(device)})},
+        "machine": machine_record(),
     }
 
 

@@ -22,8 +22,8 @@ from casadi_contact.network import Network
 from casadi_contact.training.settings import TrainingSettings
 
 FORMAT = 4  # 1 counted seconds, 2 kept preconditioners, 3 told data apart by their last bit
-# More work or iterations continue a fit; device, chunks, threads and saving do not change what is fitted.
-_NOT_IN_DIGEST = ("max_gflop", "max_iterations", "device", "chunk_rows", "checkpoint_every_s", "threads")
+# More work or iterations continue a fit; chunks, threads and saving do not change what is fitted.
+_NOT_IN_DIGEST = ("max_gflop", "max_iterations", "chunk_rows", "checkpoint_every_s", "threads")
 _ROUNDING = 1e-9  # of an array's sum of magnitudes: more than processors differ by, less than other data
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from casadi_contact.network.activations import Activation
-from casadi_contact.training.arrays import NumpyArrays, TorchArrays
+from casadi_contact.training.arrays import NumpyArrays
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Chunk:
     """Activations of some rows, at the parameters that were tried last and at the current ones."""
 
     def __init__(
-        self, arrays: NumpyArrays | TorchArrays, activation: Activation, inputs: Any, hidden: Sequence[int], rows: slice
+        self, arrays: NumpyArrays, activation: Activation, inputs: Any, hidden: Sequence[int], rows: slice
     ) -> None:
         self._arrays, self._activation, self.rows = arrays, activation, rows
         self._first, self._hidden = arrays.array(inputs), hidden

@@ -22,7 +22,7 @@ import numpy as np
 from casadi_contact.conventions import Array
 from casadi_contact.network import Network
 from casadi_contact.network.activations import activation_of
-from casadi_contact.training.arrays import NumpyArrays, TorchArrays
+from casadi_contact.training.arrays import NumpyArrays
 from casadi_contact.training.chunk import Chunk, Factors
 from casadi_contact.training.drawn_rows import draw_rows
 from casadi_contact.training.row_loss import RowLoss
@@ -48,7 +48,7 @@ class Mlp:
         targets: Array,
         weights: Array,
         false_load: Array | float,
-        arrays: NumpyArrays | TorchArrays,
+        arrays: NumpyArrays,
         chunk_rows: int = 2000,
     ) -> None:
         self.arrays, self.xp = arrays, arrays.xp

@@ -10,7 +10,7 @@ import numpy as np
 from casadi_contact.conventions import Array
 from casadi_contact.network import Network, Regression
 from casadi_contact.training import stopping
-from casadi_contact.training.arrays import arrays_for
+from casadi_contact.training.arrays import NumpyArrays
 from casadi_contact.training.growth import widen, will_reach
 from casadi_contact.training.history import History
 from casadi_contact.training.levenberg_marquardt import LevenbergMarquardt, State
@@ -38,7 +38,7 @@ class Search:
         start: Network | None = None,
     ) -> None:
         self.regression, self.settings, self._given = regression, settings, start
-        self._arrays = arrays_for(settings.device)
+        self._arrays = NumpyArrays()
         self._training, self._validation = ~regression.validation, regression.validation
         self.history = History()
         self.level = self.attempt = self.began = 0

@@ -23,7 +23,7 @@ class TrainingSettings:
     max_validation_rises: criterion 3 of §2.6. restarts: how often a stalled fit begins again from another seed.
     stall_window, stall_improvement: stalled if the error falls by less than this share over so many iterations.
     growth_share: share of the allotment a size gets before its trend may be judged.
-    device: "cpu" (NumPy) or a torch device such as "cuda". chunk_rows: rows worked on at once (cache).
+    chunk_rows: rows worked on at once (cache).
     checkpoint_every_s: a killed fit loses at most so much. threads: BLAS threads; 1 keeps weights reproducible.
     """
 
@@ -37,7 +37,6 @@ class TrainingSettings:
     stall_window: int = 60
     stall_improvement: float = 2e-3
     growth_share: float = 0.05
-    device: str = "cpu"
     chunk_rows: int = 2000
     checkpoint_every_s: float = 5.0
     threads: int = 1

@@ -49,14 +49,13 @@ def fit_all(
 ) -> dict[str, Fit]:
     """Fit every regression, the one with the largest budget first; returns the fits by name, in given order.
 
-    settings: by the regression's name, or a function of the regression, all of one device. executor: None fits one
-    after the other here; on another device than "cpu" all are fitted in this process (`batch_fit`).
+    settings: by the regression's name, or a function of the regression. executor: None fits one after the other here.
     checkpoint_folder: a file ``<name>.npz`` for each fit; a later call goes on from these, after Ctrl-C too.
     starts: networks to go on from instead of random weights, by the regression's name.
     progress: called here as by `fit`; of a fit that an executor has ended, at once, with what it used as what was
     allotted.
 
-    Raises ValueError for duplicate names, missing settings, several devices, and for what `fit` refuses; the fits
+    Raises ValueError for duplicate names, missing settings, and for what `fit` refuses; the fits
     still waiting are then cancelled, those running go on in their workers until the executor is shut down.
     """
     chosen, given = _settings_by_name(regressions, settings), starts or {}
@@ -65,39 +64,9 @@ def fit_all(
     order = sorted(regressions, key=lambda r: -chosen[r.name].max_gflop)
     with _folder_for(checkpoint_folder) as folder:
         checkpoints = {r.name: None if checkpoint_folder is None else _beside(folder, r.name, "npz") for r in order}
-        if (device := _device(chosen)) != "cpu":
-            fits = _fit_on_device(order, chosen, device, checkpoints, progress, given)
-        else:
-            jobs = {r.name: _Job(r, chosen[r.name], checkpoints[r.name], given.get(r.name)) for r in order}
-            fits = _run(fit, jobs, executor, folder, progress)
+        jobs = {r.name: _Job(r, chosen[r.name], checkpoints[r.name], given.get(r.name)) for r in order}
+        fits = _run(fit, jobs, executor, folder, progress)
     return {regression.name: fits[regression.name] for regression in regressions}
-
-
-def _device(settings: Mapping[str, TrainingSettings]) -> str:
-    """The one device of all settings."""
-    devices = sorted({s.device for s in settings.values()}) or ["cpu"]
-    if len(devices) > 1:
-        raise ValueError(f"settings name the devices {', '.join(devices)}, expected one for all fits of a call")
-    return devices[0]
-
-
-def _fit_on_device(
-    regressions: Sequence[Regression],
-    settings: Mapping[str, TrainingSettings],
-    device: str,
-    checkpoints: Mapping[str, Path | None],
-    progress: Update | None,
-    starts: Mapping[str, Network],
-) -> dict[str, Fit]:
-    """In this process: networks of one output in batches, others one after the other."""
-    from casadi_contact.training.batch_fit import fit_batches  # imports torch
-
-    batched = [r for r in regressions if r.outputs == 1]
-    fits = fit_batches(batched, settings, device, checkpoints, progress, starts)
-    for r in regressions:
-        if r.name not in fits:
-            fits[r.name] = fit(r, settings[r.name], checkpoints[r.name], progress, starts.get(r.name))
-    return fits
 
 
 def _settings_by_name(regressions: Sequence[Regression], settings: SettingsOf) -> dict[str, TrainingSettings]:

@@ -7,7 +7,7 @@ import pytest
 
 from casadi_contact.network import Regression
 from casadi_contact.training import TrainingSettings, fit
-from casadi_contact.training.arrays import arrays_for
+from casadi_contact.training.arrays import NumpyArrays
 from casadi_contact.training.mlp import Mlp
 from casadi_contact.training.weights import flatten, initial_network
 from tests.support.regressions import FIXED, smooth
@@ -86,7 +86,7 @@ def test_work_is_two_operations_for_each_row_and_weight_that_a_product_visits():
     """An evaluation with its small least-squares problem, a gradient, a product with JᵀJ and JᵀJ itself, by hand."""
     data = smooth(100)
     network = initial_network(data.inputs, data.targets, (4,), "tanh", 0)
-    mlp = Mlp(network, data.inputs, data.targets, data.weights, 0.0, arrays_for("cpu"))
+    mlp = Mlp(network, data.inputs, data.targets, data.weights, 0.0, NumpyArrays())
     weights = 4 * 4 + 5
     parameters, _ = mlp.evaluate(flatten(network))
     assert mlp.flop == 2 * 100 * weights + 2 * 100 * 5**2

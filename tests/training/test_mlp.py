@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from casadi_contact.training.arrays import NumpyArrays, TorchArrays, arrays_for
+from casadi_contact.training.arrays import NumpyArrays
 from casadi_contact.training.mlp import Mlp
 from casadi_contact.training.weights import flatten, initial_network, unflatten
 from tests.support.regressions import smooth
 
-torch = pytest.importorskip("torch", reason="training on a GPU and these oracles need the extra train")
+torch = pytest.importorskip("torch", reason="these oracles need the extra torch")
 
 
 @pytest.fixture(params=["algebraic", "tanh"])
@@ -33,7 +33,7 @@ def with_false_loads(rows):
 
 def at(mlp, parameters):
     """Make the parameters current as they are; returns the gradient."""
-    parameters, _ = mlp.evaluate(mlp.arrays.array(parameters), solve_output=False)
+    parameters, _ = mlp.evaluate(parameters, solve_output=False)
     return mlp.accept(parameters)
 
 
@@ -93,22 +93,21 @@ def test_loss_gradient_and_gram_with_false_loads_are_those_of_two_residuals_a_ro
     np.testing.assert_allclose(np.abs(data.residuals(network)), of_rows, rtol=1e-12)
 
 
-@pytest.mark.parametrize("arrays", [NumpyArrays(), TorchArrays("cpu")], ids=["numpy", "torch"])
-def test_products_and_gram_are_those_of_the_jacobian(network, arrays):
+def test_products_and_gram_are_those_of_the_jacobian(network):
     data = with_false_loads(730)
-    mlp = mlp_of(network, data, arrays)
+    mlp = mlp_of(network, data)
     gradient = at(mlp, flatten(network))
-    jacobian = arrays.numpy(mlp.jacobian(slice(None)))
+    jacobian = mlp.jacobian(slice(None))
     rng = np.random.default_rng(0)
     v, u = rng.normal(size=mlp.parameter_count), rng.normal(size=mlp.rows)
     for got, expected in (
-        (mlp.jvp(arrays.array(v)), jacobian @ v),
-        (mlp.vjp(arrays.array(u)), jacobian.T @ u),
-        (mlp.gram_product(arrays.array(v)), jacobian.T @ (jacobian @ v)),
-        (gradient, jacobian.T @ arrays.numpy(mlp.residuals)),
-        (arrays.numpy(mlp.gram())[np.triu_indices(len(v))], (jacobian.T @ jacobian)[np.triu_indices(len(v))]),
+        (mlp.jvp(v), jacobian @ v),
+        (mlp.vjp(u), jacobian.T @ u),
+        (mlp.gram_product(v), jacobian.T @ (jacobian @ v)),
+        (gradient, jacobian.T @ mlp.residuals),
+        (mlp.gram()[np.triu_indices(len(v))], (jacobian.T @ jacobian)[np.triu_indices(len(v))]),
     ):
-        np.testing.assert_allclose(arrays.numpy(arrays.array(got)), expected, atol=1e-11 * np.abs(expected).max())
+        np.testing.assert_allclose(got, expected, atol=1e-11 * np.abs(expected).max())
 
 
 def test_gram_of_chosen_rows_scales_each(network):
@@ -119,16 +118,6 @@ def test_gram_of_chosen_rows_scales_each(network):
     chosen = mlp.jacobian(rows) * scales[:, None]
     expected = chosen.T @ chosen
     np.testing.assert_allclose(np.triu(mlp.gram(rows, scales)), np.triu(expected), atol=1e-11 * np.abs(expected).max())
-
-
-def test_torch_and_numpy_arrays_agree(network):
-    data, both = smooth(300), []
-    for arrays in (NumpyArrays(), TorchArrays("cpu")):
-        mlp = mlp_of(network, data, arrays)
-        parameters, loss = mlp.evaluate(arrays.array(flatten(network)))
-        both.append((loss, arrays.numpy(parameters), arrays.numpy(mlp.accept(parameters))))
-    for a, b in zip(*both, strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-6 * np.abs(b).max())
 
 
 def test_the_output_layer_is_the_least_squares_one(network):
@@ -159,8 +148,3 @@ def test_initial_network_is_seeded_and_scaled_by_the_data():
     standard = (data.inputs - one.input_shift) / one.input_scale
     np.testing.assert_allclose(standard.std(axis=0), 1.0)
     assert one.output_scale == pytest.approx(data.targets.std())
-
-
-def test_an_unknown_device_is_refused():
-    with pytest.raises(ValueError, match="device 'warp:9' cannot be used"):
-        arrays_for("warp:9")

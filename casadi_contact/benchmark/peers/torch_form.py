@@ -30,7 +30,7 @@ def _torch() -> Any:
     try:
         import torch
     except ImportError:
-        raise ImportError("the PyTorch form needs torch: pip install casadi_contact[train]") from None
+        raise ImportError("the PyTorch form needs torch: pip install casadi_contact[torch]") from None
     return torch
 
 
