@@ -39,8 +39,8 @@ def train(
     """Train the preset's structures, or this one alone, on all cores, and write a surrogate file for each.
 
     teacher: the user's own contact model that the samples come from, for `with_trust`. Goes on from checkpoints where
-    an earlier run stopped. Raises ValueError for a structure that the preset does not train or that cannot stand for the scene's
-    loads, and for active rounds on samples of another model than the library's.
+    an earlier run stopped. Raises ValueError for a structure that the preset does not train or that cannot stand for
+    the scene's loads, and for active rounds on samples of another model than the library's.
     """
     structures = structures_for_scene(project)
     if structure is not None and structure not in structures:
