@@ -17,7 +17,7 @@ from casadi_contact.benchmark.front_file import read_front
 from casadi_contact.contact import ElasticFoundation, foundation
 from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.conventions import Update
-from casadi_contact.files import file_stem, folder_lock, replacing, writable_folder, write_text
+from casadi_contact.files import folder_lock, replacing, writable_folder, write_text
 from casadi_contact.project import (
     Project,
     alone,
@@ -138,7 +138,7 @@ def export(
     Where nothing has been built: the scene's shipped surrogates. fmu: a functional mock-up unit of each instead.
     contact_model: `contact.foundation` instead of surrogates, as C or as FMU.
     """
-    folder, stem = project.folder / "export", file_stem(project.scene.name)
+    folder, stem = project.folder / "export", project.scene.name
     models: dict[str, Surrogate | CompiledFoundation]
     if contact_model:
         models = {"foundation": foundation(project.scene)}

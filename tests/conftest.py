@@ -21,12 +21,6 @@ settings.register_profile("reproducible", derandomize=True, deadline=None)
 settings.load_profile("reproducible")
 
 
-def pytest_addoption(parser):
-    """How many mutated files tests/fuzz reads, and which."""
-    parser.addoption("--mutations", type=int, default=520, help="mutated files over all readers (tests/fuzz)")
-    parser.addoption("--mutation-seed", type=int, default=0, help="another seed gives other mutated files")
-
-
 @pytest.fixture(scope="session", autouse=True)
 def _one_thread():
     numba.set_num_threads(1)

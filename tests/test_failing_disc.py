@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from casadi_contact.dataset import read_samples
-from casadi_contact.files import replacing, write_bytes
 from casadi_contact.training import fit
 from tests.support.drawn_spheres import draw
 from tests.support.readable import others_may_read
@@ -75,51 +74,3 @@ def test_drawing_and_fitting_go_on_afterwards_bit_by_bit(failed, tmp_path):
     resumed, whole = fit(smooth(), FIXED, folder / "fit.npz"), fit(smooth(), FIXED)
     for a, b in zip(resumed.network.weights, whole.network.weights, strict=True):
         np.testing.assert_array_equal(a, b)
-
-
-LEAVE = """
-import os, signal, sys
-from pathlib import Path
-from casadi_contact.files import replacing
-with replacing(Path(sys.argv[1])) as beside:
-    beside.write_bytes(b"half")
-    print("here", flush=True)
-    os.kill(os.getpid(), signal.SIGKILL) if sys.argv[2] == "killed" else sys.stdin.read()
-"""
-
-
-def test_what_a_killed_process_left_is_cleared_and_what_a_live_one_writes_is_not(tmp_path):
-    path = tmp_path / "result.json"
-    subprocess.run([sys.executable, "-c", LEAVE, path, "killed"], check=False, capture_output=True)
-    (left,) = tmp_path.iterdir()
-    others = [tmp_path / f"{left.name}x", tmp_path / left.name.replace("@", "@other-machine")]
-    for other in others:  # of another file, and of another machine that shares the folder
-        other.write_bytes(b"at work")
-    command = [sys.executable, "-c", LEAVE, str(path), "alive"]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as live:
-        assert live.stdout is not None
-        assert live.stdin is not None
-        live.stdout.readline()
-        assert not left.exists(), "the live process cleared what the killed one left"
-        write_bytes(path, b"ours")
-        beside = set(tmp_path.iterdir()) - {path, *others}
-        assert len(beside) == 1, "the live process keeps its file"
-        live.stdin.close()
-        assert live.wait() == 0
-    assert path.read_bytes() == b"half"
-    assert set(tmp_path.iterdir()) == {path, *others}
-
-
-def test_a_failed_block_leaves_the_file_as_it_was(tmp_path):
-    path = tmp_path / "result.json"
-    path.write_bytes(BEFORE)
-
-    def fail():
-        with replacing(path) as beside:
-            beside.write_bytes(b"half")
-            raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        fail()
-    assert path.read_bytes() == BEFORE
-    assert list(tmp_path.iterdir()) == [path]

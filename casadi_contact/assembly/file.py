@@ -33,7 +33,7 @@ from casadi_contact.assembly.connections import Contact, Ligament, Pull, Spring
 from casadi_contact.contact import ContactModel, PolarFoundation, SymbolicContact, foundation, symbolic
 from casadi_contact.contact.polar.rays import Rays
 from casadi_contact.conventions import LEVER_MM, WRENCH_NAMES, Array, loads_of_total
-from casadi_contact.files.toml import toml_tables, toml_text
+from casadi_contact.files import toml_tables, toml_text
 from casadi_contact.quantities import TORQUE, quantity
 from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.shapes.checks import fail, number, plain_values, scene_name, table_of

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from casadi_contact.commands.arguments import SceneName, check_html, console
-from casadi_contact.files import file_stem, writable_folder
+from casadi_contact.files import writable_folder
 from casadi_contact.live import write_joint_page
 from casadi_contact.scenes import load_scene
 
@@ -28,7 +28,7 @@ def page(
 
     It works offline, from a file. Compiling its kernel takes the extra "page" (ziglang), and a minute.
     """
-    path = Path(f"{file_stem(load_scene(scene).name)}.html") if out is None else out
+    path = Path(f"{load_scene(scene).name}.html") if out is None else out
     check_html(path)
     writable_folder(path.parent)
     cycle = write_joint_page(scene, path, None if poses is None else str(poses), surrogate)

@@ -11,7 +11,7 @@ import typer
 from casadi_contact.command_line import numbers
 from casadi_contact.commands.arguments import SceneName, SurrogateName, check_html, console
 from casadi_contact.contact import ElasticFoundation
-from casadi_contact.files import file_stem, writable_folder
+from casadi_contact.files import writable_folder
 from casadi_contact.motion.pose_file import read_poses
 from casadi_contact.report import write_report
 from casadi_contact.scenes import load_scene
@@ -58,7 +58,7 @@ def show(
     else:
         expected = "six numbers tx,ty,tz,rx,ry,rz"
         shown = np.array([contact_pose(model) if pose is None else numbers(pose, "pose", expected)])
-    path = Path(f"{file_stem(model.scene.name)}_contact.png") if out is None else out
+    path = Path(f"{model.scene.name}_contact.png") if out is None else out
     writable_folder(path.parent)
     draw_contact(model, shown, path)
     at = f" at {loads_text(model, shown[0], model.load_names)}" if len(shown) == 1 else f" of {len(shown)} poses"

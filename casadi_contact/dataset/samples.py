@@ -8,11 +8,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.files import existing_file, new_hdf5, one_line, open_hdf5
+from casadi_contact.files import existing_file, new_hdf5, open_hdf5
 from casadi_contact.scenes import Scene
 
 DOMAINS = ("D1", "D2", "D3", "D4", "D5", "D6", "D7")
@@ -20,7 +19,7 @@ TRAIN, VALIDATION, TEST = 0, 1, 2
 ROLES = ("train", "validation", "test")
 
 FORMAT_NAME = "casadi_contact samples"
-FORMAT_VERSION = 2  # 1 has no dropped poses
+FORMAT_VERSION = 2
 COLUMNS = ("poses", "wrenches", "gaps", "domain", "role")
 
 
@@ -156,7 +155,7 @@ def read_samples(path: str | Path) -> Samples:
     """Read a samples file.
 
     Raises FileNotFoundError if it does not exist or is not complete yet, ValueError if it is damaged, is something
-    else, or was written by a newer version.
+    else, or has another format.
     """
     path = Path(path)
     if not path.exists() and partial_folder(path).is_dir():
@@ -165,34 +164,11 @@ def read_samples(path: str | Path) -> Samples:
         if file.attrs.get("format") != FORMAT_NAME:
             raise ValueError(f"{path} is not a samples file of casadi_contact")
         version = file.attrs.get("format_version", 0)
-        if version > FORMAT_VERSION:
-            raise ValueError(
-                f"{path} has samples format {version}, expected at most {FORMAT_VERSION}: update casadi_contact"
-            )
-        try:
-            scene = Scene.from_toml(str(file.attrs["scene_toml"]))
-            provenance = _checked_provenance(json.loads(str(file.attrs["provenance"])))
-            columns = {name: _numbers(file, name) for name in COLUMNS}
-            lost = [_numbers(file, f"dropped_{name}") for name in ("poses", "domain")] if version > 1 else []
-            return Samples(scene, **columns, provenance=provenance, dropped=Dropped(*lost))
-        except (ValueError, RecursionError) as error:
-            raise ValueError(f"{path} is damaged ({one_line(error)}): draw the samples again") from None
-
-
-def _numbers(file: h5py.File, name: str) -> np.ndarray:
-    """A column of the file; ValueError for other numbers than belong there."""
-    column = np.asarray(file[name][()])
-    kinds, expected = ("iu", "whole numbers") if name.endswith(("domain", "role")) else ("fiu", "numbers")
-    if column.dtype.kind not in kinds:
-        raise ValueError(f"{name} holds {column.dtype}, expected {expected}")
-    return column
-
-
-def _checked_provenance(there: Any) -> dict[str, Any]:
-    """The same; ValueError where it, its settings or its counts of dropped samples are no tables."""
-    dropped = there.get("dropped", {}) if isinstance(there, dict) else None
-    counts = list(dropped.values()) if isinstance(dropped, dict) else [None]
-    sound = all(isinstance(each, dict) and all(isinstance(n, int) for n in each.values()) for each in counts)
-    if not sound or not all(isinstance(there.get(key, {}), dict) for key in ("settings", "left_out")):
-        raise ValueError("its provenance does not say how samples were drawn and dropped")
-    return dict(there)
+        if version != FORMAT_VERSION:
+            raise ValueError(f"{path} has samples format {version}, expected {FORMAT_VERSION}: draw the samples again")
+        columns = {name: np.asarray(file[name][()]) for name in COLUMNS}
+        dropped = Dropped(np.asarray(file["dropped_poses"][()]), np.asarray(file["dropped_domain"][()]))
+        provenance = json.loads(str(file.attrs["provenance"]))
+        return Samples(
+            Scene.from_toml(str(file.attrs["scene_toml"])), **columns, provenance=provenance, dropped=dropped
+        )

@@ -103,7 +103,7 @@ def _read_csv(path: Path, required: list[str], optional: list[str]) -> dict[str,
 
 
 def _read_hdf5(path: Path, required: list[str], optional: list[str]) -> dict[str, Array]:
-    with open_hdf5(existing_file(path)) as file:
+    with open_hdf5(existing_file(path), foreign=True) as file:
         missing = [column for column in required if column not in file]
         if missing:
             raise ValueError(f"{path} lacks the columns {', '.join(missing)}; it has {short(', '.join(file))}")

@@ -1,14 +1,20 @@
-"""Files that are never half written, and never trusted before they are checked."""
+"""Files: read with bounded sizes and errors of one line, written atomically."""
 
-from casadi_contact.files.digest import sha256_of
-from casadi_contact.files.existing import existing_file
-from casadi_contact.files.folder_lock import folder_lock
-from casadi_contact.files.hdf5 import new_hdf5, open_hdf5
-from casadi_contact.files.limits import MOST_MESH, MOST_TEXT, MOST_UNPACKED, checked_size, one_line, short
-from casadi_contact.files.names import file_stem
-from casadi_contact.files.npz import read_npz, write_npz
-from casadi_contact.files.numbers import finite_number
-from casadi_contact.files.replacing import replacing, scratch_folder, writable_folder, write_bytes, write_text
+from casadi_contact.files.containers import new_hdf5, open_hdf5, read_npz, sealed, write_npz
+from casadi_contact.files.reading import (
+    MOST_MESH,
+    MOST_TEXT,
+    MOST_UNPACKED,
+    checked_size,
+    existing_file,
+    finite_number,
+    one_line,
+    sha256_of,
+    short,
+    toml_tables,
+    toml_text,
+)
+from casadi_contact.files.writing import folder_lock, replacing, writable_folder, write_bytes, write_text
 
 __all__ = [
     "MOST_MESH",
@@ -16,7 +22,6 @@ __all__ = [
     "MOST_UNPACKED",
     "checked_size",
     "existing_file",
-    "file_stem",
     "finite_number",
     "folder_lock",
     "new_hdf5",
@@ -24,9 +29,11 @@ __all__ = [
     "open_hdf5",
     "read_npz",
     "replacing",
-    "scratch_folder",
+    "sealed",
     "sha256_of",
     "short",
+    "toml_tables",
+    "toml_text",
     "writable_folder",
     "write_bytes",
     "write_npz",

@@ -16,7 +16,7 @@ import numpy as np
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.dataset import Samples, partial_folder, read_samples
-from casadi_contact.files import file_stem, folder_lock, read_npz, writable_folder, write_text
+from casadi_contact.files import folder_lock, read_npz, writable_folder, write_text
 from casadi_contact.motion.columns import TextColumns
 from casadi_contact.motion.joint_cycle import JointCycle, column_names, driving_loads, read_joint_cycle, scene_cycles
 from casadi_contact.motion.load_cycle import COLUMNS, KNEE_POSE_COLUMNS, LoadCycle, read_cycle
@@ -148,7 +148,7 @@ def _check_spots(scene: Scene, preset: str) -> None:
 
 def _folder_of(scene: Scene, preset: str) -> Path:
     """The folder of a project that names none."""
-    return Path("results") / f"{file_stem(scene.name)}-{preset}"
+    return Path("results") / f"{scene.name}-{preset}"
 
 
 def _completed(scene: Scene, path: Path) -> Scene:

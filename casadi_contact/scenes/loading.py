@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from casadi_contact.files.toml import toml_text
+from casadi_contact.files import toml_text
 from casadi_contact.scenes.ready_files import ready_text
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.shapes import shape_named

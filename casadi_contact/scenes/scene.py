@@ -16,7 +16,7 @@ import numpy as np
 import tomli_w
 
 from casadi_contact.conventions import POSE_NAMES, Array, load_selection
-from casadi_contact.files.toml import toml_tables
+from casadi_contact.files import toml_tables
 from casadi_contact.geometry import ElementGrid, MovingSurface
 from casadi_contact.geometry.elements import EVERYWHERE
 from casadi_contact.scenes.like import completed

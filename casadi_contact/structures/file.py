@@ -1,7 +1,6 @@
 """Surrogate files: HDF5 with the scene, a JSON record and the plain weights; no code inside, no pickle.
 
-The bytes are sealed with a digest (`files.hdf5`); a file of an older version is, once it is loaded and saved again:
-``cc.load_surrogate(path).save(path)``.
+The bytes are sealed with a digest (`files.containers`).
 
 /                attributes kind, format, structure, digest (SHA-256 of all that follows)
 /scene           scene as TOML text
@@ -104,8 +103,8 @@ def write_file(path: str | Path, content: Content) -> None:
                 group[name] = np.asarray(value, dtype="<f8")
 
 
-def read_file(path: str | Path, *, trusted: bool = False) -> Content:
-    """Read a surrogate file. trusted: it comes with the library.
+def read_file(path: str | Path) -> Content:
+    """Read a surrogate file.
 
     Raises FileNotFoundError, or ValueError that says whether the file is foreign, newer or damaged.
     """
@@ -115,7 +114,7 @@ def read_file(path: str | Path, *, trusted: bool = False) -> Content:
             f"{path} is a scene file, expected a surrogate's .h5: casadi-contact show draws a scene, casadi-contact "
             "build makes a surrogate of it"
         )
-    with open_hdf5(path, trusted=trusted) as file:
+    with open_hdf5(path) as file:
         if file.attrs.get("kind") != KIND:
             raise ValueError(f"{path} is not a surrogate file, expected one written by casadi_contact")
         if not 1 <= file.attrs.get("format", 0) <= FORMAT:

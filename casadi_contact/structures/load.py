@@ -39,11 +39,11 @@ def load_surrogate(name_or_path: str | Path, *, compiled: bool = True) -> Surrog
         )
         raise ValueError(f"unknown surrogate {text!r}, expected one of {possible}, or a path to a .h5 file{untrained}")
     with resources.as_file(resources.files("casadi_contact.structures") / "ready" / f"{text}.h5") as path:
-        return _load(path, compiled, trusted=True)
+        return _load(path, compiled)
 
 
-def _load(path: Path, compiled: bool, *, trusted: bool = False) -> Surrogate:
-    content = read_file(path, trusted=trusted)
+def _load(path: Path, compiled: bool) -> Surrogate:
+    content = read_file(path)
     if content.structure not in STRUCTURES:
         raise ValueError(f"{path} holds a {content.structure!r} surrogate, expected one of {', '.join(STRUCTURES)}")
     try:

@@ -131,7 +131,7 @@ def _telling(report: Path) -> Iterator[Update]:
             return
         told = time.monotonic()
         # Progress is a courtesy: a full or unreachable disc must not end hours of training.
-        with suppress(OSError), replacing(report, durable=False) as beside:
+        with suppress(OSError), replacing(report) as beside:
             beside.write_text(json.dumps([name, used, allotted, remark]), "utf-8")
 
     try:

@@ -14,7 +14,7 @@ from pathlib import Path
 import casadi as ca
 
 from casadi_contact.files import checked_size, existing_file, replacing
-from casadi_contact.files.limits import MOST_DATA
+from casadi_contact.files.reading import MOST_DATA
 
 _SEAL = b"\nsha256 "
 _DIGITS = b"abcdefghijklmnop"  # CasADi writes each byte as two of these, the lower four bits first

@@ -17,7 +17,7 @@ import typer
 from casadi_contact.commands.build import build as build_surrogates
 from casadi_contact.commands.propose import name_of_mesh
 from casadi_contact.contact import NotGoodEnoughError, foundation
-from casadi_contact.files import file_stem, writable_folder
+from casadi_contact.files import writable_folder
 from casadi_contact.project import Project, reference_motion_cycles
 from casadi_contact.project.presets import PRESETS
 from casadi_contact.project.train import structures_for_scene
@@ -70,7 +70,7 @@ def run(
         for warning in cycle_warnings(joint, cycle):
             typer.echo(f"{NAME}: {path}: {warning}", err=True)
     poses = [None if start is None else start_from_file(start, len(cycle.time_s)) for cycle in measured]
-    folder = RESULTS / NAME / file_stem(joint.name) if out is None else out
+    folder = RESULTS / NAME / joint.name if out is None else out
     source = ContactSource(scene=str(scene))
     if surrogate:
         build_surrogates(str(scene), preset=preset, cycles=list(cycles), model=_model_to_learn(joint), out=folder)

@@ -113,10 +113,10 @@ def test_foreign_and_newer_files_are_refused(saved, tmp_path):
         load_surrogate(saved)
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file["x"] = 1.0
-    with pytest.raises(ValueError, match="not a surrogate file"):
+    with pytest.raises(ValueError, match="not a file"):
         load_surrogate(tmp_path / "other.h5")
     (tmp_path / "text.h5").write_text("hello")
-    with pytest.raises(ValueError, match="not an HDF5 file"):
+    with pytest.raises(ValueError, match="damaged"):
         load_surrogate(tmp_path / "text.h5")
     (tmp_path / "my.toml").write_text("format = 1")
     with pytest.raises(ValueError, match=r"scene file, expected a surrogate.s \.h5: .* build makes a surrogate of it"):

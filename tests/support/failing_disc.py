@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+import casadi_contact as cc
 from casadi_contact.benchmark.front_file import read_front, write_front
 from casadi_contact.dataset import write_samples
 from casadi_contact.files import write_npz, write_text
@@ -27,7 +28,6 @@ from casadi_contact.report import figure as report_figure
 from casadi_contact.show import figure as show_figure
 from casadi_contact.training import checkpoint, fit
 from casadi_contact.transcription import save_function
-from tests.fuzz.readers import FRONT
 from tests.support.drawn_spheres import draw
 from tests.support.own_contact import SCENE
 from tests.support.random_surrogates import random_poses, random_surrogate
@@ -35,6 +35,7 @@ from tests.support.regressions import FIXED, smooth
 from tests.support.smooth_samples import smooth_samples
 
 POSES = random_poses(40)
+FRONT = Path(cc.__file__).parent / "benchmark" / "ready" / "knee.csv"
 FIT = checkpoint.Identity("id", np.ones(2))
 LIMIT = 900  # bytes a file may have, as on a disc that is all but full
 

@@ -8,21 +8,16 @@ from pathlib import Path
 
 import h5py
 
-from casadi_contact.files.hdf5 import BLOCK, sealed
+from casadi_contact.files import sealed
+from casadi_contact.files.containers import BLOCK
 
 
 @contextmanager
 def resealed(path: Path) -> Iterator[h5py.File]:
-    """A sealed file, or a new one, opened to change; sealed again with the digest of its new bytes."""
-    bare = unsealed(path) if path.exists() else path.with_suffix(".bare")
+    """A sealed file opened to change, and sealed again with the digest of its new bytes."""
+    bare = path.with_suffix(".bare")
+    bare.write_bytes(path.read_bytes()[BLOCK:])
     with h5py.File(bare, "a") as file:
         yield file
     path.write_bytes(sealed(bare.read_bytes()))
     bare.unlink()
-
-
-def unsealed(path: Path) -> Path:
-    """The file without its block, as versions before the block wrote it, beside it."""
-    bare = path.with_suffix(".bare")
-    bare.write_bytes(path.read_bytes()[BLOCK:])
-    return bare

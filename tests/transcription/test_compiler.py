@@ -249,20 +249,6 @@ def test_an_unbalanced_quote_in_a_variable_is_one_line(cache, monkeypatch, refus
     refused("No closing quotation")
 
 
-@needs_compiler
-def test_what_a_killed_compilation_left_is_cleared(cache):
-    code = (
-        "import os, signal, subprocess\n"
-        "from casadi_contact.transcription.kernel import compiler\n"
-        "compiler._run = lambda *given: os.kill(os.getpid(), signal.SIGKILL)\n"
-        f"compiler._compiler_version = lambda command: 'any'\ncompiler.shared_library({SOURCE!r})"
-    )
-    subprocess.run([sys.executable, "-c", code], env=os.environ, check=False)
-    assert [path for path in cache.iterdir() if path.name.startswith(".")], "the killed process left its folder"
-    library = compiler.shared_library(SOURCE)
-    assert list(cache.iterdir()) == [library]
-
-
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("compiled", [True, False])
 @pytest.mark.parametrize("batch", [0, -3, 2.5, 2.0, True, "3", float("nan")])

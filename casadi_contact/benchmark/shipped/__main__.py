@@ -11,7 +11,7 @@ import typer
 from casadi_contact.benchmark.front_file import write_front
 from casadi_contact.benchmark.shipped import measured_front
 from casadi_contact.command_line import new_app, run_app
-from casadi_contact.files import file_stem, writable_folder
+from casadi_contact.files import writable_folder
 from casadi_contact.quantities import three_digits
 from casadi_contact.scenes import load_scene
 
@@ -25,7 +25,7 @@ def run(
 ) -> None:
     """Measure time and error of elastic foundations, and of the scene's shipped surrogates, on unseen walking."""
     loaded = load_scene(scene)
-    path = Path("results") / f"{file_stem(loaded.name)}-front.csv" if out is None else out
+    path = Path("results") / f"{loaded.name}-front.csv" if out is None else out
     writable_folder(path.parent)  # before minutes of measuring
     front = measured_front(loaded)
     write_front(path, front)

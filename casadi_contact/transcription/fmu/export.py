@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 import platform
 import sys
+import tempfile
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 from string import Template
 
-from casadi_contact.files import replacing, scratch_folder
+from casadi_contact.files import replacing
 from casadi_contact.transcription.export_c import ExportedModel
 from casadi_contact.transcription.fmu.description import model_description
 from casadi_contact.transcription.kernel.compiler import DATA_FILE, SUFFIX, portable_library
@@ -50,7 +51,8 @@ def export_fmu(model: ExportedModel, path: str | Path, *, name: str, start: Sequ
     sources["fmi3.c"] = Template(c_text("fmi3.c", _C)).substitute(words)
     sources["fmi3_unsupported.h"] = c_text("fmi3_unsupported.h", _C)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with scratch_folder(path.parent, path.name) as place:
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as folder:
+        place = Path(folder)
         try:
             for file, text in sources.items():
                 (place / file).write_text(text, "utf-8")

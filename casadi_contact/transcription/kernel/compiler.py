@@ -28,7 +28,7 @@ from pathlib import Path
 import platformdirs
 
 from casadi_contact.compilation import announce
-from casadi_contact.files import scratch_folder, sha256_of, short
+from casadi_contact.files import sha256_of, short
 
 FLAGS = ("-std=gnu99", "-O3", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
 NATIVE = ("-march=native",)
@@ -137,7 +137,8 @@ def shared_library(source: str, waited_for: str = "", data: bytes = b"") -> Path
 
 
 def _compiled(source: str, data: bytes, command: list[str], chosen: tuple[str, ...], folder: Path, key: str) -> Path:
-    with scratch_folder(folder, "kernel") as place:
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".kernel.") as name:
+        place = Path(name)
         library, c_file = place / f"kernel{SUFFIX}", place / "kernel.c"
         c_file.write_text(source, "utf-8")
         (place / DATA_FILE).write_bytes(data)
