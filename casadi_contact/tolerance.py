@@ -127,7 +127,7 @@ def train_to_tolerance(
     they would be replaced.
     """
     efforts = {
-        "": Effort(LADDER, PatchSurrogate.budget_shares["ratio"] * FIRST_GFLOP, tolerance_share=TOLERANCE_SHARE),
+        "": Effort(LADDER, PatchSurrogate.budget_shares["ratios"] * FIRST_GFLOP, tolerance_share=TOLERANCE_SHARE),
         "root": Effort(LADDER, FIRST_GFLOP, tolerance_share=TOLERANCE_SHARE),
     }
     _refuse_others(project)

@@ -11,7 +11,7 @@ from casadi_contact.project import walks
 from casadi_contact.project.presets import PRESETS, Effort, Preset
 from casadi_contact.report import evaluation_tables, read_evaluation
 from casadi_contact.scenes import Scene
-from casadi_contact.structures import TrunkSurrogate
+from casadi_contact.structures import PatchSurrogate
 from tests.support.two_spheres import TwoSpheres
 
 TINY = Preset(0.02, {"patch": {"": Effort(((8, 8),), 3.0)}})
@@ -45,8 +45,8 @@ def test_a_knee_walks_whichever_loads_are_asked_for(names):
     assert walks(asking_for(*names))
 
 
-def test_sides_of_which_different_loads_are_asked_for_have_no_mirror_image_in_a_trunk():
-    """A trunk that gives Fx of one side reflects to one that gives Fx of the other, not Fz."""
-    assert TrunkSurrogate.twins(asking_for("Fx_med", "Fz_lat")) == {}
-    assert set(TrunkSurrogate.twins(asking_for("Fx_med", "Fx_lat"))) == {"root_lat", "ratios_lat"}
-    assert TrunkSurrogate.twins(asking_for("Fy")) == {"root_lat": "root_med"}
+def test_sides_of_which_different_loads_are_asked_for_are_no_mirror_images():
+    """A network that gives Fx of one side reflects to one that gives Fx of the other, not Fz."""
+    assert PatchSurrogate.twins(asking_for("Fx_med", "Fz_lat")) == {}
+    assert set(PatchSurrogate.twins(asking_for("Fx_med", "Fx_lat"))) == {"root_lat", "ratios_lat"}
+    assert PatchSurrogate.twins(asking_for("Fy")) == {"root_lat": "root_med"}

@@ -136,7 +136,7 @@ def test_what_another_build_made_is_not_replaced(tmp_path, asked):
     for folder in (of_preset, of_other_scene, text):
         folder.mkdir()
     write_samples(of_preset / "samples.h5", smooth_samples(120))
-    cc.load_surrogate("knee_patch").save(of_other_scene / "patch.h5")
+    cc.load_surrogate("knee").save(of_other_scene / "patch.h5")
     (text / "samples.h5").write_text("notes\n")
     for folder, said in (
         (of_preset, "holds samples or surrogates that no build to a tolerance made"),

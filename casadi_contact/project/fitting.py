@@ -55,17 +55,15 @@ def fit_surrogate(
     update: Update | None = None,
     executor: Executor | None = None,
     *,
-    made: Mapping[str, Surrogate] | None = None,
     onward: Surrogate | None = None,
 ) -> Surrogate:
     """A surrogate of one structure, its networks fitted side by side, with a record of how it was made.
 
     Of a joint that is its own mirror image one side is fitted, on the samples of both. update is called as (title and
     network, Gflop used, Gflop allotted, remark). One logged warning names the networks that stopped because their
-    budget was used up, where all are fitted: sizes that are only tried may be too small. made: surrogates of the same
-    samples by structure, from which some structures train on (`Surrogate.starts`). onward: a surrogate whose networks
-    go on from their weights, widened to the first size of their effort; a fit that stalls does not begin again from
-    random ones.
+    budget was used up, where all are fitted: sizes that are only tried may be too small. onward: a surrogate
+    whose networks go on from their weights, widened to the first size of their effort; a fit that stalls does not begin
+    again from random ones.
     """
     kind, scene, title = STRUCTURES[fitting.structure], project.scene, fitting.title or fitting.structure
     weights = {DOMAINS.index(name) + 1: weight for name, weight in project.preset.domain_weights.items()}
@@ -73,9 +71,9 @@ def fit_surrogate(
     posed, twins = _regressions_and_twins(kind, samples, scene, fitting.loads)
     names = [regression.name for regression in posed if regression.name not in fitting.kept]
     asked = {name: effort_for(fitting.efforts, name) for name in names}
-    starts = _starts(kind, asked, made or {}, onward)
-    kept = dict(fitting.kept)
+    starts, kept = {}, dict(fitting.kept)
     if onward is not None:
+        starts = {name: _widened(onward.networks[name], each.sizes[0]) for name, each in asked.items()}
         kept |= {name: starts[name] for name, each in asked.items() if each.gflop == 0.0}
     restarts = TrainingSettings.restarts if onward is None else 0
     settings = {
@@ -108,17 +106,6 @@ def fit_surrogate(
     if not fitting.kept and (line := budget_line(surrogate.record)):
         _log.warning("%s: %s", title, line)
     return surrogate
-
-
-def _starts(
-    kind: type[Surrogate], asked: Mapping[str, Effort], made: Mapping[str, Surrogate], onward: Surrogate | None
-) -> dict[str, Network]:
-    """Networks that fits begin from, by name; none begins from random weights where there is a surrogate to go on
-    from."""
-    first = {name: effort.sizes[0] for name, effort in asked.items()}
-    if onward is None:
-        return dict(kind.starts(first, {structure: one.networks for structure, one in made.items()}))
-    return {name: _widened(onward.networks[name], hidden) for name, hidden in first.items()}
 
 
 def _regressions_and_twins(

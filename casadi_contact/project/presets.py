@@ -105,7 +105,7 @@ def _reach_round(root: int, root_gflop: float, ratios: int, ratios_gflop: float)
         "root": Effort(((root,) * 3,), root_gflop, tolerance_share=0.2),
         "ratios": Effort(((ratios,) * 2,), ratios_gflop, tolerance_share=0.2),
     }
-    return ActiveRound(times=6.0, worst_share=0.1, efforts={"trunk": efforts})
+    return ActiveRound(times=6.0, worst_share=0.1, efforts={"patch": efforts})
 
 
 PRESETS: dict[str, Preset] = {
@@ -114,7 +114,7 @@ PRESETS: dict[str, Preset] = {
         efforts={
             "patch": {
                 "root": Effort(((8, 8), (16, 16, 16)), 1_000.0),
-                "ratio": Effort(((6, 6), (10, 10)), 60.0),
+                "ratios": Effort(((6, 6), (10, 10)), 60.0),
             }
         },
         chart=ChartEffort(
@@ -135,7 +135,7 @@ PRESETS: dict[str, Preset] = {
         efforts={
             "patch": {
                 "root": Effort(((20, 20, 20),), 9_000.0, tolerance_share=0.2),
-                "ratio": Effort(((14, 14),), 700.0, tolerance_share=0.2),
+                "ratios": Effort(((14, 14),), 700.0, tolerance_share=0.2),
             },
             "two_stage": _as_in_the_paper(2_000.0),
         },
@@ -156,7 +156,7 @@ PRESETS: dict[str, Preset] = {
     "parts": Preset(  # for scenes whose patches are cut into parts: many small networks
         sampling_scale=0.4,
         efforts={
-            "trunk": {
+            "patch": {
                 "root": Effort(((16, 16, 16),), 150.0, max_rows=15_000, tolerance_share=0.2),
                 "ratios": Effort(((14, 14),), 100.0, tolerance_share=0.2),
                 TOGETHER: Effort((), 2_000.0, tolerance_share=0.2),
@@ -167,7 +167,7 @@ PRESETS: dict[str, Preset] = {
                 times=1.0,
                 worst_share=0.2,
                 efforts={
-                    "trunk": {
+                    "patch": {
                         "root": Effort(((16, 16, 16),), 0.0),  # fitted on together alone
                         "ratios": Effort(((16, 16),), 60.0, tolerance_share=0.2),
                         TOGETHER: Effort((), 5_000.0, tolerance_share=0.2),
@@ -178,7 +178,7 @@ PRESETS: dict[str, Preset] = {
                 times=20.0,
                 worst_share=0.0035,
                 efforts={
-                    "trunk": {
+                    "patch": {
                         "root": Effort(((16, 16, 16),), 0.0),
                         "ratios": Effort(((16, 16),), 0.0),
                         TOGETHER: Effort((), 3_500.0, tolerance_share=0.2),
@@ -189,7 +189,7 @@ PRESETS: dict[str, Preset] = {
             ),
         ),
         chart=ChartEffort(
-            sizes={"trunk": _ladder("algebraic", (8, 30.0, 20_000), (12, 120.0, None))},
+            sizes={"patch": _ladder("algebraic", (8, 30.0, 20_000), (12, 120.0, None))},
             peer_gflop=900.0,
         ),
         domain_weights={"D1": 6.0, "D3": 2.0, "D4": 1.5},  # poses like those of the motion are to be the most accurate
@@ -197,7 +197,7 @@ PRESETS: dict[str, Preset] = {
     "reach": Preset(  # for scenes whose plan is a joint's whole reach: larger networks than around a motion
         sampling_scale=0.4,
         efforts={
-            "trunk": {
+            "patch": {
                 "root": Effort(((24, 24, 24),), 20_000.0, tolerance_share=0.2),
                 "ratios": Effort(((20, 20),), 6_000.0, tolerance_share=0.2),
             }
@@ -216,14 +216,8 @@ PRESETS: dict[str, Preset] = {
         sampling_scale=1.0,
         efforts={
             "patch": {
-                "root": Effort(
-                    ((16, 16, 16), (20, 20, 20), (24, 24, 24), (28, 28, 28)), 180_000.0, tolerance_share=0.1
-                ),
-                "ratio": Effort(((10, 10), (14, 14), (20, 20)), 40_000.0, tolerance_share=0.1),
-            },
-            "trunk": {
-                "root": Effort(((24, 24, 24),), 12_000.0, max_rows=60_000, tolerance_share=0.1),
-                "ratios": Effort(((20, 20),), 4_000.0, max_rows=60_000, tolerance_share=0.1),
+                "root": Effort(((24, 24, 24),), 180_000.0, tolerance_share=0.1),
+                "ratios": Effort(((20, 20),), 40_000.0, tolerance_share=0.1),
             },
             "two_stage": _as_in_the_paper(15_000.0),
         },

@@ -157,7 +157,7 @@ def take_table(project: Project, table: Path) -> Samples:
     each other at one pose.
     """
     samples = read_sample_table(table, project.scene)
-    if "patch" in project.preset.efforts or "trunk" in project.preset.efforts:
+    if "patch" in project.preset.efforts:
         refuse_pulling(samples, str(table))
         refuse_reversed(samples, str(table))
         refuse_missing_gaps(samples, str(table))

@@ -60,7 +60,7 @@ def train(
         path = project.surrogate_path(name)
         first = Fitting(name, project.preset.efforts[name], project.training_folder(name), command)
         with worker_pool(executor) as workers:
-            surrogate = fit_surrogate(project, samples, first, update, workers, made=made)
+            surrogate = fit_surrogate(project, samples, first, update, workers)
             surrogate = _active_rounds(project, samples, surrogate, first, update, workers)
         made[name] = with_trust(surrogate, samples, around, model, update)
         made[name].save(path)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from casadi_contact.page import COLOURS
 
 MARKERS = ("s", "o", "^", "D", "v", "P", "X", "*")
-_FIRST = ("patch", "EF", "two_stage", "foundation", "trunk")
+_FIRST = ("patch", "EF", "two_stage", "foundation")
 
 
 @dataclass(frozen=True)

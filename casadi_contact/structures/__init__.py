@@ -6,7 +6,6 @@ from casadi_contact.structures.info import SurrogateInfo
 from casadi_contact.structures.load import load_surrogate, ready_surrogates
 from casadi_contact.structures.patch.surrogate import PatchSurrogate
 from casadi_contact.structures.registry import STRUCTURES
-from casadi_contact.structures.trunk.surrogate import TrunkSurrogate
 from casadi_contact.structures.two_stage.surrogate import TwoStageSurrogate
 
 __all__ = [
@@ -14,7 +13,6 @@ __all__ = [
     "PatchSurrogate",
     "Surrogate",
     "SurrogateInfo",
-    "TrunkSurrogate",
     "TwoStageSurrogate",
     "load_surrogate",
     "ready_surrogates",

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from casadi_contact.structures.base import Surrogate
 from casadi_contact.structures.patch.surrogate import PatchSurrogate
-from casadi_contact.structures.trunk.surrogate import TrunkSurrogate
 from casadi_contact.structures.two_stage.surrogate import TwoStageSurrogate
 
-STRUCTURES: dict[str, type[Surrogate]] = {
-    kind.structure: kind for kind in (PatchSurrogate, TrunkSurrogate, TwoStageSurrogate)
-}
+STRUCTURES: dict[str, type[Surrogate]] = {kind.structure: kind for kind in (PatchSurrogate, TwoStageSurrogate)}

@@ -41,12 +41,6 @@ class Structure(ABC):
         return False
 
     @staticmethod
-    def starts(hidden: Mapping[str, tuple[int, ...]], made: Mapping[str, Mapping[str, Network]]) -> dict[str, Network]:
-        """Networks to train from, of these hidden layers, where networks made of the same samples have what helps;
-        made: these, by structure."""
-        return {}
-
-    @staticmethod
     @abstractmethod
     def regressions(samples: Samples) -> list[Regression]:
         """The regressions, one for each network, that samples pose."""

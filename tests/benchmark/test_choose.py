@@ -139,15 +139,15 @@ def test_where_nothing_is_timed_again_all_times_are_the_chart_s(machine, tmp_pat
 @pytest.mark.parametrize(
     ("loads", "shares"),
     [
-        (["Fy_med"], {"knee": (1, 4), "knee_patch": (1, 12), "knee_two_stage": (1, 7)}),
-        (["Fy_med", "Fy_lat"], {"knee": (2, 4), "knee_patch": (2, 12), "knee_two_stage": (2, 7)}),
-        (["Tz"], {"knee": (4, 4), "knee_patch": (4, 12), "knee_two_stage": (3, 7)}),
+        (["Fy_med"], {"knee": (1, 4), "knee_two_stage": (1, 7)}),
+        (["Fy_med", "Fy_lat"], {"knee": (2, 4), "knee_two_stage": (2, 7)}),
+        (["Tz"], {"knee": (4, 4), "knee_two_stage": (3, 7)}),
     ],
 )
 def test_a_surrogate_takes_the_share_of_time_of_the_networks_that_the_loads_need(
     machine, tmp_path, monkeypatch, loads, shares
 ):
-    """A side has a root and one network of all its ratios (trunk) or five (patch); in two stages each of the seven
+    """A side has a root and one network of all its ratios; in two stages each of the seven
     loads has its own, and others than Fy take both of these first. A foundation always takes its whole time."""
     monkeypatch.setattr(at_hand, "_candidates", lambda project, names, loads: ())
     project = Project.open("knee", "quick", tmp_path)

@@ -93,16 +93,16 @@ def test_a_choice_names_a_model_that_is_at_hand_and_the_machine(project, motion,
 def test_the_shipped_surrogates_are_exported_and_their_example_pose_is_in_contact(project, motion, monkeypatch):
     monkeypatch.setattr(pipeline, "motion_at_hand", lambda project: motion)
     paths = pipeline.export(project)
-    function = ca.Function.load(str(project.folder / "export" / "trunk" / "knee.casadi"))
+    function = ca.Function.load(str(project.folder / "export" / "patch" / "knee.casadi"))
     pose = motion.poses[0, 25]
     np.testing.assert_allclose(function(pose).full().ravel(), cc.load_surrogate("knee")([pose])[0], rtol=1e-9)
     assert function(pose).full()[0] < -50.0
-    assert {path.parent.name for path in paths} == {"patch", "trunk", "two_stage"}
+    assert {path.parent.name for path in paths} == {"patch", "two_stage"}
 
 
 def test_a_folder_with_samples_speaks_for_itself(tmp_path):
     project = Project.open("knee", "quick", tmp_path)
-    assert set(surrogates_at_hand(project)) == {"patch", "trunk", "two_stage"}
+    assert set(surrogates_at_hand(project)) == {"patch", "two_stage"}
     project.samples_path.write_bytes(b"begun")
     with pytest.raises(FileNotFoundError, match=r"run casadi-contact train knee --preset quick --out .* first"):
         surrogates_at_hand(project)
@@ -120,7 +120,7 @@ def test_speed_times_the_shipped_surrogates_on_poses_of_the_built_in_cycles(proj
     monkeypatch.setattr(speed_module, "kernel_speed", kernel_speed)
     monkeypatch.setattr(speed_module, "poses_at_hand", lambda project: motion.poses.reshape(-1, 6))
     content = read_kernel_speed(speed_module.speed(project))
-    assert timed == dict.fromkeys(("patch", "trunk", "two_stage"), (project.scene.digest, 505))
+    assert timed == dict.fromkeys(("patch", "two_stage"), (project.scene.digest, 505))
     assert set(content["surrogates"]) == set(timed)
 
 

@@ -149,7 +149,7 @@ def test_a_later_cycle_that_cannot_be_solved_is_refused_before_the_first_is(tmp_
 
 def test_networks_learn_around_the_cycles_given(tmp_path, monkeypatch):
     """They are sampled on the scene's foundation, and of the preset's own structure."""
-    efforts = {"trunk": {"": Effort(((5, 5),), 0.3)}}
+    efforts = {"patch": {"": Effort(((5, 5),), 0.3)}}
     monkeypatch.setitem(PRESETS, "tiny", Preset(sampling_scale=0.005, efforts=efforts))
     (tmp_path / "knee.toml").write_text(cc.load_scene("knee", settle=(40, 20), teacher=(80, 40)).to_toml())
     for k, cycle in enumerate(reference_cycles(2, frames=4)):
@@ -157,7 +157,7 @@ def test_networks_learn_around_the_cycles_given(tmp_path, monkeypatch):
     files = [str(tmp_path / name) for name in ("knee.toml", "walk0.csv", "walk1.csv")]
     done = CliRunner().invoke(app, [*files, "--surrogate", "--preset", "tiny", "--out", str(tmp_path / "out")])
     assert done.exit_code in (0, 2, 3), done.output  # such small networks need not solve all frames
-    trained = cc.load_surrogate(tmp_path / "out" / "trunk.h5")
+    trained = cc.load_surrogate(tmp_path / "out" / "patch.h5")
     assert trained.record["reference_cycles"] == ["walk0", "walk1"]
     assert "foundations" in read_samples(tmp_path / "out" / "samples.h5").provenance["models"]
     assert (tmp_path / "out" / "poses" / "walk1" / "summary.json").is_file()

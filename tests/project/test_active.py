@@ -76,8 +76,8 @@ def test_the_worst_are_those_that_miss_most_tolerances_and_all_that_are_lifted()
 @pytest.fixture
 def project(tmp_path):
     before, after = ({"": Effort((size,), 0.1)} for size in ((6, 6), (8, 8)))
-    rounds = tuple(ActiveRound(2.0, 0.1, {"trunk": after}) for _ in range(2))
-    return replace(Project.open("knee", "quick", tmp_path), own=Preset(0.005, {"trunk": before}, rounds))
+    rounds = tuple(ActiveRound(2.0, 0.1, {"patch": after}) for _ in range(2))
+    return replace(Project.open("knee", "quick", tmp_path), own=Preset(0.005, {"patch": before}, rounds))
 
 
 def built(project):
@@ -115,7 +115,7 @@ def test_a_build_goes_on_through_its_rounds_on_wider_networks_and_ends_alike_whe
 def test_a_round_without_work_for_a_network_only_makes_it_wider(project):
     alone = replace(project, own=replace(project.own, active=()))
     samples, before = built(alone)
-    efforts = {"trunk": {"root": Effort(((8, 8),), 0.0), "ratios": Effort(((8, 8),), 0.1)}}
+    efforts = {"patch": {"root": Effort(((8, 8),), 0.0), "ratios": Effort(((8, 8),), 0.1)}}
     _, after = built(replace(project, own=replace(project.own, active=(ActiveRound(2.0, 0.1, efforts),))))
     assert {network.hidden for network in after.networks.values()} == {(8, 8)}
     roots = [each.root_loads(samples.poses)[0] for each in (after, before)]

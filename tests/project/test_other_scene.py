@@ -8,7 +8,7 @@ from casadi_contact.project.samples import sample
 
 
 def test_nothing_is_drawn_beside_a_surrogate_of_another_scene(tmp_path):
-    cc.load_surrogate("knee_patch").save(tmp_path / "patch.h5")
+    cc.load_surrogate("knee").save(tmp_path / "patch.h5")
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
     with pytest.raises(ValueError, match=r"patch\.h5 was trained for another scene than hip as it is now"):
         sample(Project.open("hip", "quick", tmp_path))

@@ -3,14 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 import casadi_contact as cc
 from casadi_contact.conventions import REFLECTION
 from casadi_contact.dataset import Samples
 from casadi_contact.dataset.mirror import either_side, mirrored
 from casadi_contact.scenes import Scene
-from casadi_contact.structures import PatchSurrogate, TrunkSurrogate
+from casadi_contact.structures import PatchSurrogate
 from tests.support.random_surrogates import random_poses, random_surrogate
 from tests.support.two_spheres import TwoSpheres
 
@@ -42,14 +41,13 @@ def test_half_of_the_samples_are_learned_in_the_mirror_and_both_images_where_a_s
     assert 0.3 < len(drawn_poses & as_drawn & {tuple(p) for p in samples.poses[~free]}) / (~free).sum() < 0.7
 
 
-@pytest.mark.parametrize("kind", [PatchSurrogate, TrunkSurrogate], ids=["patch", "trunk"])
-def test_a_surrogate_of_reflected_networks_mirrors_loads(kind):
+def test_a_surrogate_of_reflected_networks_mirrors_loads():
     scene = cc.load_scene("knee")
-    networks = random_surrogate(scene, kind.structure, seed=2).networks
-    twins = kind.twins(scene)
-    networks |= {twin: kind.reflection(twin, networks[of], scene) for twin, of in twins.items()}
+    networks = random_surrogate(scene, "patch", seed=2).networks
+    twins = PatchSurrogate.twins(scene)
+    networks |= {twin: PatchSurrogate.reflection(twin, networks[of], scene) for twin, of in twins.items()}
     assert set(twins) | set(twins.values()) == set(networks)
-    surrogate, poses = kind(scene, networks), random_poses(40)
+    surrogate, poses = PatchSurrogate(scene, networks), random_poses(40)
     image = surrogate.wrenches(poses * REFLECTION)[:, ::-1] * REFLECTION
     assert (surrogate.wrenches(poses) != 0.0).any()
     np.testing.assert_allclose(surrogate.wrenches(poses), image, rtol=1e-10, atol=1e-10)
@@ -66,16 +64,15 @@ def test_only_joints_of_equal_sides_are_symmetric():
     assert PatchSurrogate.twins(cc.load_scene("hip")) == {}
 
 
-@pytest.mark.parametrize("kind", [PatchSurrogate, TrunkSurrogate], ids=["patch", "trunk"])
-def test_the_side_that_is_learned_is_as_close_as_the_other_side_is_asked_to_be(kind):
+def test_the_side_that_is_learned_is_as_close_as_the_other_side_is_asked_to_be():
     """Its networks, mirrored, are the other side's: to ask one side for more is to ask the other one."""
     scene = replace(cc.load_scene("knee"), load_names=("Fy_med", "Fy_lat", "Tx_med", "Tx_lat", "Fx"))
     _, samples = drawn(400)
 
     def asked(**tolerances):
         wanted = replace(scene, tolerances={"Fx": 1.0, **tolerances})
-        networks = kind.regressions(either_side(replace(samples, scene=wanted)))
-        learned = [one for one in networks if one.name not in kind.twins(wanted)]
+        networks = PatchSurrogate.regressions(either_side(replace(samples, scene=wanted)))
+        learned = [one for one in networks if one.name not in PatchSurrogate.twins(wanted)]
         return [np.mean(one.weights**2, axis=0) / one.tolerance**2 for one in learned]
 
     closer = asked(Fy_med=0.2, Fy_lat=0.2, Tx_med=1.0, Tx_lat=1.0)
@@ -92,18 +89,8 @@ def test_the_side_that_is_learned_is_as_close_as_the_other_side_is_asked_to_be(k
 
 def test_in_the_plane_of_symmetry_the_kernel_of_one_side_gives_the_loads_of_both():
     scene = cc.load_scene("planar_knee")
-    networks = random_surrogate(cc.load_scene("knee"), "patch", seed=2).networks
-    free = list(scene.pose_space.free)
-    narrow = {
-        name: replace(
-            net,
-            input_shift=net.input_shift[free],
-            input_scale=net.input_scale[free],
-            weights=(net.weights[0][:, free], *net.weights[1:]),
-        )
-        for name, net in networks.items()
-    }
-    apart = PatchSurrogate(scene, narrow)
+    apart = random_surrogate(scene, "patch", seed=2)
+    narrow = apart.networks
     twins = PatchSurrogate.twins(scene)
     alike = PatchSurrogate(
         scene, narrow | {twin: PatchSurrogate.reflection(twin, narrow[of], scene) for twin, of in twins.items()}

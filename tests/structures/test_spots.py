@@ -51,7 +51,7 @@ def trained(project, samples, spots):
     samples = replace(samples, scene=of_spots(samples.scene, spots))
     with ThreadPoolExecutor(1) as here:
         folder = project.folder / str(spots)
-        return fit_surrogate(project, samples, Fitting("trunk", efforts, folder, "a test"), executor=here)
+        return fit_surrogate(project, samples, Fitting("patch", efforts, folder, "a test"), executor=here)
 
 
 @pytest.fixture(scope="module")

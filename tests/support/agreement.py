@@ -13,7 +13,7 @@ import numpy as np
 ROUNDING = (1e-10, 1e-9, 1e-8)  # of values, first and second derivatives, relative to the usual size of that output
 
 # Trained two_stage networks add up last-layer terms of thousands of times their sum: so many times more rounding.
-CANCELLED = {"patch": 1.0, "trunk": 1.0, "two_stage": 100.0}
+CANCELLED = {"patch": 1.0, "two_stage": 100.0}
 
 
 def usual_size(values):

@@ -8,7 +8,7 @@ import torch
 from casadi_contact.conventions import WRENCH_NAMES, load_selection
 from casadi_contact.network import Network
 from casadi_contact.structures import Surrogate
-from casadi_contact.structures.trunk.targets import trunk_outputs
+from casadi_contact.structures.patch.targets import ratio_outputs
 
 torch.set_default_dtype(torch.float64)
 
@@ -58,9 +58,7 @@ def _patch(surrogate: Surrogate, poses: torch.Tensor, loads: bool) -> torch.Tens
 
 
 def _ratio(surrogate: Surrogate, patch: str, component: str, local: torch.Tensor) -> torch.Tensor:
-    if surrogate.structure == "patch":
-        return _network(surrogate.networks[f"ratio_{patch}_{component}"], local)
-    outputs = trunk_outputs(surrogate.scene).get(f"ratios_{patch}", ())
+    outputs = ratio_outputs(surrogate.scene).get(f"ratios_{patch}", ())
     if component in outputs:
         return _network(surrogate.networks[f"ratios_{patch}"], local, outputs.index(component))
     return torch.zeros(len(local))  # no load needs it
@@ -96,7 +94,7 @@ def _slopes(rows: torch.Tensor, poses: torch.Tensor, *, differentiable: bool = F
 
 def oracles(surrogate: Surrogate, poses: np.ndarray, weights: np.ndarray, *, loads: bool = True) -> list[np.ndarray]:
     """Of loads or root loads: values (n, m), Jacobians (n, m, 6), Hessians (n, 1, 6, 6) of their weighted sums."""
-    rule = {"patch": _patch, "trunk": _patch, "two_stage": _two_stage}[surrogate.structure]
+    rule = {"patch": _patch, "two_stage": _two_stage}[surrogate.structure]
     x = _tensor(poses).requires_grad_()
     values = rule(surrogate, x, loads)
     sums = (_tensor(weights) * values).sum(dim=1, keepdim=True)

@@ -12,9 +12,9 @@ from tests.support.second_derivatives import evaluated
 
 torch_oracle = pytest.importorskip("tests.support.torch_oracle", reason="torch is not installed", exc_type=ImportError)
 
-CASES = [(scene, structure) for scene in ("knee", "sphere_on_plane") for structure in ("patch", "trunk", "two_stage")]
+CASES = [(scene, structure) for scene in ("knee", "sphere_on_plane") for structure in ("patch", "two_stage")]
 CASES += [("hip", "patch"), ("patellofemoral", "patch"), (IN_PARTS, "patch")]  # N as a magnitude, N = +Fx
-CASES += [("hip", "trunk"), (IN_PARTS, "trunk"), ("knee", IN_SPOTS), ("hip", IN_SPOTS)]
+CASES += [("hip", "patch"), (IN_PARTS, "patch"), ("knee", IN_SPOTS), ("hip", IN_SPOTS)]
 
 
 @pytest.mark.parametrize("activation", ACTIVATIONS)

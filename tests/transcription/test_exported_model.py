@@ -51,7 +51,7 @@ class Exported:
 
 
 @pytest.mark.parametrize(
-    ("scene", "structure"), [("knee", "patch"), (IN_PARTS, "trunk"), ("knee", IN_SPOTS), ("knee", "two_stage")]
+    ("scene", "structure"), [("knee", "patch"), (IN_PARTS, "patch"), ("knee", IN_SPOTS), ("knee", "two_stage")]
 )
 def test_an_exported_surrogate_gives_loads_roots_validity_and_expected_error_and_says_what_was_learned(
     scene, structure, tmp_path

@@ -12,7 +12,7 @@ from tests.support.compiler import needs_compiler
 from tests.support.random_surrogates import POSE_CENTRE, POSE_SPREAD, random_network, random_poses, random_surrogate
 
 
-@pytest.fixture(scope="module", params=["patch", "trunk", "two_stage"])
+@pytest.fixture(scope="module", params=["patch", "two_stage"])
 def surrogate(request):
     return random_surrogate(load_scene("knee"), request.param, seed=4)
 

@@ -25,9 +25,9 @@ from tests.support.second_derivatives import by_hessians, by_jacobian_of_jacobia
 torch_oracle = pytest.importorskip("tests.support.torch_oracle", reason="torch is not installed", exc_type=ImportError)
 pytestmark = needs_compiler
 
-CASES = [(scene, structure) for scene in ("knee", "sphere_on_plane") for structure in ("patch", "trunk", "two_stage")]
+CASES = [(scene, structure) for scene in ("knee", "sphere_on_plane") for structure in ("patch", "two_stage")]
 CASES += [("hip", "patch"), ("patellofemoral", "patch"), (IN_PARTS, "patch")]  # N as a magnitude, N = +Fx
-CASES += [("hip", "trunk"), (IN_PARTS, "trunk"), ("knee", IN_SPOTS), ("hip", IN_SPOTS)]
+CASES += [("hip", "patch"), (IN_PARTS, "patch"), ("knee", IN_SPOTS), ("hip", IN_SPOTS)]
 
 
 def far_poses(count: int) -> np.ndarray:
@@ -79,7 +79,7 @@ def test_kernel_equals_numpy_and_torch(scene, structure, activation):
 
 
 @pytest.mark.usefixtures("as_shipped")
-@pytest.mark.parametrize("structure", ["patch", "trunk", "two_stage"])
+@pytest.mark.parametrize("structure", ["patch", "two_stage"])
 def test_loads_and_roots_together_and_single_loads(structure):
     surrogate, pose, poses = (
         random_surrogate(load_scene("knee"), structure, seed=8),
@@ -98,7 +98,7 @@ def test_loads_and_roots_together_and_single_loads(structure):
 
 
 @pytest.mark.usefixtures("as_shipped")
-@pytest.mark.parametrize("structure", ["patch", "trunk", "two_stage"])
+@pytest.mark.parametrize("structure", ["patch", "two_stage"])
 @pytest.mark.parametrize("batch", [33])
 def test_batches_equal_single_calls(structure, batch):
     surrogate = random_surrogate(load_scene("knee"), structure, seed=9)
@@ -175,7 +175,7 @@ def test_batches_map_over_threads():
 
 
 @pytest.mark.usefixtures("as_shipped")
-@pytest.mark.parametrize("name", ["knee", "knee_patch", "knee_two_stage"])
+@pytest.mark.parametrize("name", ["knee", "knee_two_stage"])
 def test_ready_surrogates_agree_in_and_beyond_their_range(name):
     surrogate = load_surrogate(name)
     low, high = np.array(list(surrogate.record["pose_range"].values())).T
@@ -217,10 +217,9 @@ def pressed_parts(surrogate, poses: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.usefixtures("as_shipped")
-@pytest.mark.parametrize("structure", ["patch", "trunk"])
-def test_however_many_parts_are_pressed_the_kernel_equals_numpy(structure):
+def test_however_many_parts_are_pressed_the_kernel_equals_numpy():
     """Networks of parts are evaluated four or two at a time, and those that are left over one by one."""
-    surrogate, pose = random_surrogate(scene_called(IN_PARTS), structure, seed=5), ca.MX.sym("pose", 6)
+    surrogate, pose = random_surrogate(scene_called(IN_PARTS), "patch", seed=5), ca.MX.sym("pose", 6)
     poses = random_poses(5000, seed=7)
     pressed = pressed_parts(surrogate, poses)
     poses = np.vstack([poses[pressed == count][:3] for count in range(5)])
@@ -235,7 +234,7 @@ def test_however_many_parts_are_pressed_the_kernel_equals_numpy(structure):
 @pytest.mark.parametrize("name", ["kernel", "guarded", "roots", "which"])
 def test_a_patch_may_be_called_as_the_kernel_calls_its_own(name, tmp_path):
     scene = scene_of(tmp_path, ball_mesh(8.0, 2.0), sheet_mesh(8.0, 4.0), extra=f"[geometry.patches.{name}]\n")
-    surrogate, poses = random_surrogate(scene, "trunk", seed=3), random_poses(5, seed=1)
+    surrogate, poses = random_surrogate(scene, "patch", seed=3), random_poses(5, seed=1)
     function = surrogate.function(compiled=True)
     assert function.class_name() == "External", "a graph takes the place of a kernel that does not compile"
     agree([function(each).full().ravel() for each in poses], surrogate(poses))

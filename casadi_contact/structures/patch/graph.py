@@ -8,7 +8,7 @@ Values and gradients are continuous at liftoff and every order is exactly zero o
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -19,34 +19,31 @@ from casadi_contact.network import Network
 from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.structures.patch.local_pose import LocalPose, local_pose_expressions
 from casadi_contact.transcription.expressions import Expressions, Output
-from casadi_contact.transcription.network_graph import NetworkValue, network_value, network_values
+from casadi_contact.transcription.network_graph import NetworkValue, network_values
 
 
 @dataclass(frozen=True)
 class PatchNetworks:
-    """The networks of one patch: root loads s_p of its spots and ratios ρ_pk by wrench component.
-
-    ``sensitive`` is the wrench component that is sign·N; None where every component is a ratio. ratios: a network for
-    each component; or together: one network, with the components that it gives, in order.
+    """The networks of one patch: root loads s_p of its spots; ratios ρ_pk of the wrench components, None where none is
+    needed. ``sensitive`` is the wrench component that is sign·N; None where every component is a ratio.
     """
 
     name: str
     anchor_mm: Array
     sensitive: str | None
     root: Network
-    ratios: Mapping[str, Network]
+    ratios: Network | None
+    components: tuple[str, ...]
     sign: float = -1.0
-    together: tuple[Network, tuple[str, ...]] | None = None
 
     def ratio_values(
         self, x: ca.MX, components: Sequence[str], order: int, tangent: ca.MX | None
     ) -> dict[str, NetworkValue]:
-        """Ratios of these components at the free columns x of a local pose, for `network_value`."""
-        if self.together is None:
-            return {k: network_value(self.ratios[k], x, order, tangent) for k in components}
-        network, known = self.together
-        values = network_values(network, x, order, [known.index(k) for k in components], tangent)
-        return dict(zip(components, values, strict=True))
+        """Ratios of these components at the free columns x of a local pose, for `network_values`."""
+        if self.ratios is None or not components:
+            return {}
+        columns = [self.components.index(k) for k in components]
+        return dict(zip(components, network_values(self.ratios, x, order, columns, tangent), strict=True))
 
 
 def _normal(roots: Sequence[NetworkValue], reference_load: float, order: int) -> NetworkValue:

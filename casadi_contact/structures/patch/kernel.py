@@ -31,11 +31,9 @@ def _patch(
     """Networks and functions of one patch, whose spots' root loads begin at `row`; selection (L, 6) picks its wrench
     components into loads."""
     used = [name for k, name in enumerate(WRENCH_NAMES) if selection[:, k].any()]
-    ratios = [name for name in used if name != patch.sensitive]
-    of_ratios = {f"{name}/N {patch.name}": patch.ratios[name] for name in ratios} if patch.together is None else {}
-    if patch.together is not None and ratios:
-        network, components = patch.together
-        ratios, of_ratios = list(components), {f"{', '.join(components)} by N {patch.name}": network}
+    ratios, of_ratios = [], {}
+    if patch.ratios is not None and any(name != patch.sensitive for name in used):
+        ratios, of_ratios = list(patch.components), {f"{', '.join(patch.components)} by N {patch.name}": patch.ratios}
     sign = "-" if patch.sign < 0.0 else ""
     columns = None if space.whole else space.free
     bundles = [

@@ -20,6 +20,6 @@ def part_of_root(name: str) -> str:
     return name.removeprefix(_ROOT)
 
 
-def ratio_name(part: str, component: str) -> str:
-    """Name of the network of one wrench component, divided by the normal load: ratio_med_Fx."""
-    return f"ratio_{part}_{component}"
+def ratios_name(part: str) -> str:
+    """Name of the network of all ratios of a patch or part: ratios_med."""
+    return f"ratios_{part}"

@@ -5,7 +5,8 @@ Patch p with local pose x_p has a signed root load s_p(x_p) and ratios ρ_pk(x_p
     N_p = N0·max(s_p, 0)²,   wrench component along the sensitive load: ±N_p,   every other component k: N_p·ρ_pk
 
 so that loads vanish exactly out of contact and nothing ever pulls. All six components are ratios where the normal
-load is the magnitude of the force (`scenes.normal_load`). Networks are named ``root_med``, ``ratio_med_Fx`` and so on.
+load is the magnitude of the force (`scenes.normal_load`). Networks are named ``root_med`` and ``ratios_med``; the
+second gives all ratios of a patch that the scene's loads need, from shared hidden neurons.
 
 A patch that touches in several places bends where one of them comes or goes. Its root network may have several outputs,
 the root loads s_pk of as many spots: N_p = N0·Σ_k max(s_pk, 0)².
@@ -34,9 +35,9 @@ from casadi_contact.structures.patch.graph import PatchNetworks, patch_expressio
 from casadi_contact.structures.patch.kernel import patch_kernel
 from casadi_contact.structures.patch.local_pose import LocalPoses, local_pose_jacobian, local_poses
 from casadi_contact.structures.patch.mirror import equal_networks, reflected
-from casadi_contact.structures.patch.names import is_root, part_of_root, ratio_name, root_name
+from casadi_contact.structures.patch.names import is_root, part_of_root, ratios_name, root_name
 from casadi_contact.structures.patch.roots import patch_root_expressions, patch_roots
-from casadi_contact.structures.patch.targets import patch_regressions
+from casadi_contact.structures.patch.targets import patch_regressions, ratio_outputs
 from casadi_contact.structures.patch.together import parts_regressions
 from casadi_contact.transcription.expressions import Expressions
 from casadi_contact.transcription.kernel import Kernel
@@ -61,20 +62,24 @@ class _PartRoot(NamedTuple):
 
 
 class PatchSurrogate(Surrogate):
-    """Root load and ratio networks per patch; NumPy evaluation, and CasADi functions from `Surrogate`."""
+    """A network of the root load and one of all ratios per patch."""
 
     structure = "patch"
     title = "patch surrogate"
-    budget_shares: ClassVar[Mapping[str, float]] = {"ratio": 0.2}  # smoother than a root load, and sooner good enough
+    budget_shares: ClassVar[Mapping[str, float]] = {"ratios": 0.2}  # smoother than a root load, and sooner good enough
 
     @classmethod
     def network_inputs(cls, scene: Scene) -> dict[str, int]:
-        """A root and the ratios of every part, each of the free columns of the local pose (6 where none is locked)."""
-        names = []
-        for part in scene.parts:
-            ratios = (ratio_name(part.name, k) for k in WRENCH_NAMES if k != part.normal.component)
-            names += [root_name(part.name), *ratios]
+        """Root loads, and ratios where the scene's loads need any, of every part; inputs are the free columns of the
+        local pose (6 where none is locked)."""
+        names = [*(root_name(part.name) for part in scene.parts), *ratio_outputs(scene)]
         return dict.fromkeys(names, len(scene.pose_space.free))
+
+    @classmethod
+    def network_outputs(cls, scene: Scene) -> dict[str, int]:
+        """1 for a root load, the number of its ratios for a network of ratios."""
+        ratios = {name: len(components) for name, components in ratio_outputs(scene).items()}
+        return {name: ratios.get(name, 1) for name in cls.network_inputs(scene)}
 
     @staticmethod
     def gives_spots(name: str) -> bool:
@@ -83,41 +88,39 @@ class PatchSurrogate(Surrogate):
 
     @staticmethod
     def regressions(samples: Samples) -> list[Regression]:
-        """One regression per network that the scene's loads need; see `patch_regressions` for the formulas."""
+        """One regression per network; see `patch_regressions` for the formulas."""
         return patch_regressions(samples)
 
     @classmethod
     def twins(cls, scene: Scene) -> dict[str, str]:
-        """Of a symmetric joint the networks of the second part: mirror images of those of the first."""
+        """Networks of the second part of a symmetric joint: mirror images of those of the first. None where the scene
+        needs other ratios of the second part than of the first."""
         if not scene.symmetric:
             return {}
-        first, second = scene.parts
-        components = [k for k in WRENCH_NAMES if k != first.normal.component]
-        ratios = {ratio_name(second.name, k): ratio_name(first.name, k) for k in components}
-        return {root_name(second.name): root_name(first.name), **ratios}
+        first, second = (part.name for part in scene.parts)
+        of_first, of_second = (ratio_outputs(scene).get(ratios_name(part)) for part in (first, second))
+        if of_first != of_second:
+            return {}
+        ratios = {ratios_name(second): ratios_name(first)} if of_first else {}
+        return {root_name(second): root_name(first), **ratios}
 
     @staticmethod
     def reflection(name: str, network: Network, scene: Scene) -> Network:
         """The twin `name` of a network: its reflection in the plane z = 0."""
-        component = None if is_root(name) else name.rpartition("_")[2]
-        return reflected(network, scene.pose_space.free, (component,))
+        return reflected(network, scene.pose_space.free, ratio_outputs(scene).get(name, (None,)))
 
     @classmethod
     def networks_for(cls, scene: Scene, loads: Sequence[str]) -> list[str]:
-        """Of every part that the loads need: its root, and the ratios they are made of."""
+        """Of every part that the loads need: its root load, and its ratios where a load is made of one."""
         selection = scene.part_selection(loads)
         names = []
         for p, part in enumerate(scene.parts):
             used = [k for c, k in enumerate(WRENCH_NAMES) if selection[:, p, c].any()]
             if used:
-                ratios = (cls.ratio_network(part.name, k) for k in used if k != part.normal.component)
-                names += [root_name(part.name), *dict.fromkeys(ratios)]
+                names.append(root_name(part.name))
+            if any(k != part.normal.component for k in used):
+                names.append(ratios_name(part.name))
         return names
-
-    @staticmethod
-    def ratio_network(part: str, component: str) -> str:
-        """Name of the network that gives a ratio."""
-        return ratio_name(part, component)
 
     def parts_regressions(self, samples: Samples) -> list[PartsRegression]:
         """Root loads of the parts of each patch that is cut, under the ratios of its networks; see
@@ -210,7 +213,15 @@ class PatchSurrogate(Surrogate):
 
     def _ratios(self, at: LocalPoses, part: Part, components: Sequence[str]) -> dict[str, tuple[Array, Array]]:
         """Ratios (n,) of a part by wrench component, with their derivatives as for `_network`."""
-        return {k: self._network(ratio_name(part.name, k), at) for k in components}
+        if not components:
+            return {}
+        name = ratios_name(part.name)
+        known = ratio_outputs(self.scene)[name]
+        values, slopes = self._network(name, at)
+        if len(known) == 1:
+            return {known[0]: (values, slopes)}
+        columns = {k: known.index(k) for k in components}
+        return {k: (values[:, m], slopes[:, m] if len(at.by_pose) else slopes) for k, m in columns.items()}
 
     def _wrenches(self, roots: Mapping[int, _PartRoot], used: np.ndarray) -> tuple[Array, Array]:
         """Wrenches (n, parts, 6) and d/dpose (n, parts, 6, 6), (0, parts, 6, 6) if not asked for, zero where used
@@ -287,6 +298,7 @@ class PatchSurrogate(Surrogate):
         return of_parts, self.scene.part_selection(loads)[:, known]
 
     def _part_networks(self, part: Part, root: Network) -> PatchNetworks:
-        names = {k: ratio_name(part.name, k) for k in WRENCH_NAMES}
-        ratios = {k: self.networks[name] for k, name in names.items() if name in self.networks}
-        return PatchNetworks(part.name, part.anchor_mm, part.normal.component, root, ratios, sign=part.normal.sign)
+        name, normal = ratios_name(part.name), part.normal
+        components = ratio_outputs(self.scene).get(name, ())
+        ratios = self.networks.get(name)
+        return PatchNetworks(part.name, part.anchor_mm, normal.component, root, ratios, components, normal.sign)

@@ -18,7 +18,7 @@ from casadi_contact.network import Regression
 from casadi_contact.quantities import FORCE, of_kind
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.patch.local_pose import local_poses
-from casadi_contact.structures.patch.names import is_root, ratio_name, root_name
+from casadi_contact.structures.patch.names import is_root, ratios_name, root_name
 from casadi_contact.structures.sample_rows import finite, fitted_rows, nonempty
 
 _GAP_WEIGHT = 0.02  # of residuals far out of contact (`root_weight`)
@@ -62,13 +62,20 @@ def part_components(scene: Scene) -> dict[str, tuple[str, ...]]:
     }
 
 
+def ratio_outputs(scene: Scene) -> dict[str, tuple[str, ...]]:
+    """Wrench components whose ratios the scene's loads need, by the name of the network that gives them."""
+    components = part_components(scene)
+    return {ratios_name(part): names for part, names in components.items() if names}
+
+
 def patch_regressions(samples: Samples) -> list[Regression]:
     """Regressions for the root load of every part of a patch, which validity goes by, and for the ratios that the
     scene's loads need.
 
-    Root: target `root_target`, weight `root_weight`, out of contact N0 as its false load; ratio: target W_k/N, weight
-    N, so that residuals are in N or N·mm; all times the samples' own weights. Tolerances: see `_tolerances`. Raises
-    ValueError for NaN, for a patch that pulls, for an unknown gap out of contact, or without samples.
+    Root: target `root_target`, weight `root_weight`, out of contact N0 as its false load. Ratios: target W_k/N, weight
+    N/(τ_k·√m) for the m outputs of a network, so that the root mean square of its residuals is 1 where the error of
+    every component is its tolerance τ_k (`_tolerances`). All weights times the samples' own. Raises ValueError for NaN,
+    for a patch that pulls, for an unknown gap out of contact, or without samples.
     """
     scene = samples.scene
     refuse_pulling(samples, "samples")
@@ -95,21 +102,26 @@ def patch_regressions(samples: Samples) -> list[Regression]:
         # Not of several spots, which would all be driven out of contact before one learns to bear.
         false_load = counting * np.where(contact | (part.spots > 1), 0.0, scene.reference_load)
         columns = (inputs, target, counting * root_weight(target, scene), validation)
-        root = Regression(root_name(part.name), *columns, root_tolerance, part.spots, false_load, domain)
-        regressions.append(root)
-        touching = root.of_rows(contact)
-        for k in (WRENCH_NAMES.index(name) for name in components[part.name]):
-            regressions.append(
-                replace(
-                    touching,
-                    name=ratio_name(part.name, WRENCH_NAMES[k]),
-                    targets=wrench[contact, k] / normal[contact],
-                    weights=(counting * normal)[contact],
-                    tolerance=ratio_tolerances[k],
-                    spots=1,
-                    false_load=0.0,
-                )
+        regressions.append(Regression(root_name(part.name), *columns, root_tolerance, part.spots, false_load, domain))
+        if not components[part.name]:
+            continue
+        used = [WRENCH_NAMES.index(name) for name in components[part.name]]
+        targets = wrench[contact][:, used] / normal[contact, None]
+        per_newton = 1.0 / (np.array([ratio_tolerances[k] for k in used]) * np.sqrt(len(used)))
+        weights = (counting * normal)[contact, None] * per_newton
+        if len(used) == 1:
+            targets, weights = targets[:, 0], weights[:, 0]
+        regressions.append(
+            Regression(
+                ratios_name(part.name),
+                inputs[contact],
+                targets,
+                weights,
+                validation[contact],
+                tolerance=1.0,
+                domain=domain[contact],
             )
+        )
     return regressions
 
 

@@ -21,7 +21,7 @@ def headline(data: Path) -> str:
     """Five numbers of the knee, with the command that measured each and the machine."""
     grid = f"EF {read_evaluation(data / 'evaluation.json')['walking']['fine']}"
     speed = read_kernel_speed(data / "kernel_speed.json")
-    times = {k: v["low_us"] for k, v in speed["surrogates"]["trunk"]["microseconds"].items()}
+    times = {k: v["low_us"] for k, v in speed["surrogates"]["patch"]["microseconds"].items()}
     poses = json.loads((data / "pose_estimation" / "reference.json").read_text("utf-8"))
     kernel = ", ".join(number(times[f"{what}, kernel"]) for what in ("value", "Jacobian", "Hessian"))
     solved = f"{poses['converged']} of {poses['frames']} frames, {poses['ipopt_iterations']} iterations"

@@ -42,7 +42,7 @@ def run(
     rows: Annotated[str | None, typer.Option(help="rows to measure, separated by commas; all if left out")] = None,
     count: Annotated[int, typer.Option(min=1, help="starts of row 1, for each distance")] = 200,
     quick: Annotated[bool, typer.Option("--quick", help="fewer starts and poses: some minutes")] = False,
-    patch: Annotated[str, typer.Option(help="a ready patch surrogate or the path of a .h5 file")] = "knee_patch",
+    patch: Annotated[str, typer.Option(help="a ready patch surrogate or the path of a .h5 file")] = "knee",
     two_stage: Annotated[str, typer.Option(help="the same in two stages")] = "knee_two_stage",
     preset: Annotated[str, typer.Option(help="preset that another scene was built by")] = "quick",
     folder: Annotated[Path | None, typer.Option(help="folder of that build; results/SCENE-PRESET if left out")] = None,

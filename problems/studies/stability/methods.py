@@ -57,7 +57,7 @@ class Bench:
 
 
 def bench(
-    patch: str = "knee_patch", two_stage: str = "knee_two_stage", *, peer_points: int = 1000, peer_gflop: float = 300.0
+    patch: str = "knee", two_stage: str = "knee_two_stage", *, peer_points: int = 1000, peer_gflop: float = 300.0
 ) -> Bench:
     """Load or build every method. Peers are fitted as `peer_models` says and left out, with the reason, where a package
     is absent. Raises FileNotFoundError for an unknown surrogate."""

@@ -36,7 +36,7 @@ class Plan:
 
     count: int
     quick: bool
-    patch: str = "knee_patch"
+    patch: str = "knee"
     two_stage: str = "knee_two_stage"
     scene: str = "knee"
     preset: str = "quick"  # that another scene was built by,

@@ -53,7 +53,7 @@ class SingleNetwork(Network):
 
 
 def hessian(network: Network, inputs: Array) -> Array:
-    """d²y/dx² (n, k, k) in the precision of weights and inputs, by forward differentiation layer by layer:
+    """d²y/dx² (n, outputs, k, k) in the precision of weights and inputs, by forward differentiation layer by layer:
     J_l = σ'·W·J, H_l = σ'·W·H + σ''·(W·J)⊗(W·J)."""
     a = (inputs - network.input_shift) / network.input_scale
     j = np.broadcast_to(np.diag(1.0 / network.input_scale).astype(a.dtype), (len(a), a.shape[1], a.shape[1]))
@@ -64,7 +64,7 @@ def hessian(network: Network, inputs: Array) -> Array:
         wh = np.einsum("oi,nixy->noxy", weight, h)
         h = slope[..., None, None] * wh + bend[..., None, None] * wj[..., :, None] * wj[..., None, :]
         j = slope[..., None] * wj
-    return np.asarray(network.output_scale * np.einsum("i,nixy->nxy", network.weights[-1][0], h))
+    return np.asarray(np.reshape(network.output_scale, (-1, 1, 1)) * np.einsum("oi,nixy->noxy", network.weights[-1], h))
 
 
 class RoundedFunction(ca.Callback):
@@ -144,7 +144,7 @@ def hessian_error(surrogate: Surrogate, poses: Array) -> float:
         scale = network.input_scale[:, None] * network.input_scale
         true = hessian(network, inputs) * scale
         got = hessian(SingleNetwork.of(network), np.float32(inputs)) * scale  # type: ignore[arg-type]
-        off = np.linalg.norm(got - true, axis=(1, 2)) / np.linalg.norm(true, axis=(1, 2))
+        off = np.linalg.norm(got - true, axis=(2, 3)) / np.linalg.norm(true, axis=(2, 3))
         errors.append(np.sqrt(np.mean(off**2)))
     return float(max(errors))
 

@@ -1,1 +1,0 @@
-"""The trunk structure: the patch structure with one network for all ratios of a patch."""
