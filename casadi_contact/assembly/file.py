@@ -32,9 +32,9 @@ from casadi_contact.assembly.assembly import Assembly
 from casadi_contact.assembly.connections import Contact, Ligament, Pull, Spring
 from casadi_contact.contact import ContactModel, PolarFoundation, SymbolicContact, foundation, symbolic
 from casadi_contact.contact.polar.rays import Rays
-from casadi_contact.conventions import LEVER_MM, WRENCH_NAMES, Array, loads_of_total
+from casadi_contact.conventions import Array
 from casadi_contact.files import toml_tables, toml_text
-from casadi_contact.quantities import TORQUE, quantity
+from casadi_contact.optimisation import whole_wrench
 from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.shapes.checks import fail, number, plain_values, scene_name, table_of
 
@@ -80,22 +80,6 @@ def joint_foundation(scene: Scene) -> SymbolicContact:
     model = foundation(scene)
     few = isinstance(model, PolarFoundation) and model.rays.count < _RAYS.count
     return PolarFoundation(scene, _RAYS) if few else model
-
-
-def whole_wrench(scene: Scene) -> Scene:
-    """The scene with every component of the wrench among its loads: those that it leaves out in total, with the
-    loosest tolerance of their kind, or that of the other kind at the lever `LEVER_MM`."""
-    missing = [name for name in WRENCH_NAMES if not loads_of_total(name, scene.load_names, scene.patch_names)]
-    if not missing:
-        return scene
-    tolerances = dict(scene.tolerances)
-    for name in missing:
-        kind = quantity(name).kind
-        alike = [value for load, value in scene.tolerances.items() if quantity(load).kind == kind]
-        at_lever = LEVER_MM if kind == TORQUE else 1.0 / LEVER_MM
-        tolerances[name] = max(alike) if alike else at_lever * max(scene.tolerances.values())
-    loads = {**scene.tables["loads"], "names": [*scene.load_names, *missing]}
-    return Scene.from_tables({**scene.tables, "loads": loads, "tolerances": tolerances})
 
 
 def _assembly(tables: Mapping[str, Any], folder: Path, contact: Callable[[Scene], ContactModel]) -> Assembly:

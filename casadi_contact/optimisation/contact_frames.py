@@ -22,9 +22,14 @@ from casadi_contact.conventions import (
 )
 from casadi_contact.files import short
 from casadi_contact.motion.checks import check_radians
-from casadi_contact.optimisation.pose_range import middle_pose, pose_bounds
-from casadi_contact.optimisation.scaling import pose_steps
-from casadi_contact.optimisation.starts import LEAST_START_N, settle_in_range, touching
+from casadi_contact.optimisation.starts import (
+    LEAST_START_N,
+    middle_pose,
+    pose_bounds,
+    pose_steps,
+    settle_in_range,
+    touching,
+)
 from casadi_contact.quantities import newton_scales
 from casadi_contact.scenes.centre_of_pressure import centre_of_pressure
 from casadi_contact.scenes.normal_load import NormalLoad

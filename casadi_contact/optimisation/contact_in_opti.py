@@ -13,7 +13,7 @@ from casadi_contact.contact import ContactModel, SymbolicContact, symbolic
 from casadi_contact.conventions import Array, pose_index
 from casadi_contact.optimisation.contact_frames import ContactFrames, checked_locked
 from casadi_contact.optimisation.ipopt import ipopt_options
-from casadi_contact.optimisation.pose_range import pose_bounds
+from casadi_contact.optimisation.starts import pose_bounds
 
 _CONSTRAINT_N = 100.0  # misfits over this are of the size of the scaled variables
 

@@ -10,9 +10,16 @@ About the moving origin, Q = (F, EᵀT). Contact loads W act on the fixed body: 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
+import numpy as np
+
+from casadi_contact.contact import ContactModel, symbolic
+from casadi_contact.conventions import LEVER_MM, WRENCH_NAMES, Array, loads_of_total
+from casadi_contact.quantities import TORQUE, quantity
+from casadi_contact.scenes import Scene
 
 
 def angular_velocity_map(angles: Any) -> Any:
@@ -30,3 +37,44 @@ def generalised_forces(pose: Any, wrench: Any, *, about: str = "fixed") -> Any:
     if about == "fixed":
         torque = torque - ca.cross(pose[:3], force)
     return ca.vertcat(force, ca.mtimes(angular_velocity_map(pose[3:]).T, torque))
+
+
+def total_selection(load_names: Sequence[str], patch_names: Sequence[str]) -> Array:
+    """Matrix (6, L) that adds named loads up to the total wrench, each component as `loads_of_total` says; ValueError
+    where one is named neither in total nor of every patch."""
+    parts = {component: loads_of_total(component, load_names, patch_names) for component in WRENCH_NAMES}
+    if missing := [component for component, names in parts.items() if not names]:
+        raise ValueError(
+            f"the loads {', '.join(load_names)} hold no {', '.join(missing)}, "
+            f"expected all of {', '.join(WRENCH_NAMES)} in total or of every patch"
+        )
+    return np.array([[float(name in parts[component]) for name in load_names] for component in WRENCH_NAMES])
+
+
+def wrench_function(model: ContactModel, name: str = "contact_wrench") -> ca.Function:
+    """casadi.Function pose (6) -> total contact wrench on the fixed body (6), about its origin [N, N·mm].
+
+    A surrogate or foundation gives its own compiled function with exact derivatives; any other contact model is called
+    back, with its analytic Jacobian and differences of that. Raises ValueError where the model lacks a component of the
+    wrench.
+    """
+    total = ca.sparsify(ca.DM(total_selection(model.load_names, model.patch_names)))
+    pose = ca.MX.sym("pose", 6)
+    loads = symbolic(model).function(name=f"{name}_loads", compiled=True)(pose)
+    return ca.Function(name, [pose], [ca.mtimes(total, loads)])
+
+
+def whole_wrench(scene: Scene) -> Scene:
+    """The scene with every component of the wrench among its loads: those that it leaves out in total, with the
+    loosest tolerance of their kind, or that of the other kind at the lever `LEVER_MM`."""
+    missing = [name for name in WRENCH_NAMES if not loads_of_total(name, scene.load_names, scene.patch_names)]
+    if not missing:
+        return scene
+    tolerances = dict(scene.tolerances)
+    for name in missing:
+        kind = quantity(name).kind
+        alike = [value for load, value in scene.tolerances.items() if quantity(load).kind == kind]
+        at_lever = LEVER_MM if kind == TORQUE else 1.0 / LEVER_MM
+        tolerances[name] = max(alike) if alike else at_lever * max(scene.tolerances.values())
+    loads = {**scene.tables["loads"], "names": [*scene.load_names, *missing]}
+    return Scene.from_tables({**scene.tables, "loads": loads, "tolerances": tolerances})

@@ -1,27 +1,58 @@
-"""Starts in contact: from there an optimiser finds its way, from 20 mm off it may not."""
+"""Where a contact problem begins: the learned range of poses, sizes of its variables, and starts in contact.
+
+From a start in contact an optimiser finds its way, from 20 mm off it may not.
+"""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.contact import SymbolicContact
-from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
-from casadi_contact.optimisation.pose_range import middle_pose, pose_bounds
-from casadi_contact.quantities import two_digits
+from casadi_contact.contact.touch import touching_start
+from casadi_contact.conventions import LEVER_MM, POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
 from casadi_contact.scenes import Scene
 from casadi_contact.statics import first_touch, settle
-from casadi_contact.statics.leaps import leaps
 
-SHEAR_FREE_LOAD_N = 500.0
 LEAST_START_N = 20.0  # of each patch, so that a start is in contact
-_FOLLOWED = 5  # frames that poses without shear are followed from, in turn
-_MOST_SHEAR_N = 0.1 * SHEAR_FREE_LOAD_N  # where there is no place without
 _SETTLED_N = 1.0  # how near a start comes to the wanted normal loads
 _LEAST_SHARE_N = 10.0 * _SETTLED_N  # of a patch under a light load: out of contact is never that near
+
+
+def pose_bounds(model: SymbolicContact) -> tuple[Array, Array]:
+    """Lowest and highest pose (6,), (6,) [mm, rad] that a surrogate has learned, infinite where it does not say; a
+    foundation knows no bounds."""
+    ranges = model.record.get("pose_range", {})
+    pairs = np.array([ranges.get(name, (-np.inf, np.inf)) for name in POSE_NAMES])
+    return pairs[:, 0], pairs[:, 1]
+
+
+def middle_pose(model: SymbolicContact) -> Array:
+    """The middle (6,) of the learned range; where there is none, `touching_start`, and likewise where the patches are
+    pressed in no single direction: in a cup the middle touches nothing, and no direction leads from there to contact.
+    """
+    (low, high), space = pose_bounds(model), model.scene.pose_space
+    known = np.isfinite(low) & np.isfinite(high)
+    if known.any() and model.scene.normal_loads[0].direction is not None:
+        pairs = zip(low, high, known, strict=True)
+        return space.onto(np.array([0.5 * (a + b) if both else 0.0 for a, b, both in pairs]))
+    return touching_start(model)
+
+
+def pose_steps(sensitive_pose: Sequence[str]) -> Array:
+    """Moves (6,) [mm, rad] that change contact loads about alike, by some 30 N: a pose parameter that presses the
+    bodies together (a scene's ``sensitive_pose``) is that much stiffer than one along which they slide or turn.
+
+    Variables scaled by these are alike to IPOPT, whose regularisation then bears on all of them alike.
+    """
+    pressing = [0.01] * 3 + [0.01 / LEVER_MM] * 3
+    sliding = [0.5, 0.5, 0.3, 0.02, 0.02, 0.02]
+    return np.where([name in sensitive_pose for name in POSE_NAMES], pressing, sliding)
+
+
+KNEE_STEPS = pose_steps(("ty", "rx"))
 
 
 def start_or_default(start: ArrayLike | None, default: Array) -> Array:
@@ -123,86 +154,3 @@ def shares(scene: Scene, loads: Array) -> tuple[Array, Array]:
         wanted = np.column_stack([wanted, loads[:, 3:] @ apart])
     first, second = np.linalg.pinv(rows) @ wanted.T
     return first, second
-
-
-def shear_free_poses(model: SymbolicContact, ry: Array, rz: Array) -> Array:
-    """Poses (n, 6) at given rotations (n,), (n,) [rad] where equal vertical forces on both sides of a knee cause no
-    shear, Fx = Fz = 0: what fixes the pose parameters that nothing else does. On a convex tibia there are several, and
-    frames that find none from the middle, or another than their neighbours (`leaps`), follow these. Where there is none
-    the femur stands where shear is least, and a RuntimeWarning names the frames.
-
-    Raises ValueError where rotations lie outside what the surrogate learned, the least shear found is more than a tenth
-    of the force on a side, or the scene locks or ties pose parameters.
-    """
-    model.scene.pose_space.check_whole("a pose without shear")
-    low, high = pose_bounds(model)
-    poses = np.tile(middle_pose(model), (len(rz), 1))
-    for name, wanted in (("ry", ry), ("rz", rz)):
-        column = POSE_NAMES.index(name)
-        poses[:, column] = wanted
-        if wanted.min() < low[column] or wanted.max() > high[column]:
-            raise ValueError(
-                f"{name} reaches from {wanted.min():.3g} to {wanted.max():.3g} rad, the surrogate learned "
-                f"{low[column]:.3g} to {high[column]:.3g}: train one around your own cycles"
-            )
-    alone, without = _without_shear(model, poses)
-    best, shear = alone, without
-    firsts = np.flatnonzero(without == 0.0)
-    for first in firsts[:: max(1, len(firsts) // _FOLLOWED)].tolist():
-        if _faults(best, shear) == (0, 0, 0):
-            break
-        tried = _followed(model, poses, alone[first], first)
-        if _faults(*tried) < _faults(best, shear):
-            best, shear = tried
-    _tell_shear(shear)
-    return best
-
-
-def _faults(poses: Array, shear: Array) -> tuple[int, int, int]:
-    """How many of poses (n, 6) are lost, how many bear shear (n,) [N], and how often what is not prescribed leaps."""
-    return int(np.isinf(shear).sum()), int((shear > 0.0).sum()), int(leaps(poses)[:, :4].sum())
-
-
-def _tell_shear(shear: Array) -> None:
-    """ValueError where a shear (n,) [N] is infinite, a RuntimeWarning where it is not zero."""
-
-    def nowhere(rows: np.ndarray) -> str:
-        which = f"{int(rows.sum())} of {len(rows)} frames, first in frame {int(rows.argmax())}"
-        return f"no place of the femur without shear under {SHEAR_FREE_LOAD_N:g} N on each side is found in {which}"
-
-    if np.isinf(shear).any():
-        raise ValueError(
-            f"{nowhere(np.isinf(shear))}, nor one with {_MOST_SHEAR_N:g} N at most: are flexion and rotation those of "
-            "this knee?"
-        )
-    if shear.any():
-        said = f"{nowhere(shear > 0.0)}, as on a convex tibia: there the femur stands where shear is least"
-        warnings.warn(f"{said} ({two_digits(shear.max())} N at most)", RuntimeWarning, stacklevel=3)
-
-
-def _without_shear(model: SymbolicContact, poses: Array) -> tuple[Array, Array]:
-    """Poses (n, 6) settled under equal forces on both sides without shear, and the shear left (n,) [N]: 0 where it is
-    settled, infinite where the sides do not bear their forces or more than `_MOST_SHEAR_N` is left."""
-    sides = dict.fromkeys(model.scene.sensitive_loads, -SHEAR_FREE_LOAD_N)
-    poses, _ = settle(model, poses, ("ty", "rx"), sides, tolerance=1.0)
-    targets = {**sides, "Fx": 0.0, "Fz": 0.0}
-    poses, report = settle(model, poses, ("tx", "ty", "tz", "rx"), targets, tolerance=0.1)
-    loads = dict(zip(model.load_names, model(poses).T, strict=True))
-    shear = np.hypot(loads["Fx"], loads["Fz"])
-    borne = np.all([np.abs(loads[name] - force) < _MOST_SHEAR_N for name, force in sides.items()], axis=0)
-    left = np.where(borne & (shear <= _MOST_SHEAR_N), shear, np.inf)
-    return poses, np.where(report.converged, 0.0, left)
-
-
-def _followed(model: SymbolicContact, poses: Array, pose: Array, first: int) -> tuple[Array, Array]:
-    """`_without_shear` of poses (n, 6), each begun at its neighbour's, outwards from the one (6,) of the first frame;
-    it ends at a frame that is lost."""
-    poses, shear = poses.copy(), np.full(len(poses), np.inf)  # lost, where it does not come
-    poses[first], shear[first] = pose, 0.0
-    for frames, step in ((range(first + 1, len(poses)), -1), (range(first - 1, -1, -1), 1)):
-        for frame in frames:
-            poses[frame, :4] = poses[frame + step, :4]
-            poses[[frame]], shear[[frame]] = _without_shear(model, poses[[frame]])
-            if np.isinf(shear[frame]):
-                return poses, shear
-    return poses, shear

@@ -9,9 +9,9 @@ import numpy as np
 import casadi_contact as cc
 from casadi_contact.assembly import Assembly
 from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.optimisation.muscle_walk import example_walk
 from problems import muscle_contact
 from problems.assembly_poses.cycle import AssemblyCycle
-from problems.muscle_contact.example import example_walk
 
 QUADRICEPS = ("recfem", "vasint", "vaslat", "vasmed")
 

@@ -17,8 +17,8 @@ from casadi_contact.motion.columns import read_columns
 from casadi_contact.motion.pose_file import poses_from_curves
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.optimisation import settle_in_range
+from casadi_contact.optimisation.knee import SIDES, check_knee
 from casadi_contact.transcription.frames import placed, pose_of, relative_pose
-from problems.common.knee_scene import SIDES, check_knee
 from problems.common.records import load_columns, pose_columns
 
 TRUTH = {  # of the made-up measurement

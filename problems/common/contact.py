@@ -10,8 +10,8 @@ from typing import Annotated
 import typer
 
 import casadi_contact as cc
-from casadi_contact.assembly.file import whole_wrench
 from casadi_contact.contact import ElasticFoundation, NotGoodEnoughError, SymbolicContact, grid_text, symbolic
+from casadi_contact.optimisation import whole_wrench
 from casadi_contact.project import reference_motion_cycles
 from casadi_contact.sampling import found_sensitive_pose
 from casadi_contact.scenes import Scene

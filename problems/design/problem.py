@@ -24,8 +24,8 @@ from casadi_contact.contact.pressure.law import layer_modulus
 from casadi_contact.conventions import POSE_NAMES, Array, pose_index
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.optimisation import KNEE_STEPS
+from casadi_contact.optimisation.knee import SIDES, check_knee
 from casadi_contact.scenes import Scene
-from problems.common.knee_scene import SIDES, check_knee
 from problems.design.dish import DishContact
 
 FREE = ("tx", "ty", "tz", "rx")

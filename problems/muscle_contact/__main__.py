@@ -6,14 +6,13 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 
 from casadi_contact.files import writable_folder
+from casadi_contact.optimisation.knee import COORDINATES, KNEE_LOADS
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command, worst
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption
-from problems.common.knee_scene import KNEE_LOADS
 from problems.muscle_contact.cocontraction import SHANK_M
 from problems.muscle_contact.diagnosis import diagnose
 from problems.muscle_contact.extensor import load_extensor
@@ -26,12 +25,10 @@ from problems.muscle_contact.given import (
     given_walk,
     measured_cycle,
 )
-from problems.muscle_contact.knee_coordinates import COORDINATES
 from problems.muscle_contact.problem import BALANCED, FREE, MARGIN_MM, build
 from problems.muscle_contact.report import report
 from problems.muscle_contact.solve import solve
 from problems.muscle_contact.synergies import driven_by_synergies
-from problems.muscle_contact.walk import read_length_range
 from problems.muscle_contact.with_patella import build_with_patella, fitted_to_arms, patella_verdict
 
 NAME = "muscle_contact"
@@ -53,9 +50,6 @@ def run(
     ),
     model: Annotated[str, typer.Option(help="hill or isometric")] = "hill",
     fit_lengths: Annotated[bool, typer.Option(help="scale fibres and tendons to the person's lengths")] = True,
-    fit_also: Annotated[
-        list[Path] | None, typer.Option(help="muscles of further cycles of the same person, to scale to as well")
-    ] = None,
     exponent: Annotated[float, typer.Option(help="of the activations in the cost")] = 3.0,
     least_activation: Annotated[float, typer.Option(help="no muscle is ever less active")] = 0.01,
     margin: Annotated[float, typer.Option(help="both sides stay closed though the load passes so many mm beside")] = (
@@ -85,7 +79,6 @@ def run(
     writable_folder(out)
     walk = given_walk(rotations, inverse_dynamics, muscles, parameters, maps)
     comparison = None if measured is None else measured_cycle(measured, walk)
-    others = [read_length_range(path, walk.muscles.names) for path in fit_also or ()]
     source = ContactSource.of(surrogate, scene)
     contact_model = source.load()
     pose_problem = build
@@ -98,7 +91,6 @@ def run(
         walk,
         model=model,
         fit_lengths=fit_lengths,
-        other_lengths_m=np.vstack(others) if others else None,
         balanced=tuple(COORDINATES) if all_six else BALANCED,
         free=("tx", "ty", "tz", "rx") if all_six else FREE,
         exponent=exponent,

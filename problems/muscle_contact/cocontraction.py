@@ -17,7 +17,7 @@ import numpy as np
 
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import Array
-from problems.muscle_contact.walk import MuscleWalk
+from casadi_contact.optimisation.muscle_walk import MuscleWalk
 
 SHANK_M = 0.41  # knee to ankle of the usual adult: 0.246 of 1.67 m of height
 CALF_ARM_M = 0.045  # of the Achilles tendon about the ankle
@@ -54,7 +54,7 @@ def ankle_moment(walk: MuscleWalk, shank_m: float = SHANK_M) -> Array:
 
     Raises ValueError for a walk without knee_tx and knee_flexion, and a length that no shank has.
     """
-    walk.check_has(("knee_tx", "knee_flexion"), _WITHOUT_ANKLE)
+    walk.check_has(("knee_tx", "knee_flexion"))
     if not 0.2 <= shank_m <= 0.6:
         raise ValueError(f"shank is {shank_m} m long, expected 0.2 to 0.6 m from knee to ankle")
     return np.asarray(shank_m * walk.loads["knee_tx"] - walk.loads["knee_flexion"])

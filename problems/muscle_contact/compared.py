@@ -8,12 +8,12 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.motion.load_cycle import LoadCycle
+from casadi_contact.optimisation.knee import KNEE_LOADS, SIDES
+from casadi_contact.optimisation.muscle_walk import at_times
 from problems.common.contact import grids_in_words, models_on_grids
-from problems.common.knee_scene import KNEE_LOADS, SIDES
 from problems.common.records import rms_and_largest
 from problems.muscle_contact.problem import MuscleContact
 from problems.muscle_contact.solve import MuscleContactResult
-from problems.muscle_contact.times import at_times
 
 
 @dataclass(frozen=True)

@@ -13,14 +13,13 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.optimisation import ContactFrames
-from problems.common.knee_scene import KNEE_LOADS
+from casadi_contact.optimisation.knee import COORDINATES, KNEE_LOADS, contact_expression, in_newtons
+from casadi_contact.optimisation.muscle import MuscleParameters
+from casadi_contact.optimisation.muscle_walk import MuscleWalk
 from problems.muscle_contact.cocontraction import CALF_ARM_M, SOLEUS_N, ankle_moment, calf, closed_sides, heads
 from problems.muscle_contact.dynamics import activation_rows, equilibrium_rows
 from problems.muscle_contact.extensor import Extensor, quadriceps
-from problems.muscle_contact.knee_coordinates import COORDINATES, contact_expression, in_newtons
-from problems.muscle_contact.muscle import MuscleParameters
 from problems.muscle_contact.variables import Variables
-from problems.muscle_contact.walk import MuscleWalk
 
 HELD_N = 0.01  # on the patella for each move from where it began that a load of 30 N would make
 _SCALE = 0.1  # of what is left of a balance, in newtons

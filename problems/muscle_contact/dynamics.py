@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.conventions import Array
-from problems.muscle_contact.muscle import (
+from casadi_contact.optimisation.muscle import (
     MAX_FIBRE_SPEED_PER_S,
     MuscleParameters,
     active_force_length,

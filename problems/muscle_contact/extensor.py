@@ -20,13 +20,11 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.assembly import Assembly, Contact, load_assembly
-from casadi_contact.assembly.file import whole_wrench
 from casadi_contact.contact import SymbolicContact, foundation
 from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array
-from casadi_contact.optimisation import pose_steps
+from casadi_contact.optimisation import pose_steps, whole_wrench
+from casadi_contact.optimisation.knee import COORDINATES, check_knee
 from casadi_contact.transcription.frames import placed, relative_pose
-from problems.common.knee_scene import check_knee
-from problems.muscle_contact.knee_coordinates import COORDINATES
 from problems.patella.follow import follow
 
 FEMUR, PATELLA = "femur", "patella"

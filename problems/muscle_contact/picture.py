@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.optimisation import total_selection
+from casadi_contact.optimisation.knee import SIDES
 from casadi_contact.page import (
     COLOURS,
     FAILED,
@@ -21,7 +22,6 @@ from casadi_contact.page import (
     save_page,
 )
 from casadi_contact.verification import Verdict
-from problems.common.knee_scene import SIDES
 from problems.muscle_contact.compared import Compared
 from problems.muscle_contact.extensor import PATELLA, quadriceps
 from problems.muscle_contact.problem import MuscleContact

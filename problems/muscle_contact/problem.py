@@ -29,7 +29,9 @@ import numpy as np
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.optimisation import ContactFrames, shear_free_poses
-from problems.common.knee_scene import KNEE_LOADS, check_knee
+from casadi_contact.optimisation.knee import COORDINATES, KNEE_LOADS, check_knee
+from casadi_contact.optimisation.muscle import ForceCapacity, MuscleParameters, force_capacity
+from casadi_contact.optimisation.muscle_walk import MuscleWalk
 from problems.muscle_contact.cocontraction import SHANK_M
 from problems.muscle_contact.constraints import (
     Constraints,
@@ -40,10 +42,7 @@ from problems.muscle_contact.constraints import (
     follow_muscles,
 )
 from problems.muscle_contact.extensor import Extensor
-from problems.muscle_contact.knee_coordinates import COORDINATES
-from problems.muscle_contact.muscle import ForceCapacity, MuscleParameters, force_capacity
 from problems.muscle_contact.variables import Variables
-from problems.muscle_contact.walk import MuscleWalk
 
 BALANCED = ("knee_ty", "knee_adduction", "knee_flexion")
 FREE = ("ty", "rx")
@@ -115,7 +114,7 @@ def build(
 
     model: "hill" or "isometric" (`force_capacity`); fit_lengths scales generic fibre and tendon lengths to the
     person (`MuscleParameters.fitted_to`), by lengths only: those of this walk and, if given, of the person's other
-    cycles (k, m) (`read_length_range`). balanced: coordinates of `COORDINATES`; free: ty, rx, and by choice tx and tz.
+    cycles (k, m). balanced: coordinates of `COORDINATES`; free: ty, rx, and by choice tx and tz.
     exponent p >= 2 of the cost; by_volume weighs each muscle by F0·L0 over the mean. margin_mm, share_heads, ankle and
     shank_m: see `cocontraction`; ``LEAST_SQUARES`` leaves all of it out. activation_dynamics, compliant_tendons: see
     `dynamics`; tendons are compliant with model "hill" alone. extensor: the quadriceps pull through its patella,

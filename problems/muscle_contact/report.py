@@ -14,10 +14,10 @@ from casadi_contact.motion.columns import write_columns
 from casadi_contact.motion.load_cycle import LoadCycle
 from casadi_contact.motion.opensim import loads_table, poses_table, write_table
 from casadi_contact.optimisation import leaps_in_words
+from casadi_contact.optimisation.knee import KNEE_LOADS, SIDES, coordinate_unit
 from casadi_contact.quantities import FORCE, Kind, two_digits
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
-from problems.common.knee_scene import KNEE_LOADS, SIDES
 from problems.common.outcome import print_outcome, print_verdict, solver_record
 from problems.common.records import (
     DIGITS,
@@ -30,7 +30,6 @@ from problems.common.records import (
 from problems.muscle_contact.cocontraction import SOLEUS_N
 from problems.muscle_contact.compared import Compared
 from problems.muscle_contact.extensor import PatellaResult
-from problems.muscle_contact.knee_coordinates import coordinate_unit
 from problems.muscle_contact.picture import draw
 from problems.muscle_contact.problem import MAY_MOVE, MuscleContact
 from problems.muscle_contact.solve import MuscleContactResult

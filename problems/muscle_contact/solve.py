@@ -11,10 +11,9 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.optimisation import IpoptOutcome, ipopt_options
+from casadi_contact.optimisation.knee import KNEE_LOADS, contact_on_femur, in_newtons
 from casadi_contact.quantities import three_digits
-from problems.common.knee_scene import KNEE_LOADS
 from problems.muscle_contact.extensor import PatellaResult, quadriceps
-from problems.muscle_contact.knee_coordinates import contact_on_femur, in_newtons
 from problems.muscle_contact.problem import RESERVE_SIZES, MuscleContact
 
 TOLERANCE_N = 0.1  # of a balanced coordinate, moments over LEVER_MM

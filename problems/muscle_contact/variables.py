@@ -11,8 +11,8 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.optimisation import ContactFrames
+from casadi_contact.optimisation.muscle import ForceCapacity, MuscleParameters
 from problems.muscle_contact.dynamics import tension_bounds
-from problems.muscle_contact.muscle import ForceCapacity, MuscleParameters
 
 
 class Variables(NamedTuple):

@@ -7,11 +7,11 @@ from typing import Any
 
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.optimisation import shear_free_poses
+from casadi_contact.optimisation.muscle_walk import MuscleWalk
 from casadi_contact.verification import Verdict, judge, own_model
 from problems.muscle_contact.extensor import Extensor, quadriceps
 from problems.muscle_contact.problem import MuscleContact, build
 from problems.muscle_contact.solve import MuscleContactResult
-from problems.muscle_contact.walk import MuscleWalk
 
 _SAME_ARM_MM = 0.1
 _MOST_MOVES = 10

@@ -24,10 +24,8 @@ from scipy.interpolate import CubicSpline
 from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import Array
 from casadi_contact.optimisation import generalised_forces, wrench_function
-from casadi_contact.quantities import two_digits
-from problems.common.knee_scene import check_knee
-from problems.common.outcome import rows_in_words
-from problems.muscle_contact.muscle import (
+from casadi_contact.optimisation.knee import check_knee
+from casadi_contact.optimisation.muscle import (
     MAX_FIBRE_SPEED_PER_S,
     MuscleParameters,
     active_force_length,
@@ -35,6 +33,8 @@ from problems.muscle_contact.muscle import (
     force_velocity,
     passive_force_length,
 )
+from casadi_contact.quantities import two_digits
+from problems.common.outcome import rows_in_words
 from problems.muscle_contact.problem import BALANCED, MuscleContact
 from problems.muscle_contact.solve import MuscleContactResult
 

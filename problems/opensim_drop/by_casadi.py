@@ -6,8 +6,7 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.conventions import Array
-from casadi_contact.optimisation.joint_mechanics import angular_velocity_map
-from casadi_contact.optimisation.total_wrench import total_selection
+from casadi_contact.optimisation.joint_mechanics import angular_velocity_map, total_selection
 from problems.opensim_drop.problem import Drop
 
 

@@ -30,9 +30,8 @@ import numpy as np
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import LEVER_MM, POSE_IN_MM, Array, pose_index
 from casadi_contact.optimisation import generalised_forces, pose_bounds, pose_steps, total_selection
+from casadi_contact.optimisation.collocation import Collocation, Unknowns
 from casadi_contact.quantities import newton_scales
-from problems.common.collocation import Collocation
-from problems.common.unknowns import Unknowns
 from problems.knee_simulator.rig import Rig
 from problems.optimal_control.wanted_cycle import WantedCycle
 
@@ -173,8 +172,8 @@ def _defects(
     (nodes_q, nodes_v), (q, v) = nodes, points
     to_newtons = ca.DM(inertia * (RATE_PER_S * steps) / POSE_IN_MM / grid.step_s)
     return [
-        ca.vec(grid.slopes(nodes_q, q) - RATE_PER_S * grid.step_s * v),
-        ca.vec(ca.repmat(to_newtons, 1, q.shape[1]) * grid.slopes(nodes_v, v) - forces) / LOAD_SCALE_N,
+        ca.vec(grid.derivatives(nodes_q, q) - RATE_PER_S * grid.step_s * v),
+        ca.vec(ca.repmat(to_newtons, 1, q.shape[1]) * grid.derivatives(nodes_v, v) - forces) / LOAD_SCALE_N,
         ca.vec(grid.jumps(nodes_q, q)),
         ca.vec(grid.jumps(nodes_v, v)),
     ]

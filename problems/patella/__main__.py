@@ -11,11 +11,11 @@ import typer
 import casadi_contact as cc
 from casadi_contact.files import writable_folder
 from casadi_contact.motion.columns import write_columns
+from casadi_contact.optimisation.knee import KNEE_LOADS
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import judge, own_model
 from problems import muscle_contact
 from problems.common.command import RESULTS, end_with, new_app, run_command, worst
-from problems.common.knee_scene import KNEE_LOADS
 from problems.common.outcome import print_reasons, rows_in_words
 from problems.common.records import DIGITS, add_to_summary, assembly_columns, pose_columns, write_summary
 from problems.muscle_contact.diagnosis import diagnose

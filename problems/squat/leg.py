@@ -29,13 +29,13 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.optimisation import generalised_forces
-from problems.knee_simulator.rig import Rig
-from problems.muscle_contact.muscle import (
+from casadi_contact.optimisation.muscle import (
     MAX_FIBRE_SPEED_PER_S,
     active_force_length,
     force_velocity,
     passive_force_length,
 )
+from problems.knee_simulator.rig import Rig
 from problems.squat.muscles import MUSCLES, QUADRICEPS, SHANK, THIGH, column
 
 GRAVITY = 9.81

@@ -21,9 +21,8 @@ import numpy as np
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import Array, pose_index
 from casadi_contact.optimisation import KNEE_STEPS, total_selection
-from problems.common.collocation import Collocation
-from problems.common.knee_scene import check_knee
-from problems.common.unknowns import Unknowns
+from casadi_contact.optimisation.collocation import Collocation, Unknowns
+from casadi_contact.optimisation.knee import check_knee
 from problems.squat.leg import Body, LegMechanics
 from problems.squat.muscles import MUSCLES
 
@@ -89,7 +88,7 @@ def build(
     rate = unknowns.add("rate", 3, points)
     a = unknowns.add("a", len(MUSCLES), points, LEAST_ACTIVATION, 1.0)
     knee = unknowns.add("knee", 3, points, -reach, reach)
-    bend = grid.slopes(node_rate, rate) / grid.step_s
+    bend = grid.derivatives(node_rate, rate) / grid.step_s
     left, within, medial = _moment_function(model, mechanics).map(points)(phi, rate, bend, a, knee)
     given = ca.DM(flexion_rad(grid.times_s, depth_deg, duration_s)).T
     zero = _defects(grid, (node_phi, node_rate), (phi, rate), left, given)
@@ -120,7 +119,7 @@ def _defects(
     begins and ends at rest, and nothing is left (6, n) of its balances."""
     (node_phi, node_rate), (phi, rate) = nodes, points
     return ca.vertcat(
-        ca.vec(grid.slopes(node_phi, phi) - grid.step_s * rate),
+        ca.vec(grid.derivatives(node_phi, phi) - grid.step_s * rate),
         ca.vec(grid.jumps(node_phi, phi)),
         ca.vec(grid.jumps(node_rate, rate)),
         ca.vec(left),

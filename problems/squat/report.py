@@ -11,11 +11,11 @@ from rich.table import Table
 
 from casadi_contact.contact import ContactModel
 from casadi_contact.motion.columns import write_columns
+from casadi_contact.optimisation.knee import SIDES
 from casadi_contact.page import COLOURS, frame, new_page, save_page
 from casadi_contact.report.figure import log_scale
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import Verdict
-from problems.common.knee_scene import SIDES
 from problems.common.outcome import print_verdict
 from problems.common.records import DIGITS, load_columns, pose_columns, write_summary
 from problems.squat.muscles import MUSCLES

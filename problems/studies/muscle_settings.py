@@ -20,14 +20,12 @@ from casadi_contact import load_surrogate
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.files import writable_folder, write_text
 from casadi_contact.motion.load_cycle import read_cycle
+from casadi_contact.optimisation.knee import COORDINATES, SIDES
+from casadi_contact.optimisation.muscle_walk import MuscleWalk, at_times, read_walk
 from casadi_contact.terminal import PlainConsole
 from problems import muscle_contact
 from problems.common.command import RESULTS, new_app, run_command
-from problems.common.knee_scene import SIDES
-from problems.muscle_contact.knee_coordinates import COORDINATES
 from problems.muscle_contact.problem import LEAST_SQUARES
-from problems.muscle_contact.times import at_times
-from problems.muscle_contact.walk import MuscleWalk, read_walk
 
 PRETENSION_N = 100.0  # of each collateral ligament: stiffness 2,000 N at a strain of 0.08 (Blankevoort et al. 1991)
 _CHOSEN = {"exponent": 3.0, "margin_mm": 20.0, "share_heads": True, "ankle": True}

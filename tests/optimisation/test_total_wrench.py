@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.assembly.file import whole_wrench
 from casadi_contact.contact import PolarFoundation, Rays
 from casadi_contact.conventions import WRENCH_NAMES
-from casadi_contact.optimisation import ContactFrames, total_selection
+from casadi_contact.optimisation import ContactFrames, total_selection, whole_wrench
 from problems.pose_estimation.wanted import WantedLoads
 
 OTHERS = [name for name in WRENCH_NAMES if name != "Fy"]

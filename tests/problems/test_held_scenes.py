@@ -6,12 +6,12 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.assembly import Assembly, Contact
-from casadi_contact.assembly.file import whole_wrench
 from casadi_contact.contact import ElasticFoundation, PolarFoundation, Rays, symbolic
 from casadi_contact.contact.cup import CupFoundation
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, pose_index
 from casadi_contact.motion.joint_cycle import JointCycle, scene_cycles
-from casadi_contact.optimisation import middle_pose
+from casadi_contact.optimisation import middle_pose, whole_wrench
+from casadi_contact.optimisation.muscle_walk import example_walk
 from problems import (
     calibration,
     design,
@@ -27,7 +27,6 @@ from problems.calibration.measurement import synthetic_measurement
 from problems.design.dish import DishContact
 from problems.design.problem import Bounds
 from problems.muscle_contact import load_extensor
-from problems.muscle_contact.example import example_walk
 from problems.pose_estimation.completion import solve_and_complete
 from problems.pose_estimation.problem import measured_pose, wanted_loads
 from tests.support.compiler import needs_compiler

@@ -11,9 +11,9 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact import PolarFoundation, Rays
+from casadi_contact.optimisation.muscle_walk import example_walk
 from casadi_contact.verification import judge
 from problems import muscle_contact, muscle_driven
-from problems.muscle_contact.example import example_walk
 from problems.muscle_driven import __main__
 from problems.muscle_driven.problem import POWERS
 from problems.muscle_driven.report import Run, differences, report

@@ -6,16 +6,16 @@ import pytest
 from scipy.optimize import brentq
 
 import casadi_contact as cc
-from problems import muscle_contact
-from problems.muscle_contact.dynamics import FALL_S, RISE_S, TENDON_STRAIN, activation_rows, equilibrium_rows
-from problems.muscle_contact.example import example_walk
-from problems.muscle_contact.muscle import (
+from casadi_contact.optimisation.muscle import (
     MAX_FIBRE_SPEED_PER_S,
     MuscleParameters,
     active_force_length,
     force_velocity,
     passive_force_length,
 )
+from casadi_contact.optimisation.muscle_walk import example_walk
+from problems import muscle_contact
+from problems.muscle_contact.dynamics import FALL_S, RISE_S, TENDON_STRAIN, activation_rows, equilibrium_rows
 
 ONE = MuscleParameters(("one",), np.array([1000.0]), np.array([0.1]), np.array([0.2]), np.array([0.3]))
 TIMES = np.array([0.0, 0.01, 0.02])

@@ -12,13 +12,13 @@ import casadi_contact as cc
 from casadi_contact.assembly import load_assembly
 from casadi_contact.conventions import POSE_IN_MM
 from casadi_contact.optimisation import pose_steps, shear_free_poses
+from casadi_contact.optimisation.knee import in_newtons
+from casadi_contact.optimisation.muscle_walk import example_walk
 from casadi_contact.verification import judge, own_model
 from problems import muscle_contact
 from problems.muscle_contact import __main__
 from problems.muscle_contact.compared import Compared
-from problems.muscle_contact.example import example_walk
 from problems.muscle_contact.extensor import quadriceps
-from problems.muscle_contact.knee_coordinates import in_newtons
 from problems.muscle_contact.picture import draw
 from problems.muscle_contact.report import report
 from problems.muscle_contact.with_patella import patella_verdict

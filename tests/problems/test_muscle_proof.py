@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from casadi_contact.optimisation import shear_free_poses
+from casadi_contact.optimisation.muscle_walk import example_walk
 from problems import muscle_contact
-from problems.muscle_contact.example import example_walk
 from problems.muscle_contact.problem import RESERVE_SIZES
 from problems.muscle_contact.proof import least_overload
 

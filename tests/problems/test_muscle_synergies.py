@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.optimisation.muscle_walk import example_walk
 from problems import muscle_contact
-from problems.muscle_contact.example import example_walk
 from problems.muscle_contact.problem import LEAST_SQUARES
 from problems.muscle_contact.synergies import driven_by_synergies, factored
 

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.assembly.file import whole_wrench
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.motion.load_cycle import read_cycle
 from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.optimisation import shear_free_poses
+from casadi_contact.optimisation import shear_free_poses, whole_wrench
 from problems import assembly_poses, implant, static_equilibrium
 from problems.assembly_poses import AssemblyCycle
 from problems.assembly_poses.own_cycle import own_cycle

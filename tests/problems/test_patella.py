@@ -10,8 +10,8 @@ from casadi_contact.assembly import Assembly
 from casadi_contact.conventions import POSE_IN_MM
 from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.optimisation import shear_free_poses
+from casadi_contact.optimisation.muscle_walk import example_walk
 from problems import muscle_contact, patella
-from problems.muscle_contact.example import example_walk
 from problems.patella import __main__
 from problems.patella.follow import LEAST_TENSION_N, SAME_N
 from tests.support.command import ended

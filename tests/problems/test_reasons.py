@@ -8,6 +8,7 @@ import numpy as np
 
 import casadi_contact as cc
 from casadi_contact.optimisation import pose_bounds
+from casadi_contact.optimisation.muscle_walk import example_walk
 from casadi_contact.quantities import two_digits
 from casadi_contact.terminal import PlainConsole
 from casadi_contact.verification import judge
@@ -17,7 +18,6 @@ from problems.common.outcome import print_reasons, rows_in_words
 from problems.knee_simulator import __main__ as simulator_command
 from problems.muscle_contact.compared import Compared
 from problems.muscle_contact.diagnosis import diagnose
-from problems.muscle_contact.example import example_walk
 from problems.muscle_contact.picture import draw
 from problems.muscle_contact.proof import least_overload
 from problems.static_equilibrium import __main__ as equilibrium_command

@@ -10,9 +10,9 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact import Rays
+from casadi_contact.optimisation.collocation import Collocation
 from casadi_contact.verification import judge
 from problems import squat
-from problems.common.collocation import Collocation
 from problems.squat import __main__
 from problems.squat.leg import GRAVITY
 from problems.squat.muscles import MUSCLES, column
@@ -100,7 +100,7 @@ def test_collocation_is_exact_for_polynomials_of_its_degree(scheme):
     nodes, times = ca.MX(curve(np.linspace(0.0, 2.0, 5))[None]), grid.times_s
     points = ca.MX(curve(times)[None])
     slopes, jumps = (
-        np.array(ca.evalf(part)) for part in (grid.slopes(nodes, points) / grid.step_s, grid.jumps(nodes, points))
+        np.array(ca.evalf(part)) for part in (grid.derivatives(nodes, points) / grid.step_s, grid.jumps(nodes, points))
     )
     np.testing.assert_allclose(slopes[0], curve.deriv()(times), atol=1e-12)
     np.testing.assert_allclose(jumps, 0.0, atol=1e-12)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.optimisation.pose_range import pose_bounds
+from casadi_contact.optimisation.starts import pose_bounds
 from casadi_contact.sampling.liftoff import lift_each
 from casadi_contact.statics import first_touch, settle
 

@@ -5,8 +5,8 @@ from dataclasses import fields
 
 import numpy as np
 
-from problems.muscle_contact.knee_coordinates import coordinate_unit
-from problems.muscle_contact.walk import PARAMETER_COLUMNS
+from casadi_contact.optimisation.knee import coordinate_unit
+from casadi_contact.optimisation.muscle_walk import PARAMETER_COLUMNS
 
 
 def write_walk(folder, walk):

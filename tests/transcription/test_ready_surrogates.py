@@ -8,7 +8,7 @@ from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import LEVER_MM
 from casadi_contact.dataset import DOMAINS
 from casadi_contact.dataset.errors import load_errors, rms_by_kind
-from casadi_contact.optimisation.pose_range import pose_bounds
+from casadi_contact.optimisation.starts import pose_bounds
 from casadi_contact.project import reference_motion_cycles
 from casadi_contact.sampling import SamplingSettings, plan_chunks, reference_motion
 from casadi_contact.sampling.chunk import draw_chunk

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from problems.common.knee_scene import SIDES
+from casadi_contact.optimisation.knee import SIDES
 from problems.studies.muscle_settings import error_cell
 from problems.studies.pages.markdown import machine, number, page, table
 from problems.studies.pages.stored import damage_told, read_stored

@@ -19,13 +19,6 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 
-_GAUSSIANS = (  # height, place, width, growth of the width
-    (0.8150671134243542, 1.055033428970575, 0.162384573599574, 0.063303448465465),
-    (0.433004984392647, 0.716775413397760, -0.029947116970696, 0.200356847296188),
-    (0.1, 1.0, 0.353553390593274, 0.0),
-)
-_VELOCITY = (-0.3211346127989808, -8.149, -0.374, 0.8825327733249912)
-_PASSIVE_SHAPE, _PASSIVE_STRAIN, _SHORTEST = 4.0, 0.6, 0.2
 MAX_FIBRE_SPEED_PER_S = 10.0  # optimal lengths per second
 LONGEST_FIBRE = 1.2  # of optimal length, in level walking: beyond it passive force sets in, here 7 % of the greatest
 
@@ -33,32 +26,29 @@ LONGEST_FIBRE = 1.2  # of optimal length, in level walking: beyond it passive fo
 def active_force_length(length: Any, xp: Any = np) -> Any:
     """f_l(l) of the fibre's length over its optimal length: three bells, 1 near l = 1. xp: numpy or casadi, whose
     numbers are given."""
+    gaussians = (  # height, place, width, growth of the width
+        (0.8150671134243542, 1.055033428970575, 0.162384573599574, 0.063303448465465),
+        (0.433004984392647, 0.716775413397760, -0.029947116970696, 0.200356847296188),
+        (0.1, 1.0, 0.353553390593274, 0.0),
+    )
     bells = (
         height * xp.exp(-0.5 * ((length - place) / (width + growth * length)) ** 2)
-        for height, place, width, growth in _GAUSSIANS
+        for height, place, width, growth in gaussians
     )
     return sum(bells)
 
 
 def force_velocity(velocity: Any, xp: Any = np) -> Any:
     """f_v(v) of the fibre's velocity over its greatest speed: 0 at v = -1, 1 at 0, 1.8 at 1."""
-    d1, d2, d3, d4 = _VELOCITY
+    d1, d2, d3, d4 = -0.3211346127989808, -8.149, -0.374, 0.8825327733249912
     return d1 * xp.arcsinh(d2 * velocity + d3) + d4
 
 
 def passive_force_length(length: Any, xp: Any = np) -> Any:
     """f_p(l): 0 at l = 0.2, about 0.02 at l = 1, 1 at l = 1.6."""
-    offset = np.exp(_PASSIVE_SHAPE * (_SHORTEST - 1.0) / _PASSIVE_STRAIN)
-    return (xp.exp(_PASSIVE_SHAPE * (length - 1.0) / _PASSIVE_STRAIN) - offset) / (np.exp(_PASSIVE_SHAPE) - offset)
-
-
-_LIMITS = {"optimal_fibre_length_m": 1.0, "tendon_slack_length_m": 1.0, "pennation_rad": np.pi / 2.0}
-_EXPECTED = {
-    "max_isometric_force_n": "a positive force in N",
-    "optimal_fibre_length_m": "more than 0 and less than 1 m: is it in mm?",
-    "tendon_slack_length_m": "more than 0 and less than 1 m: is it in mm?",
-    "pennation_rad": "0 to 1.57 rad: is it in degrees?",
-}
+    shape, strain, shortest = 4.0, 0.6, 0.2
+    offset = np.exp(shape * (shortest - 1.0) / strain)
+    return (xp.exp(shape * (length - 1.0) / strain) - offset) / (np.exp(shape) - offset)
 
 
 @dataclass(frozen=True)
@@ -75,15 +65,21 @@ class MuscleParameters:
     def __post_init__(self) -> None:
         if len(set(self.names)) != len(self.names) or not self.names:
             raise ValueError(f"muscles are {', '.join(self.names) or '(none)'}, expected each named once")
-        for key in ("max_isometric_force_n", "optimal_fibre_length_m", "tendon_slack_length_m", "pennation_rad"):
+        limits = {
+            "max_isometric_force_n": (np.inf, "a positive force in N"),
+            "optimal_fibre_length_m": (1.0, "between 0 and 1 m: is its unit mm?"),
+            "tendon_slack_length_m": (1.0, "between 0 and 1 m: is its unit mm?"),
+            "pennation_rad": (np.pi / 2.0, "0 to 1.57 rad: is its unit degrees?"),
+        }
+        for key, (limit, expected) in limits.items():
             values = np.asarray(getattr(self, key), dtype=float)
             if values.shape != (len(self.names),):
                 raise ValueError(f"{key} has shape {values.shape}, expected a value for each of {len(self.names)}")
-            good = values >= 0.0 if key == "pennation_rad" else values > 0.0
-            good &= values < _LIMITS.get(key, np.inf)
-            if not (good & np.isfinite(values)).all():
-                worst = int(np.argmin(good & np.isfinite(values)))
-                raise ValueError(f"{key} of {self.names[worst]} is {values[worst]:g}, expected {_EXPECTED[key]}")
+            least = 0.0 if key == "pennation_rad" else np.finfo(float).tiny
+            good = np.isfinite(values) & (values >= least) & (values < limit)
+            if not good.all():
+                worst = int(good.argmin())
+                raise ValueError(f"{key} of {self.names[worst]} is {values[worst]:g}, expected {expected}")
             object.__setattr__(self, key, values)
 
     def fitted_to(self, lengths_m: Array, longest_fibre: float = LONGEST_FIBRE) -> MuscleParameters:
@@ -131,7 +127,15 @@ def force_capacity(
     if model != "hill":
         raise ValueError(f"muscle model is {model!r}, expected hill or isometric")
     slack = lengths_m < muscles.tendon_slack_length_m
-    _tell_of_slack(muscles, lengths_m, slack)
+    for name, frames in zip(muscles.names, slack.T, strict=True):
+        if frames.all():
+            raise ValueError(
+                f"muscle {name} is shorter than its tendon in every frame, expected a longer one: check the unit "
+                "of lengths, or scale the parameters (fitted_to)"
+            )
+        if frames.any():
+            said = f"muscle {name} gives no force in {frames.sum()} frames, where its tendon is slack"
+            warnings.warn(said, RuntimeWarning, stacklevel=2)
     along = np.maximum(lengths_m - muscles.tendon_slack_length_m, 0.0)
     thickness = muscles.optimal_fibre_length_m * np.sin(muscles.pennation_rad)
     fibre_m = np.hypot(along, thickness)
@@ -141,19 +145,3 @@ def force_capacity(
     along_tendon = muscles.max_isometric_force_n * cosine
     active = along_tendon * active_force_length(fibre) * np.maximum(force_velocity(velocity), 0.0)
     return ForceCapacity(active, along_tendon * np.maximum(passive_force_length(fibre), 0.0), fibre, slack)
-
-
-def _tell_of_slack(muscles: MuscleParameters, lengths_m: Array, slack: np.ndarray) -> None:
-    for k in np.flatnonzero(slack.any(axis=0)):
-        tendon, frames = muscles.tendon_slack_length_m[k], np.flatnonzero(slack[:, k])
-        if slack[:, k].all():
-            raise ValueError(
-                f"muscle {muscles.names[k]} is at most {lengths_m[:, k].max():g} m long, never longer than its tendon "
-                f"of {tendon:g} m: are lengths in m, and do the parameters fit?"
-            )
-        warnings.warn(
-            f"muscle {muscles.names[k]} gives no force in {len(frames)} frames from {frames[0]} to {frames[-1]}: it is "
-            f"up to {1000.0 * (tendon - lengths_m[:, k].min()):.2g} mm shorter than its tendon, which is slack",
-            RuntimeWarning,
-            stacklevel=3,
-        )

@@ -1,4 +1,7 @@
-"""Direct collocation: each interval's polynomial through its node and its collocation points."""
+"""Direct collocation, and the unknowns of a transcribed problem.
+
+Each interval has a polynomial through its node and its collocation points.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,7 @@ class Collocation:
 
     @cached_property
     def _coefficients(self) -> tuple[Array, Array, Array]:
-        """Slopes at the points (degree + 1, degree), value at the end (degree + 1), quadrature weights (degree)."""
+        """Derivatives at the points (degree + 1, degree), end values (degree + 1), quadrature weights (degree)."""
         C, D, B = ca.collocation_coeff(ca.collocation_points(self.degree, self.scheme))
         return np.asarray(C), np.asarray(D).ravel(), np.asarray(B).ravel()
 
@@ -53,7 +56,7 @@ class Collocation:
         """Shares of the points (intervals·degree,) in a mean over the duration."""
         return np.tile(self._coefficients[2] / self.intervals, self.intervals)
 
-    def slopes(self, nodes: ca.MX, points: ca.MX) -> ca.MX:
+    def derivatives(self, nodes: ca.MX, points: ca.MX) -> ca.MX:
         """Derivatives at the points by time in intervals, so that over step_s they are rates."""
         return ca.horzcat(*(ca.mtimes(stacked, self._coefficients[0]) for stacked in self._stacked(nodes, points)))
 
@@ -65,3 +68,31 @@ class Collocation:
     def _stacked(self, nodes: ca.MX, points: ca.MX) -> list[ca.MX]:
         starts = range(0, self.intervals * self.degree, self.degree)
         return [ca.horzcat(nodes[:, k], points[:, at : at + self.degree]) for k, at in enumerate(starts)]
+
+
+class Unknowns:
+    """Matrices one after the other, each column by column, with their bounds."""
+
+    def __init__(self) -> None:
+        self._parts: list[ca.MX] = []
+        self._bounds: list[tuple[Array, Array]] = []
+
+    def add(
+        self, name: str, rows: int, columns: int, low: Array | float = -np.inf, high: Array | float = np.inf
+    ) -> ca.MX:
+        """A new matrix (rows, columns), bounds numbers or (rows,), the same for every column."""
+        part = ca.MX.sym(name, rows, columns)
+        self._parts.append(part)
+        low, high = (np.broadcast_to(bound, (columns, rows)).ravel() for bound in (low, high))
+        self._bounds.append((low, high))
+        return part
+
+    @property
+    def x(self) -> ca.MX:
+        """All of them (k)."""
+        return ca.vertcat(*(ca.vec(part) for part in self._parts))
+
+    @property
+    def bounds(self) -> Array:
+        """Lower and upper ones (2, k)."""
+        return np.concatenate(self._bounds, axis=1)

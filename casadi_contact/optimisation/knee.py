@@ -1,0 +1,170 @@
+"""A knee with two sides: its loads, the six coordinates of its inverse dynamics, and poses without shear.
+
+    Σ_m arm_m·F_m + contact on the femur = inverse dynamics        [N, N·m]
+
+The femoral component moves. The load of a translation is a force in the fixed frame, on the femur. The load of a
+rotation is the moment about the moving origin, along the axis of rx, ry or rz: Eᵀ(T - t×F), with T, F on the femur
+about the fixed origin and E of `angular_velocity_map`.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+
+from casadi_contact.contact import SymbolicContact
+from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array, angular_velocity_map
+from casadi_contact.optimisation.joint_mechanics import generalised_forces
+from casadi_contact.optimisation.starts import middle_pose, pose_bounds
+from casadi_contact.quantities import two_digits
+from casadi_contact.scenes import Scene
+from casadi_contact.statics import settle
+from casadi_contact.statics.leaps import leaps
+
+SHEAR_FREE_LOAD_N = 500.0
+_FOLLOWED = 5  # frames that poses without shear are followed from, in turn
+_MOST_SHEAR_N = 0.1 * SHEAR_FREE_LOAD_N  # where there is no place without
+SIDES = ("Fy_med", "Fy_lat")
+KNEE_LOADS = (*SIDES, "Fx", "Fz", "Tx", "Ty", "Tz")
+
+
+def check_knee(what: str, scene: Scene, load_names: Sequence[str], needed: Sequence[str] = KNEE_LOADS) -> None:
+    """ValueError for a contact model of a scene whose loads (L,) are not those needed of a knee that carries on two
+    sides, or that locks or ties pose parameters; what: the problem that needs such a knee, with its article."""
+    if not set(needed) <= set(load_names):
+        raise ValueError(
+            f"{what} needs a knee with two sides, but scene {scene.name} has the loads {', '.join(load_names)}, "
+            f"expected {', '.join(needed)}: take the scene knee or one like it"
+        )
+    scene.pose_space.check_whole(what)
+
+
+# Coordinates of inverse dynamics, each with the pose parameter it belongs to.
+COORDINATES = {
+    "knee_tx": "tx",
+    "knee_ty": "ty",
+    "knee_tz": "tz",
+    "knee_adduction": "rx",
+    "knee_rotation": "ry",
+    "knee_flexion": "rz",
+}
+
+
+def is_translation(coordinate: str) -> bool:
+    """Whether a coordinate moves the femur, and does not turn it."""
+    return COORDINATES[coordinate].startswith("t")
+
+
+def coordinate_unit(coordinate: str) -> str:
+    """N for a translation, Nm for a rotation."""
+    return "N" if is_translation(coordinate) else "Nm"
+
+
+def in_newtons(coordinate: str) -> float:
+    """Comparable newtons of one N or N·m of a coordinate's load."""
+    return 1.0 if is_translation(coordinate) else 1000.0 / LEVER_MM
+
+
+def contact_on_femur(poses: Array, loads: Array) -> dict[str, Array]:
+    """Generalised loads (n,) [N, N·m] on the femur by coordinate, for poses (n, 6) and loads (n, 7) as in
+    `KNEE_LOADS`."""
+    by_name = dict(zip(KNEE_LOADS, loads.T, strict=True))
+    force = np.column_stack([by_name["Fx"], by_name["Fy_med"] + by_name["Fy_lat"], by_name["Fz"]])
+    moment = np.column_stack([by_name["Tx"], by_name["Ty"], by_name["Tz"]]) - np.cross(poses[:, :3], force)
+    about_axes = np.einsum("nji,nj->ni", angular_velocity_map(poses[:, 3:]), moment)
+    return dict(zip(COORDINATES, -np.column_stack([force, 1e-3 * about_axes]).T, strict=True))
+
+
+def contact_expression(pose: ca.MX, loads: ca.MX) -> dict[str, ca.MX]:
+    """`contact_on_femur` of one frame as CasADi expressions."""
+    by_name = dict(zip(KNEE_LOADS, ca.vertsplit(loads), strict=True))
+    fy = by_name["Fy_med"] + by_name["Fy_lat"]
+    wrench = ca.vertcat(by_name["Fx"], fy, *(by_name[name] for name in ("Fz", "Tx", "Ty", "Tz")))
+    on_tibia = generalised_forces(pose, wrench) * ca.DM([1.0, 1.0, 1.0, 1e-3, 1e-3, 1e-3])
+    return dict(zip(COORDINATES, ca.vertsplit(-on_tibia), strict=True))
+
+
+def shear_free_poses(model: SymbolicContact, ry: Array, rz: Array) -> Array:
+    """Poses (n, 6) at given rotations (n,), (n,) [rad] where equal vertical forces on both sides of a knee cause no
+    shear, Fx = Fz = 0: what fixes the pose parameters that nothing else does. On a convex tibia there are several, and
+    frames that find none from the middle, or another than their neighbours (`leaps`), follow these. Where there is none
+    the femur stands where shear is least, and a RuntimeWarning names the frames.
+
+    Raises ValueError where rotations lie outside what the surrogate learned, the least shear found is more than a tenth
+    of the force on a side, or the scene locks or ties pose parameters.
+    """
+    model.scene.pose_space.check_whole("a pose without shear")
+    low, high = pose_bounds(model)
+    poses = np.tile(middle_pose(model), (len(rz), 1))
+    for name, wanted in (("ry", ry), ("rz", rz)):
+        column = POSE_NAMES.index(name)
+        poses[:, column] = wanted
+        if wanted.min() < low[column] or wanted.max() > high[column]:
+            raise ValueError(
+                f"{name} reaches from {wanted.min():.3g} to {wanted.max():.3g} rad, the surrogate learned "
+                f"{low[column]:.3g} to {high[column]:.3g}: train one around your own cycles"
+            )
+    alone, without = _without_shear(model, poses)
+    best, shear = alone, without
+    firsts = np.flatnonzero(without == 0.0)
+    for first in firsts[:: max(1, len(firsts) // _FOLLOWED)].tolist():
+        if _faults(best, shear) == (0, 0, 0):
+            break
+        tried = _followed(model, poses, alone[first], first)
+        if _faults(*tried) < _faults(best, shear):
+            best, shear = tried
+    _tell_shear(shear)
+    return best
+
+
+def _faults(poses: Array, shear: Array) -> tuple[int, int, int]:
+    """How many of poses (n, 6) are lost, how many bear shear (n,) [N], and how often what is not prescribed leaps."""
+    return int(np.isinf(shear).sum()), int((shear > 0.0).sum()), int(leaps(poses)[:, :4].sum())
+
+
+def _tell_shear(shear: Array) -> None:
+    """ValueError where a shear (n,) [N] is infinite, a RuntimeWarning where it is not zero."""
+
+    def nowhere(rows: np.ndarray) -> str:
+        which = f"{int(rows.sum())} of {len(rows)} frames, first in frame {int(rows.argmax())}"
+        return f"no place of the femur without shear under {SHEAR_FREE_LOAD_N:g} N on each side is found in {which}"
+
+    if np.isinf(shear).any():
+        raise ValueError(
+            f"{nowhere(np.isinf(shear))}, nor one with {_MOST_SHEAR_N:g} N at most: are flexion and rotation those of "
+            "this knee?"
+        )
+    if shear.any():
+        said = f"{nowhere(shear > 0.0)}, as on a convex tibia: there the femur stands where shear is least"
+        warnings.warn(f"{said} ({two_digits(shear.max())} N at most)", RuntimeWarning, stacklevel=3)
+
+
+def _without_shear(model: SymbolicContact, poses: Array) -> tuple[Array, Array]:
+    """Poses (n, 6) settled under equal forces on both sides without shear, and the shear left (n,) [N]: 0 where it is
+    settled, infinite where the sides do not bear their forces or more than `_MOST_SHEAR_N` is left."""
+    sides = dict.fromkeys(model.scene.sensitive_loads, -SHEAR_FREE_LOAD_N)
+    poses, _ = settle(model, poses, ("ty", "rx"), sides, tolerance=1.0)
+    targets = {**sides, "Fx": 0.0, "Fz": 0.0}
+    poses, report = settle(model, poses, ("tx", "ty", "tz", "rx"), targets, tolerance=0.1)
+    loads = dict(zip(model.load_names, model(poses).T, strict=True))
+    shear = np.hypot(loads["Fx"], loads["Fz"])
+    borne = np.all([np.abs(loads[name] - force) < _MOST_SHEAR_N for name, force in sides.items()], axis=0)
+    left = np.where(borne & (shear <= _MOST_SHEAR_N), shear, np.inf)
+    return poses, np.where(report.converged, 0.0, left)
+
+
+def _followed(model: SymbolicContact, poses: Array, pose: Array, first: int) -> tuple[Array, Array]:
+    """`_without_shear` of poses (n, 6), each begun at its neighbour's, outwards from the one (6,) of the first frame;
+    it ends at a frame that is lost."""
+    poses, shear = poses.copy(), np.full(len(poses), np.inf)  # lost, where it does not come
+    poses[first], shear[first] = pose, 0.0
+    for frames, step in ((range(first + 1, len(poses)), -1), (range(first - 1, -1, -1), 1)):
+        for frame in frames:
+            poses[frame, :4] = poses[frame + step, :4]
+            poses[[frame]], shear[[frame]] = _without_shear(model, poses[[frame]])
+            if np.isinf(shear[frame]):
+                return poses, shear
+    return poses, shear
