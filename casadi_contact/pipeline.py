@@ -34,7 +34,7 @@ from casadi_contact.report import draw_charts, write_report
 from casadi_contact.sampling import teacher_of
 from casadi_contact.show import contact_pose
 from casadi_contact.structures import Surrogate, with_trust
-from casadi_contact.transcription import save_function
+from casadi_contact.transcription.function_file import save_function
 
 __all__ = [
     "PRESETS",

@@ -15,7 +15,7 @@ from casadi_contact.optimisation import generalised_forces, total_selection
 from casadi_contact.quantities import FORCE, Kind, quantity
 from casadi_contact.shapes.checks import identifier
 from casadi_contact.transcription.frames import placed, relative_pose, rotation
-from casadi_contact.transcription.functions import check_name
+from casadi_contact.transcription.names import check_name
 
 _NO_LENGTH_MM = 1e-9  # of a line whose ends coincide: it has no direction, and pulls nowhere
 

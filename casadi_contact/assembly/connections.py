@@ -14,7 +14,7 @@ import numpy as np
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import Array, check_above_zero, finite_numbers
 from casadi_contact.files import short
-from casadi_contact.transcription.functions import check_name
+from casadi_contact.transcription.names import check_name
 
 _TOE = 0.03  # strain at which fibres are straight
 

@@ -16,8 +16,8 @@ from casadi_contact.contact import ElasticFoundation, grid_text
 from casadi_contact.conventions import Array
 from casadi_contact.network import Network
 from casadi_contact.structures.base import Surrogate
-from casadi_contact.transcription.kernel import sigmoid_source
 from casadi_contact.transcription.kernel.compiler import shared_library
+from casadi_contact.transcription.kernel.source import sigmoid_source
 
 BATCH = 1000
 CALL_ALONE = "call alone"

@@ -10,7 +10,7 @@ import casadi as ca
 from casadi_contact.contact.callback import model_callback
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import Array, check_loads, pose_or_poses
-from casadi_contact.transcription.contact_functions import ContactFunctions
+from casadi_contact.transcription.functions import ContactFunctions
 
 
 @runtime_checkable

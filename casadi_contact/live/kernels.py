@@ -7,7 +7,7 @@ from casadi_contact.contact.compiled import CompiledFoundation
 from casadi_contact.contact.compiled.source import C_FOLDER
 from casadi_contact.live.webassembly import webassembly
 from casadi_contact.structures import Surrogate
-from casadi_contact.transcription import ExportedModel
+from casadi_contact.transcription.export_c import ExportedModel
 from casadi_contact.transcription.kernel.compiler import DATA_FILE
 from casadi_contact.transcription.kernel.source import c_text
 

@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from casadi_contact.files import write_bytes
-from casadi_contact.transcription.kernel import CompilerError
+from casadi_contact.transcription.kernel.compiler import CompilerError
 
 # No -ffast-math, as for every kernel. Vectors of 128 bits run in every browser since 2021 (Safari 2023).
 _FLAGS = ("-std=gnu99", "-O2", "-g0", "-s", "-fno-math-errno", "-fno-trapping-math", "-msimd128", "-Wno-psabi")

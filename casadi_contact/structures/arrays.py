@@ -14,9 +14,7 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.structures.trusted_kernel import TrustedKernel
-from casadi_contact.transcription.kernel import CompilerError, warn_once
-from casadi_contact.transcription.kernel.arrays import call_in_shares
-from casadi_contact.transcription.kernel.compiler import shared_library
+from casadi_contact.transcription.kernel.compiler import CompilerError, call_in_shares, shared_library, warn_once
 from casadi_contact.transcription.kernel.source import c_text
 
 BATCH_FROM = 1000

@@ -27,11 +27,11 @@ from casadi_contact.structures.structure import Structure
 from casadi_contact.structures.trust import Trust
 from casadi_contact.structures.trust_source import OWN_ROOTS
 from casadi_contact.structures.trusted_kernel import TrustedKernel
-from casadi_contact.transcription import ExportedModel
-from casadi_contact.transcription.array_derivatives import as_weights, hessian_function, weighted_hessians
+from casadi_contact.transcription.export_c import ExportedModel
 from casadi_contact.transcription.exportable import Exportable
-from casadi_contact.transcription.kernel import Kernel
+from casadi_contact.transcription.functions import as_weights, hessian_function, weighted_hessians
 from casadi_contact.transcription.kernel.networks import Bundle
+from casadi_contact.transcription.kernel.source import Kernel
 
 
 class Surrogate(Structure, SurrogateFunctions, Exportable):

@@ -19,8 +19,8 @@ import numpy as np
 from casadi_contact.conventions import Array
 from casadi_contact.network import Network
 from casadi_contact.structures.cut_off import cut_off, cut_off_expression
+from casadi_contact.transcription.graph import network_value
 from casadi_contact.transcription.kernel.networks import Bundle
-from casadi_contact.transcription.network_graph import network_value
 
 STEEPNESS = 8.0
 LAYERS = 3  # two of them hidden

@@ -9,11 +9,12 @@ from typing import Any
 import casadi as ca
 
 from casadi_contact.structures.trust import Trust
-from casadi_contact.transcription import function_with_derivatives
-from casadi_contact.transcription.contact_functions import ContactFunctions
-from casadi_contact.transcription.expressions import Expressions, nan_if_not_finite, nan_marker
-from casadi_contact.transcription.kernel import CompilerError, Kernel, compiled_function, warn_once
-from casadi_contact.transcription.kernel.casadi_interface import name_of_parts
+from casadi_contact.transcription.functions import ContactFunctions, function_with_derivatives
+from casadi_contact.transcription.graph import Expressions, nan_if_not_finite, nan_marker
+from casadi_contact.transcription.kernel.casadi_interface import compiled_function
+from casadi_contact.transcription.kernel.compiler import CompilerError, warn_once
+from casadi_contact.transcription.kernel.source import Kernel
+from casadi_contact.transcription.names import name_of_parts
 
 _CALLED = {"never_inline": True}  # an SX expression calls them whole: CasADi has no logsumexp of SX
 

@@ -14,8 +14,7 @@ from casadi_contact.structures.error_classifier import LAYERS
 from casadi_contact.structures.error_classifier import STEEPNESS as CLASSIFIER_STEEPNESS
 from casadi_contact.structures.trust import Trust
 from casadi_contact.transcription.kernel.networks import filled_up
-from casadi_contact.transcription.kernel.source import c_text
-from casadi_contact.transcription.kernel.tables import table
+from casadi_contact.transcription.kernel.source import c_text, table
 
 # Root loads come from those of the kernel, and nothing else claims contact.
 OWN_ROOTS = """\

@@ -10,8 +10,7 @@ import numpy as np
 from casadi_contact.conventions import POSE_NAMES
 from casadi_contact.structures.trust import Trust
 from casadi_contact.structures.trust_source import trust_source
-from casadi_contact.transcription.kernel.source import Kernel
-from casadi_contact.transcription.kernel.tables import roots_source, table
+from casadi_contact.transcription.kernel.source import Kernel, roots_source, table
 
 _BEYOND = """\
 INLINE int beyond(const double *pose) {

@@ -13,9 +13,7 @@ from casadi_contact.conventions import Array
 from casadi_contact.network import Network, PartsRegression
 from casadi_contact.training.parts_blocks import GROUP_ROWS, Blocks, Part, Piece, by_lanes
 from casadi_contact.training.weights import layer_shapes
-from casadi_contact.transcription.kernel import CompilerError, warn_once
-from casadi_contact.transcription.kernel.arrays import loaded
-from casadi_contact.transcription.kernel.compiler import shared_library
+from casadi_contact.transcription.kernel.compiler import CompilerError, loaded, shared_library, warn_once
 from casadi_contact.transcription.kernel.network_functions import activation_loops
 from casadi_contact.transcription.kernel.source import c_text
 

@@ -15,16 +15,18 @@ import numpy as np
 from casadi_contact.conventions import POSE_NAMES, POSE_UNITS
 from casadi_contact.files import write_bytes, write_text
 from casadi_contact.quantities import quantity
-from casadi_contact.transcription.c_names import comment_text, identifier
-from casadi_contact.transcription.functions import check_name, check_unused
-from casadi_contact.transcription.kernel.casadi_interface import (
+from casadi_contact.transcription.kernel.casadi_interface import casadi_interface
+from casadi_contact.transcription.kernel.compiler import DATA_FILE
+from casadi_contact.transcription.kernel.source import c_text
+from casadi_contact.transcription.names import (
     UNNAMED,
-    casadi_interface,
+    check_name,
+    check_unused,
+    comment_text,
+    identifier,
     name_of_parts,
     name_of_wrenches,
 )
-from casadi_contact.transcription.kernel.compiler import DATA_FILE
-from casadi_contact.transcription.kernel.source import c_text
 
 _EXAMPLE = "example"  # file of the program that calls the model
 

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from casadi_contact.conventions import as_poses
-from casadi_contact.transcription.c_names import c_name
 from casadi_contact.transcription.export_c import ExportedModel, export_c
 from casadi_contact.transcription.fmu import export_fmu
+from casadi_contact.transcription.names import c_name
 
 
 class Exportable(ABC):

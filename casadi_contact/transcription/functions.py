@@ -1,59 +1,86 @@
-"""CasADi functions that carry their own Jacobian, on disk and in memory."""
+"""CasADi functions of contact models: loads and root loads of a pose, with their own first and second derivatives."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Mapping
-from typing import Any
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, ClassVar
 
 import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
 
-_OF_C = (  # and of C++, whose programs include the header
-    "alignas alignof and and_eq asm auto bitand bitor bool break case catch char class compl concept const "
-    "const_cast constexpr continue decltype default delete do double dynamic_cast else enum explicit export "
-    "extern false float for friend goto if inline int long main mutable namespace new noexcept not not_eq nullptr "
-    "operator or or_eq private protected public register reinterpret_cast requires restrict return short signed "
-    "sizeof static static_assert static_cast struct switch template this thread_local throw true try typedef "
-    "typeid typename typeof union unsigned using virtual void volatile wchar_t while xor xor_eq"
-)
-RESERVED_NAMES = frozenset(("jac", "hess", "null", *_OF_C.split()))
-_OF_MATH = (  # <math.h> of C99 and of POSIX
-    "acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 expm1 fabs fdim floor fma "
-    "fmax fmin fmod frexp hypot ilogb ldexp lgamma llrint llround log log10 log1p log2 logb lrint lround modf nan "
-    "nearbyint nextafter nexttoward pow remainder remquo rint round scalbln scalbn sin sinh sqrt tan tanh tgamma trunc "
-    "drem exp10 finite gamma isinf isnan j0 j1 jn scalb significand sincos y0 y1 yn"
-)
-_OF_STRING = (  # and macros of <math.h>, <stdio.h> and <stdlib.h>, which the example and an FMU include
-    "fpclassify isfinite isgreater isgreaterequal isless islessequal islessgreater isnormal isunordered lgamma_r "
-    "signbit signgam HUGE_VAL INFINITY NAN NULL basename bcmp bcopy bzero ffs index memccpy memchr memcmp memcpy "
-    "memmem memmove mempcpy memset rindex stpcpy strcasecmp strcat strchr strcmp strcoll strcpy strcspn strdup "
-    "strerror strlen strncat strncmp strncpy strndup strnlen strpbrk strrchr strsep strsignal strspn strstr strtok "
-    "strxfrm abort abs atexit atof atoi calloc div exit fclose fopen fprintf fputs free getc getchar getenv gets "
-    "labs malloc perror printf putchar puts qsort rand realloc remove rename scanf snprintf sprintf stderr stdin "
-    "stdout system"
-)
-_OF_LIBRARY = frozenset(
-    (*(f"{name}{kind}" for name in _OF_MATH.split() for kind in ("", "f", "l")), *_OF_STRING.split())
-)
-_DECLARED = re.compile(
-    r"^(?:[A-Za-z_][^\n(\[=;]*[\s*]|#define\s+)(\w+)", re.MULTILINE
-)  # at file scope, as ours is written
+from casadi_contact.conventions import Array, whole_number
+from casadi_contact.transcription.names import check_name
 
 
-def check_name(name: str) -> str:
-    """A name that CasADi and C accept; raises ValueError otherwise."""
-    if not name.isascii() or not ca.Function.check_name(name) or name in RESERVED_NAMES:
-        raise ValueError(
-            f"function name {name!r} is not usable, expected letters, digits and single underscores, and no word of C"
-        )
-    return name
+def checked_batch(batch: int | None) -> int | None:
+    """The number of poses of a function; raises ValueError unless it is a whole number of 1 or more, or None."""
+    return None if batch is None else whole_number("batch", batch, 1)
 
 
-def check_unused(name: str, source: str, *, suffixes: Iterable[str] = ("",)) -> None:
-    """ValueError for a name that, with one of these suffixes, a function, an array or a macro of C source has itself,
-    or of C's library: it would be declared twice."""
-    if {f"{name}{suffix}" for suffix in suffixes} & (_OF_LIBRARY | set(_DECLARED.findall(source))):
-        raise ValueError(f"function name {name!r} is not usable, C or the C of contact models has it: choose another")
+class ContactFunctions(ABC):
+    """Functions of a pose that differ in what they give, made by one method, `_function`, of the model."""
+
+    compiled_by_default: ClassVar[bool] = False
+
+    @abstractmethod
+    def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
+        """The loads asked for (None: all); ValueError for one that the model does not give."""
+
+    def check_roots(self) -> None:
+        """Raise ValueError where the model cannot give root loads."""
+        return
+
+    @abstractmethod
+    def _function(
+        self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
+    ) -> ca.Function:
+        """casadi.Function pose (6) -> the wanted ones of "loads", "roots"; batch: of so many poses, checked."""
+
+    def function(
+        self,
+        loads: Iterable[str] | None = None,
+        name: str = "contact_loads",
+        *,
+        compiled: bool | None = None,
+        batch: int | None = None,
+    ) -> ca.Function:
+        """casadi.Function pose (6) -> loads (L) with derivatives; batch: (6 x batch) -> (L x batch), in one call.
+
+        Works in ``map`` and in nlpsol. compiled: whether to take a kernel in C where the model has one, compiled once
+        and kept in the user's cache folder (None: ``compiled_by_default``); where that fails, one warning and the
+        slower form. A kernel has no third derivatives, and is not for `save_function` (the library lies in the cache).
+        A function of n poses has CasADi's own name for that, ``mapn_name``.
+        Raises ValueError for an unknown load and for a batch that is no whole number of 1 or more.
+        """
+        return self._made(name, self.check_loads(loads), ("loads",), compiled, batch)
+
+    def root_function(
+        self, name: str = "contact_roots", *, compiled: bool | None = None, batch: int | None = None
+    ) -> ca.Function:
+        """casadi.Function pose (6) -> signed root load of every patch (P); the rest as for `function`."""
+        self.check_roots()
+        return self._made(name, (), ("roots",), compiled, batch)
+
+    def load_and_root_function(
+        self,
+        loads: Iterable[str] | None = None,
+        name: str = "contact_loads_and_roots",
+        *,
+        compiled: bool | None = None,
+        batch: int | None = None,
+    ) -> ca.Function:
+        """casadi.Function pose (6) -> loads (L), roots (P): both for the price of the loads."""
+        names = self.check_loads(loads)
+        self.check_roots()
+        return self._made(name, names, ("loads", "roots"), compiled, batch)
+
+    def _made(
+        self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool | None, batch: int | None
+    ) -> ca.Function:
+        chosen = self.compiled_by_default if compiled is None else compiled
+        return self._function(name, loads, wanted, chosen, checked_batch(batch))
 
 
 def _empty(name: str, like: ca.MX) -> ca.MX:
@@ -114,3 +141,26 @@ def function_with_derivatives(name: str, pose: ca.MX, outputs: Mapping[str, tupl
     # or without seeds, that would be slow or fail. This one's graph is a call, which has the Jacobian.
     given = ca.MX.sym("pose", 6)
     return ca.Function(name, [given], graph.call([given]), ["pose"], list(outputs), options)
+
+
+def as_weights(weights: ArrayLike, count: int, loads: Sequence[str]) -> Array:
+    """Weights (count, L), from as many or (L,); raises ValueError for another shape."""
+    given = np.asarray(weights, dtype=float)
+    if given.shape not in ((len(loads),), (count, len(loads))):
+        raise ValueError(
+            f"weights has shape {given.shape}, expected ({len(loads)},) or ({count}, {len(loads)}): {', '.join(loads)}"
+        )
+    return np.ascontiguousarray(np.broadcast_to(given, (count, len(loads))))
+
+
+def hessian_function(function: ca.Function) -> ca.Function:
+    """pose (6), weights (L) -> second derivatives (6 x 6) of Σ weights·loads, of a function pose (6) -> loads (L)."""
+    pose, weights = ca.MX.sym("pose", 6), ca.MX.sym("weights", function.numel_out(0))
+    hessian, _ = ca.hessian(ca.dot(weights, function(pose)), pose)
+    return ca.Function("hessian", [pose, weights], [ca.densify(hessian)])
+
+
+def weighted_hessians(hessian: ca.Function, poses: Array, weights: Array) -> Array:
+    """Second derivatives (n, 6, 6) by a `hessian_function`, for poses (n, 6) and weights (n, L)."""
+    rows = [hessian(pose, of_pose).full() for pose, of_pose in zip(poses, weights, strict=True)]
+    return np.stack(rows) if rows else np.empty((0, 6, 6))

@@ -15,7 +15,7 @@ from casadi_contact.optimisation import whole_wrench
 from casadi_contact.project import reference_motion_cycles
 from casadi_contact.sampling import found_sensitive_pose
 from casadi_contact.scenes import Scene
-from casadi_contact.transcription.kernel import warn_once
+from casadi_contact.transcription.kernel.compiler import warn_once
 from casadi_contact.verification import own_model
 
 SurrogateOption = Annotated[

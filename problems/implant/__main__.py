@@ -22,7 +22,7 @@ from casadi_contact.project import Project, reference_motion_cycles
 from casadi_contact.project.presets import PRESETS
 from casadi_contact.project.train import structures_for_scene
 from casadi_contact.scenes import Scene, load_scene
-from casadi_contact.transcription.kernel import warn_once
+from casadi_contact.transcription.kernel.compiler import warn_once
 from casadi_contact.verification import own_model
 from problems.common.command import RESULTS, new_app, run_command
 from problems.common.contact import ContactSource

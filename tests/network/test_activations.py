@@ -13,7 +13,7 @@ from casadi_contact.training import TrainingSettings
 from casadi_contact.training.arrays import NumpyArrays
 from casadi_contact.training.mlp import Mlp
 from casadi_contact.training.weights import flatten, initial_network
-from casadi_contact.transcription.network_graph import network_value
+from casadi_contact.transcription.graph import network_value
 from tests.support.agreement import close
 from tests.support.compiler import needs_compiler
 from tests.support.random_surrogates import random_poses, random_surrogate

@@ -27,7 +27,7 @@ from casadi_contact.motion.walking import reference_cycle
 from casadi_contact.report import figure as report_figure
 from casadi_contact.show import figure as show_figure
 from casadi_contact.training import checkpoint, fit
-from casadi_contact.transcription import save_function
+from casadi_contact.transcription.function_file import save_function
 from tests.support.drawn_spheres import draw
 from tests.support.own_contact import SCENE
 from tests.support.random_surrogates import random_poses, random_surrogate

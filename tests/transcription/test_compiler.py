@@ -14,7 +14,8 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.scenes import load_scene
-from casadi_contact.transcription.kernel import compiler, warn_once
+from casadi_contact.transcription.kernel import compiler
+from casadi_contact.transcription.kernel.compiler import warn_once
 from tests.support.compiler import needs_compiler
 from tests.support.random_surrogates import random_poses, random_surrogate
 

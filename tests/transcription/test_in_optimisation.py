@@ -6,7 +6,7 @@ import pytest
 
 from casadi_contact.scenes import load_scene
 from casadi_contact.structures import PatchSurrogate
-from casadi_contact.transcription import load_function, save_function
+from casadi_contact.transcription.function_file import load_function, save_function
 from tests.support.agreement import close
 from tests.support.compiler import needs_compiler
 from tests.support.random_surrogates import POSE_CENTRE, POSE_SPREAD, random_network, random_poses, random_surrogate

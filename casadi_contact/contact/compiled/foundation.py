@@ -22,22 +22,19 @@ from casadi_contact.contact.twist import by_pose
 from casadi_contact.contact.wrench_loads import WrenchLoads
 from casadi_contact.conventions import Array, load_selection, pose_or_poses, rotation, wrench_names
 from casadi_contact.scenes import Scene
-from casadi_contact.transcription import ExportedModel
-from casadi_contact.transcription.array_derivatives import as_weights, hessian_function, weighted_hessians
-from casadi_contact.transcription.contact_functions import ContactFunctions, checked_batch
+from casadi_contact.transcription.export_c import ExportedModel
 from casadi_contact.transcription.exportable import Exportable
-from casadi_contact.transcription.functions import check_name, check_unused
-from casadi_contact.transcription.kernel import CompilerError, warn_once
-from casadi_contact.transcription.kernel.arrays import call_in_shares
-from casadi_contact.transcription.kernel.casadi_interface import (
-    UNNAMED,
-    casadi_interface,
-    name_of_batch,
-    name_of_wrenches,
+from casadi_contact.transcription.functions import (
+    ContactFunctions,
+    as_weights,
+    checked_batch,
+    hessian_function,
+    weighted_hessians,
 )
-from casadi_contact.transcription.kernel.compiler import shared_library
-from casadi_contact.transcription.kernel.source import c_text
-from casadi_contact.transcription.kernel.tables import roots_source
+from casadi_contact.transcription.kernel.casadi_interface import casadi_interface
+from casadi_contact.transcription.kernel.compiler import CompilerError, call_in_shares, shared_library, warn_once
+from casadi_contact.transcription.kernel.source import c_text, roots_source
+from casadi_contact.transcription.names import UNNAMED, check_name, check_unused, name_of_batch, name_of_wrenches
 
 BOTH = "contact_loads_and_roots"
 EXAMPLE_OVERLAP_MM = 0.1  # of an example: a joint's ordinary load

@@ -15,8 +15,8 @@ from casadi_contact.contact.compiled.source import C_FOLDER
 from casadi_contact.contact.pressure.outputs import MOMENTS, PressureOutputs
 from casadi_contact.contact.twist import by_pose
 from casadi_contact.conventions import Array, rotation
-from casadi_contact.transcription import ExportedModel
-from casadi_contact.transcription.kernel.arrays import call_in_shares
+from casadi_contact.transcription.export_c import ExportedModel
+from casadi_contact.transcription.kernel.compiler import call_in_shares
 from casadi_contact.transcription.kernel.source import c_text
 
 

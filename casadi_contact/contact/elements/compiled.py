@@ -13,9 +13,7 @@ from casadi_contact.conventions import Array
 from casadi_contact.geometry.elements import BLOCK_SIDE, ElementGrid
 from casadi_contact.geometry.moving_surface import SWEPT_ARCS, MovingSurface
 from casadi_contact.scenes import Material
-from casadi_contact.transcription.kernel import CompilerError
-from casadi_contact.transcription.kernel.arrays import call_in_shares
-from casadi_contact.transcription.kernel.compiler import shared_library
+from casadi_contact.transcription.kernel.compiler import CompilerError, call_in_shares, shared_library
 from casadi_contact.transcription.kernel.source import c_text
 
 _LANES = 4

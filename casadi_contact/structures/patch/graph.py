@@ -18,8 +18,7 @@ from casadi_contact.conventions import WRENCH_NAMES, Array
 from casadi_contact.network import Network
 from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.structures.patch.local_pose import LocalPose, local_pose_expressions
-from casadi_contact.transcription.expressions import Expressions, Output
-from casadi_contact.transcription.network_graph import NetworkValue, network_values
+from casadi_contact.transcription.graph import Expressions, NetworkValue, Output, network_values
 
 
 @dataclass(frozen=True)

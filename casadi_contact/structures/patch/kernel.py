@@ -9,10 +9,10 @@ from casadi_contact.conventions import WRENCH_NAMES, Array
 from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.structures.patch.graph import PatchNetworks
 from casadi_contact.structures.patch.kernel_text import BENT, KERNEL, PATCH, ROOT_CURVATURE, ROOT_SLOPES
-from casadi_contact.transcription.c_names import identifier
-from casadi_contact.transcription.kernel.bundle_functions import family_functions
+from casadi_contact.transcription.kernel.network_functions import family_functions
 from casadi_contact.transcription.kernel.networks import Bundle
 from casadi_contact.transcription.kernel.source import Kernel, c_text
+from casadi_contact.transcription.names import identifier
 
 _FEW = 2  # patches, of which both are pressed as a rule
 

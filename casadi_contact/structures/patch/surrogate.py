@@ -39,8 +39,8 @@ from casadi_contact.structures.patch.names import is_root, part_of_root, ratios_
 from casadi_contact.structures.patch.roots import patch_root_expressions, patch_roots
 from casadi_contact.structures.patch.targets import patch_regressions, ratio_outputs
 from casadi_contact.structures.patch.together import parts_regressions
-from casadi_contact.transcription.expressions import Expressions
-from casadi_contact.transcription.kernel import Kernel
+from casadi_contact.transcription.graph import Expressions
+from casadi_contact.transcription.kernel.source import Kernel
 
 
 def _used(selection: Array) -> np.ndarray:

@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 import casadi as ca
 
 from casadi_contact.network import Network
-from casadi_contact.transcription.expressions import Expressions
-from casadi_contact.transcription.network_graph import NetworkValue, network_value, stack
+from casadi_contact.transcription.graph import Expressions, NetworkValue, network_value, stack
 
 
 def two_stage_expressions(

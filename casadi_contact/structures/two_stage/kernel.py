@@ -9,8 +9,7 @@ import numpy as np
 from casadi_contact.network import Network
 from casadi_contact.structures.patch.graph import PatchNetworks
 from casadi_contact.transcription.kernel.networks import Bundle
-from casadi_contact.transcription.kernel.source import Kernel, c_text
-from casadi_contact.transcription.kernel.tables import table
+from casadi_contact.transcription.kernel.source import Kernel, c_text, table
 
 
 def two_stage_kernel(

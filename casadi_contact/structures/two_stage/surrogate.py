@@ -29,10 +29,9 @@ from casadi_contact.structures.patch.targets import root_regressions
 from casadi_contact.structures.sample_rows import finite, fitted_rows
 from casadi_contact.structures.two_stage.graph import two_stage_expressions
 from casadi_contact.structures.two_stage.kernel import confirming_inputs, two_stage_kernel
-from casadi_contact.transcription.expressions import Expressions
-from casadi_contact.transcription.kernel import Kernel
+from casadi_contact.transcription.graph import Expressions, network_value
 from casadi_contact.transcription.kernel.networks import Bundle
-from casadi_contact.transcription.network_graph import network_value
+from casadi_contact.transcription.kernel.source import Kernel
 
 # The root √|N/N0| has an infinite slope at N = 0; it is rounded off within this fraction of the boundary load,
 # which changes s by less than 3e-5 (relative) at the boundary load itself.

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from casadi_contact.transcription.kernel.source import c_text
+import casadi as ca
 
-UNNAMED = "0"
-"""No name that a function can have: the interface of one by this name declares what all of them share."""
+from casadi_contact.transcription.kernel.compiler import shared_library
+from casadi_contact.transcription.kernel.source import Kernel, c_text
+from casadi_contact.transcription.names import UNNAMED, check_name, check_unused, name_of_batch
 
 
 class _Patterns:
@@ -73,24 +74,6 @@ def _function(name: str, inputs: Sequence[str], outputs: Sequence[str], statemen
     return "\n".join(lines)
 
 
-def name_of_batch(name: str, batch: int) -> str:
-    """The name of a function of so many poses, that of CasADi's own ``map``.
-
-    Code that CasADi generates calls a function by its name alone, and must not find that of one pose under it.
-    """
-    return name if batch == 1 else f"map{batch}_{name}"
-
-
-def name_of_parts(name: str) -> str:
-    """The name of a function that gives root loads of a surrogate's parts, of which `name` makes those of patches."""
-    return f"{name}_of_parts"
-
-
-def name_of_wrenches(name: str) -> str:
-    """The name of the function of all patches' wrenches, of which `name` with parameters makes loads."""
-    return f"{name}_patch_wrenches"
-
-
 def casadi_interface(functions: Mapping[str, Mapping[str, int]], batch: int = 1) -> str:
     """For every name in functions C functions name, jac_name, adj1_name, jac_adj1_name and jac_jac_name, for poses (6 x
     batch).
@@ -154,3 +137,15 @@ def _functions(name: str, keys: Sequence[str], of: _Patterns) -> str:
             *functions,
         ]
     )
+
+
+def compiled_function(kernel: Kernel, name: str, outputs: Mapping[str, int], batch: int = 1) -> ca.Function:
+    """casadi.Function pose (6 x batch) -> outputs, compiled, with its own first- and second-order derivative functions.
+
+    outputs: "loads" and/or "roots" with their numbers. Raises CompilerError where it cannot be compiled.
+    """
+    name = name_of_batch(check_name(name), batch)
+    source = kernel.source(loads=outputs.get("loads", 0), roots=outputs.get("roots", 0))
+    check_unused(name, f"{source}\n{casadi_interface({UNNAMED: outputs}, batch)}")
+    library = shared_library(f"{source}\n{casadi_interface({name: outputs}, batch)}")
+    return ca.external(name, str(library))

@@ -11,7 +11,7 @@ import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.network import Network
-from casadi_contact.transcription.c_names import comment_text, identifier
+from casadi_contact.transcription.names import comment_text, identifier
 
 WIDTH = 8  # every padded layer is a multiple of this
 

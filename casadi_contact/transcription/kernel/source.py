@@ -6,8 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
 
-from casadi_contact.transcription.kernel.bundle_functions import bundle_functions
-from casadi_contact.transcription.kernel.network_functions import LANES, network_functions
+import numpy as np
+
+from casadi_contact.transcription.kernel.network_functions import (
+    LANES,
+    activation_loops,
+    bundle_functions,
+    network_functions,
+)
 from casadi_contact.transcription.kernel.networks import WIDTH, Bundle
 
 
@@ -36,3 +42,29 @@ class Kernel:
         networks = "\n\n".join([network_functions(self.bundles), *map(bundle_functions, self.bundles)])
         head = [definitions, "", c_text("core.h"), c_text("batch.h")]
         return "\n".join([*head, networks, "", self.code, c_text("guards.h")])
+
+
+def table(name: str, numbers: np.ndarray) -> str:
+    """Numbers as a C array of their own shape: of int or double."""
+    kind = "int" if numbers.dtype.kind == "i" else "double"
+    sizes = "".join(f"[{size}]" for size in numbers.shape)
+    return f"static const {kind} {name}{sizes} = {_braces(numbers)};"
+
+
+def _braces(table: np.ndarray) -> str:
+    if table.ndim > 1:
+        return "{" + ",\n  ".join(map(_braces, table)) + "}"
+    return "{" + ", ".join("NAN" if value != value else repr(value) for value in table.tolist()) + "}"
+
+
+def roots_source(first_parts: Sequence[int], count: int) -> str:
+    """C function patch_roots, and the table first_part of the `count` root loads that a kernel gives."""
+    return f"{table('first_part', np.array([*first_parts, count]))}\n" + c_text("roots.h")
+
+
+def sigmoid_source(activation: str) -> str:
+    """C function sigmoids(repeats, n, z): the kernel's sigmoid loop alone, to measure the rate of this machine."""
+    definitions = "".join(f"#define {name} 8\n" for name in ("WIDEST", "WIDTH"))
+    text = f"{c_text('core.h')}\n{activation_loops(activation)}"
+    loop = f"for (int i = 0; i < repeats; i++) {activation}_0(n, z);"
+    return f"{definitions}{text}\nvoid sigmoids(int repeats, int n, double *z) {{ {loop} }}\n"

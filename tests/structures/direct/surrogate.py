@@ -10,11 +10,9 @@ import numpy as np
 from casadi_contact.network import Regression
 from casadi_contact.structures.base import Surrogate
 from casadi_contact.structures.sample_rows import fitted_rows
-from casadi_contact.transcription.expressions import Expressions, Output
-from casadi_contact.transcription.kernel import Kernel
+from casadi_contact.transcription.graph import Expressions, Output, network_value, stack
 from casadi_contact.transcription.kernel.networks import Bundle
-from casadi_contact.transcription.kernel.source import c_text
-from casadi_contact.transcription.network_graph import network_value, stack
+from casadi_contact.transcription.kernel.source import Kernel, c_text
 
 
 class DirectSurrogate(Surrogate):

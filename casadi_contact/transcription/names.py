@@ -1,0 +1,109 @@
+"""Names of functions and files that C and CasADi accept, and text that is harmless in a C comment."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+import casadi as ca
+
+_IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,99}")
+_NOT_FOR_NAMES = re.compile(r"[^A-Za-z0-9]+")
+_NOT_FOR_COMMENTS = re.compile(r"[^A-Za-z0-9 _.,;:()/+=<>-]")  # no * that could end one, no ?, \ or line break
+
+
+def identifier(name: str) -> str:
+    """The name, if C takes it for one; raises ValueError otherwise: it could be code."""
+    if not _IDENTIFIER.fullmatch(name):
+        raise ValueError(f"{name!r} cannot be a name in C, expected up to 100 ASCII letters, digits and underscores")
+    return name
+
+
+def c_name(text: str) -> str:
+    """Words, or the name of a file, as a name in C and CasADi: letters, digits and single underscores.
+
+    >>> c_name("my-knee.2 contact")
+    'my_knee_2_contact'
+    """
+    return identifier(_NOT_FOR_NAMES.sub("_", text))
+
+
+def comment_text(text: str) -> str:
+    """The text in ASCII: x for ×, and _ for every character that could end a comment or hide its end.
+
+    >>> comment_text("knee **" + "// exit(1);")
+    'knee __// exit(1);'
+    >>> comment_text("16 rays × 3 points")
+    '16 rays x 3 points'
+    """
+    return _NOT_FOR_COMMENTS.sub("_", text.replace("×", "x"))
+
+
+_OF_C = (  # and of C++, whose programs include the header
+    "alignas alignof and and_eq asm auto bitand bitor bool break case catch char class compl concept const "
+    "const_cast constexpr continue decltype default delete do double dynamic_cast else enum explicit export "
+    "extern false float for friend goto if inline int long main mutable namespace new noexcept not not_eq nullptr "
+    "operator or or_eq private protected public register reinterpret_cast requires restrict return short signed "
+    "sizeof static static_assert static_cast struct switch template this thread_local throw true try typedef "
+    "typeid typename typeof union unsigned using virtual void volatile wchar_t while xor xor_eq"
+)
+RESERVED_NAMES = frozenset(("jac", "hess", "null", *_OF_C.split()))
+_OF_MATH = (  # <math.h> of C99 and of POSIX
+    "acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 expm1 fabs fdim floor fma "
+    "fmax fmin fmod frexp hypot ilogb ldexp lgamma llrint llround log log10 log1p log2 logb lrint lround modf nan "
+    "nearbyint nextafter nexttoward pow remainder remquo rint round scalbln scalbn sin sinh sqrt tan tanh tgamma trunc "
+    "drem exp10 finite gamma isinf isnan j0 j1 jn scalb significand sincos y0 y1 yn"
+)
+_OF_STRING = (  # and macros of <math.h>, <stdio.h> and <stdlib.h>, which the example and an FMU include
+    "fpclassify isfinite isgreater isgreaterequal isless islessequal islessgreater isnormal isunordered lgamma_r "
+    "signbit signgam HUGE_VAL INFINITY NAN NULL basename bcmp bcopy bzero ffs index memccpy memchr memcmp memcpy "
+    "memmem memmove mempcpy memset rindex stpcpy strcasecmp strcat strchr strcmp strcoll strcpy strcspn strdup "
+    "strerror strlen strncat strncmp strncpy strndup strnlen strpbrk strrchr strsep strsignal strspn strstr strtok "
+    "strxfrm abort abs atexit atof atoi calloc div exit fclose fopen fprintf fputs free getc getchar getenv gets "
+    "labs malloc perror printf putchar puts qsort rand realloc remove rename scanf snprintf sprintf stderr stdin "
+    "stdout system"
+)
+_OF_LIBRARY = frozenset(
+    (*(f"{name}{kind}" for name in _OF_MATH.split() for kind in ("", "f", "l")), *_OF_STRING.split())
+)
+_DECLARED = re.compile(
+    r"^(?:[A-Za-z_][^\n(\[=;]*[\s*]|#define\s+)(\w+)", re.MULTILINE
+)  # at file scope, as ours is written
+
+
+def check_name(name: str) -> str:
+    """A name that CasADi and C accept; raises ValueError otherwise."""
+    if not name.isascii() or not ca.Function.check_name(name) or name in RESERVED_NAMES:
+        raise ValueError(
+            f"function name {name!r} is not usable, expected letters, digits and single underscores, and no word of C"
+        )
+    return name
+
+
+def check_unused(name: str, source: str, *, suffixes: Iterable[str] = ("",)) -> None:
+    """ValueError for a name that, with one of these suffixes, a function, an array or a macro of C source has itself,
+    or of C's library: it would be declared twice."""
+    if {f"{name}{suffix}" for suffix in suffixes} & (_OF_LIBRARY | set(_DECLARED.findall(source))):
+        raise ValueError(f"function name {name!r} is not usable, C or the C of contact models has it: choose another")
+
+
+UNNAMED = "0"
+"""No name that a function can have: the interface of one by this name declares what all of them share."""
+
+
+def name_of_batch(name: str, batch: int) -> str:
+    """The name of a function of so many poses, that of CasADi's own ``map``.
+
+    Code that CasADi generates calls a function by its name alone, and must not find that of one pose under it.
+    """
+    return name if batch == 1 else f"map{batch}_{name}"
+
+
+def name_of_parts(name: str) -> str:
+    """The name of a function that gives root loads of a surrogate's parts, of which `name` makes those of patches."""
+    return f"{name}_of_parts"
+
+
+def name_of_wrenches(name: str) -> str:
+    """The name of the function of all patches' wrenches, of which `name` with parameters makes loads."""
+    return f"{name}_patch_wrenches"
