@@ -51,8 +51,7 @@ class Samples:
     poses (n, 6) [mm, rad]; wrenches (n, parts, 6) on the fixed body [N, N·mm] and gaps (n, parts) [mm] of the parts of
     the scene's patches (most are one part), gaps NaN where the model knows none; domain (n,) 1..7 for D1..D7; role
     (n,) TRAIN, VALIDATION or TEST; provenance says what made them (settings, versions, plan digest, number of dropped
-    samples by reason); dropped holds the poses of these. weight (n,): what a residual of each counts in training, None
-    where all count 1; files do not hold it.
+    samples by reason); dropped holds the poses of these.
     """
 
     scene: Scene
@@ -63,7 +62,6 @@ class Samples:
     role: np.ndarray
     provenance: Mapping[str, Any] = field(default_factory=dict, compare=False)
     dropped: Dropped = field(default_factory=Dropped, compare=False)
-    weight: Array | None = None
 
     def __post_init__(self) -> None:
         count, parts = len(self.poses), len(self.scene.parts)
@@ -71,8 +69,6 @@ class Samples:
         for name, shape in {**shapes, "domain": (count,), "role": (count,)}.items():
             if getattr(self, name).shape != shape:
                 raise ValueError(f"samples: {name} has shape {getattr(self, name).shape}, expected {shape}")
-        if self.weight is not None and self.weight.shape != (count,):
-            raise ValueError(f"samples: weight has shape {self.weight.shape}, expected {(count,)}")
         if count and not (self.domain.min() >= 1 and self.domain.max() <= len(DOMAINS)):
             raise ValueError(f"samples: domain holds numbers outside 1..{len(DOMAINS)}")
         if count and not (self.role.min() >= 0 and self.role.max() < len(ROLES)):
@@ -80,11 +76,6 @@ class Samples:
 
     def __len__(self) -> int:
         return len(self.poses)
-
-    @property
-    def row_weights(self) -> Array:
-        """``weight`` (n,), 1 where there is none."""
-        return np.ones(len(self)) if self.weight is None else self.weight
 
     def loads(self, names: Sequence[str] | None = None) -> Array:
         """Named loads (n, loads), the scene's if no names are given; raises ValueError for an unknown name."""
@@ -106,7 +97,7 @@ class Samples:
     def rows(self, chosen: np.ndarray) -> Samples:
         """The samples of these rows, a mask (n,) or numbers."""
         columns: dict[str, Any] = {name: getattr(self, name)[chosen] for name in COLUMNS}
-        return replace(self, **columns, weight=None if self.weight is None else self.weight[chosen])
+        return replace(self, **columns)
 
     def join_samples(self, more: Samples) -> Samples:
         """These samples and then more of the same scene; raises ValueError for another scene."""
@@ -114,9 +105,7 @@ class Samples:
             raise ValueError("the samples to join belong to another scene (digests differ)")
         columns: dict[str, Any] = {name: np.concatenate([getattr(self, name), getattr(more, name)]) for name in COLUMNS}
         lost = (np.concatenate([getattr(s.dropped, name) for s in (self, more)]) for name in ("poses", "domain"))
-        unweighted = self.weight is None and more.weight is None
-        weight = None if unweighted else np.concatenate([self.row_weights, more.row_weights])
-        return replace(self, **columns, dropped=Dropped(*lost), weight=weight)
+        return replace(self, **columns, dropped=Dropped(*lost))
 
     def counts(self) -> dict[str, dict[str, int]]:
         """Number of samples by domain name and role name."""

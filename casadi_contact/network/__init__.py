@@ -1,5 +1,5 @@
-"""A network as plain arrays, what it learns, its activations, and the joint root load of several spots."""
+"""A network as plain arrays, what it learns, and its activations."""
 
-from casadi_contact.network.network import Network, PartsRegression, Regression, size_text
+from casadi_contact.network.network import Network, Regression, size_text
 
-__all__ = ["Network", "PartsRegression", "Regression", "size_text"]
+__all__ = ["Network", "Regression", "size_text"]

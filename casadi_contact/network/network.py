@@ -11,13 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from casadi_contact.conventions import Array
 from casadi_contact.network.activations import activation_of
-from casadi_contact.network.spots import joint_root
 
 
 @dataclass(frozen=True)
@@ -111,7 +109,6 @@ class Regression:
     inputs (n, k); targets, weights (n,), or (n, m) for a network of m > 1 outputs, whose squares add up in a row.
     false_load (n,): for root loads, the reference load where there is no load, so that a load predicted there counts as
     what it is, and not as a distance to the target; 0 elsewhere, or 0 for all rows.
-    spots: targets (n,) are joint root loads (`network.spots`) of so many outputs, one if they are the output.
     validation (n,) is True for the rows that may stop training but never steer it ([EF15 §2.6], criterion 3).
     Weights turn residuals into the unit of the tolerance (N, N·mm or shares of what is wanted).
     domain (n,): of rows that are samples, 1 to 7 for D1 to D7.
@@ -123,14 +120,13 @@ class Regression:
     weights: Array
     validation: np.ndarray
     tolerance: float
-    spots: int = 1
     false_load: Array | float = 0.0
     domain: np.ndarray | None = None
 
     @property
     def outputs(self) -> int:
         """Number of the network's outputs."""
-        return self.spots if np.ndim(self.targets) == 1 else np.shape(self.targets)[1]
+        return 1 if np.ndim(self.targets) == 1 else np.shape(self.targets)[1]
 
     def of_rows(self, rows: np.ndarray) -> Regression:
         """The regression on these of its rows."""
@@ -151,55 +147,8 @@ class Regression:
     def residuals(self, network: Network) -> Array:
         """Weighted residuals, (n,) or (n, m)."""
         values = network.value(self.inputs)
-        values = joint_root(np, values)[0] if self.spots > 1 else values
         off = self.weights * (values - self.targets)
         return np.asarray(np.copysign(np.hypot(off, self.false_load * np.maximum(values, 0.0) ** 2), off))
-
-
-@dataclass(frozen=True)
-class PartsRegression:
-    """The root loads s_k of a patch's K parts, one network each, to fit on together for what the whole patch carries.
-
-    Residuals of a row, with N_k/N0 = max(s_k, 0)²:
-
-        Σ_k shares_kj·max(s_k, 0)² - wanted_j    of the patch's wrench
-        weights_k·(s_k - targets_k)              of each part's own root load
-
-    names (K) of the networks; inputs (n, k) of each; shares (n, K, m), wanted (n, m), targets and weights (n, K);
-    validation, domain (n,) and tolerance as in `Regression`.
-    """
-
-    name: str
-    names: tuple[str, ...]
-    inputs: tuple[Array, ...]
-    shares: Array
-    wanted: Array
-    targets: Array
-    weights: Array
-    validation: np.ndarray
-    tolerance: float
-    domain: np.ndarray | None = None
-
-    def weighted(self, by_domain: Mapping[int, float]) -> PartsRegression:
-        """The regression with the residuals of these domains multiplied (see `_domain_weights`)."""
-        if not by_domain:
-            return self
-        factors = _domain_weights(self.domain, by_domain)[:, None]
-        shares = factors[:, :, None] * self.shares
-        return replace(self, shares=shares, wanted=factors * self.wanted, weights=factors * self.weights)
-
-    def of_rows(self, rows: np.ndarray) -> PartsRegression:
-        """The regression of these rows alone, as they lie in C's memory."""
-        names = ("shares", "wanted", "targets", "weights", "validation")
-        chosen: dict[str, Any] = {name: np.ascontiguousarray(getattr(self, name)[rows]) for name in names}
-        domain = None if self.domain is None else self.domain[rows]
-        return replace(self, **chosen, inputs=tuple(x[rows] for x in self.inputs), domain=domain)
-
-    def residuals(self, roots: Array) -> Array:
-        """Residuals (n, m + K) at root loads (n, K)."""
-        pressed = np.maximum(roots, 0.0)
-        of_patch = np.einsum("nk,nkj->nj", pressed * pressed, self.shares) - self.wanted
-        return np.concatenate([of_patch, self.weights * (roots - self.targets)], axis=1)
 
 
 def _domain_weights(domain: np.ndarray | None, by_domain: Mapping[int, float]) -> Array:

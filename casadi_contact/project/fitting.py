@@ -7,25 +7,23 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, TypeVar
 
 import numpy as np
 
 from casadi_contact.conventions import Update
 from casadi_contact.dataset import DOMAINS, Samples
 from casadi_contact.dataset.mirror import either_side
-from casadi_contact.network import Network, PartsRegression, Regression, size_text
-from casadi_contact.project.presets import TOGETHER, Effort, effort_for
+from casadi_contact.network import Network, Regression, size_text
+from casadi_contact.project.presets import Effort, effort_for
 from casadi_contact.project.project import Project
 from casadi_contact.project.training_record import gone_on, training_record
 from casadi_contact.scenes import Scene
 from casadi_contact.structures import STRUCTURES, Surrogate
 from casadi_contact.structures.info import budget_line
-from casadi_contact.training import Fit, TrainingSettings, fit_all, fit_all_parts
+from casadi_contact.training import Fit, TrainingSettings, fit_all
 from casadi_contact.training.growth import widen
 
 _log = logging.getLogger(__name__)
-_AnyRegression = TypeVar("_AnyRegression", Regression, PartsRegression)
 
 
 @dataclass(frozen=True)
@@ -86,18 +84,10 @@ def fit_surrogate(
         for one in posed
         if one.name not in kept
     ]
-    single = fit_all(regressions, settings, executor, fitting.checkpoints, progress, starts)
+    fits = fit_all(regressions, settings, executor, fitting.checkpoints, progress, starts)
     if progress is not None:
-        _tell_ends(single, progress)
-    fits: dict[str, Any] = {**single}
-    networks = kept | {name: fit.network for name, fit in single.items()}
-    if TOGETHER in fitting.efforts and fitting.loads is None:
-        effort = fitting.efforts[TOGETHER]
-        together = TrainingSettings(max_gflop=effort.gflop, seed=fitting.seed)
-        whole = [_asked(regression, effort, weights) for regression in kind(scene, networks).parts_regressions(samples)]
-        of_patches = fit_all_parts(whole, together, networks, executor, fitting.checkpoints, progress)
-        networks |= {name: network for fit in of_patches.values() for name, network in fit.networks.items()}
-        fits |= of_patches
+        _tell_ends(fits, progress)
+    networks = kept | {name: fit.network for name, fit in fits.items()}
     networks |= {twin: kind.reflection(twin, networks[of], scene) for twin, of in twins.items()}
     if fitting.loads is not None:
         networks = {name: networks[name] for name in kind.networks_for(scene, fitting.loads)}
@@ -132,7 +122,7 @@ def _widened(network: Network, hidden: tuple[int, ...]) -> Network:
     return network if network.hidden == hidden else widen(network, hidden, seed=0)
 
 
-def _asked(regression: _AnyRegression, effort: Effort, weights: Mapping[int, float]) -> _AnyRegression:
+def _asked(regression: Regression, effort: Effort, weights: Mapping[int, float]) -> Regression:
     """A regression as an effort asks for it: its domains weighted, and the share of its tolerance wanted."""
     return replace(regression.weighted(weights), tolerance=effort.tolerance_share * regression.tolerance)
 

@@ -5,10 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-TOGETHER = "together"
-"""In place of a network's name: the effort of fitting on the root loads of each patch's parts together, for what the
-whole patch carries (`network.PartsRegression`); of it the work counts alone, for each patch."""
-
 
 @dataclass(frozen=True)
 class Effort:
@@ -50,15 +46,11 @@ class ActiveRound:
 
     times: candidates to choose from, as a multiple of the preset's samples; worst_share: the share of them that is
     learned; efforts: as a preset's, of this round alone. Sizes are those of before or wider: weights are kept.
-    between: candidates lie between the samples learned so far (`sampling.between`) instead of drawing the plan again.
-    weight: what residuals of what is learned here are multiplied by, in this round and later ones.
     """
 
     times: float
     worst_share: float
     efforts: dict[str, dict[str, Effort]] = field(default_factory=dict)
-    between: bool = False
-    weight: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -157,9 +149,8 @@ PRESETS: dict[str, Preset] = {
         sampling_scale=0.4,
         efforts={
             "patch": {
-                "root": Effort(((16, 16, 16),), 150.0, max_rows=15_000, tolerance_share=0.2),
-                "ratios": Effort(((14, 14),), 100.0, tolerance_share=0.2),
-                TOGETHER: Effort((), 2_000.0, tolerance_share=0.2),
+                "root": Effort(((16, 16, 16),), 600.0, max_rows=30_000, tolerance_share=0.2),
+                "ratios": Effort(((14, 14),), 250.0, max_rows=30_000, tolerance_share=0.2),
             }
         },
         active=(
@@ -168,24 +159,10 @@ PRESETS: dict[str, Preset] = {
                 worst_share=0.2,
                 efforts={
                     "patch": {
-                        "root": Effort(((16, 16, 16),), 0.0),  # fitted on together alone
-                        "ratios": Effort(((16, 16),), 60.0, tolerance_share=0.2),
-                        TOGETHER: Effort((), 5_000.0, tolerance_share=0.2),
+                        "root": Effort(((16, 16, 16),), 600.0, max_rows=30_000, tolerance_share=0.2),
+                        "ratios": Effort(((16, 16),), 250.0, max_rows=30_000, tolerance_share=0.2),
                     }
                 },
-            ),
-            ActiveRound(  # where parts bear falsely
-                times=20.0,
-                worst_share=0.0035,
-                efforts={
-                    "patch": {
-                        "root": Effort(((16, 16, 16),), 0.0),
-                        "ratios": Effort(((16, 16),), 0.0),
-                        TOGETHER: Effort((), 3_500.0, tolerance_share=0.2),
-                    }
-                },
-                between=True,
-                weight=1.0 / 3.0,  # gross errors count all the same, and what is small there costs nothing elsewhere
             ),
         ),
         chart=ChartEffort(

@@ -21,7 +21,7 @@ from casadi_contact.motion.columns import TextColumns
 from casadi_contact.motion.joint_cycle import JointCycle, column_names, driving_loads, read_joint_cycle, scene_cycles
 from casadi_contact.motion.load_cycle import COLUMNS, KNEE_POSE_COLUMNS, LoadCycle, read_cycle
 from casadi_contact.motion.walking import reference_cycles
-from casadi_contact.project.presets import PRESETS, TOGETHER, Preset
+from casadi_contact.project.presets import PRESETS, Preset
 from casadi_contact.sampling import (
     ReferenceMotion,
     SamplingSettings,
@@ -50,13 +50,11 @@ class Project:
 
         The sensitive pose parameters of a scene that leaves them out are found, and kept in the folder's scene.toml.
 
-        Raises ValueError for an unknown scene or preset, and for parts of several spots in a preset that fits parts
-        together; OSError for a folder that cannot be made or written.
+        Raises ValueError for an unknown scene or preset, OSError for a folder that cannot be made or written.
         """
         loaded = load_scene(scene)
         if preset not in PRESETS:
             raise ValueError(f"unknown preset {preset!r}, expected one of {', '.join(PRESETS)}")
-        _check_spots(loaded, preset)
         folder = _folder_of(loaded, preset) if folder is None else Path(folder)
         writable_folder(folder)
         completed = loaded if loaded.sensitive_pose else _completed(loaded, folder / "scene.toml")
@@ -131,19 +129,6 @@ def alone(stage: Callable[Concatenate[Project, Given], Result]) -> Callable[Conc
             return stage(project, *given, **named)
 
     return held
-
-
-def _check_spots(scene: Scene, preset: str) -> None:
-    """ValueError for a patch whose parts, of several spots each, the preset would fit together."""
-    if not any(TOGETHER in efforts for efforts in PRESETS[preset].efforts.values()):
-        return
-    numbers = [part.patch for part in scene.parts]
-    for part in scene.parts:
-        if part.spots > 1 and numbers.count(part.patch) > 1:
-            raise ValueError(
-                f"scene {scene.name}: patch {scene.patch_names[part.patch]} has split_z and {part.spots} spots, and "
-                f"preset {preset} fits parts together, of one spot each: leave out spots, or give another --preset"
-            )
 
 
 def _folder_of(scene: Scene, preset: str) -> Path:

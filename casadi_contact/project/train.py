@@ -7,8 +7,6 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from casadi_contact.conventions import Update, in_stage
 from casadi_contact.dataset import Samples
 from casadi_contact.project.active import candidates, models_to_ask, worst_samples
@@ -16,7 +14,6 @@ from casadi_contact.project.fitting import Fitting, fit_surrogate
 from casadi_contact.project.project import Project, alone, cycle_files, surrogates_made
 from casadi_contact.sampling import model_name_of, teacher_of
 from casadi_contact.sampling.around import samples_around
-from casadi_contact.sampling.between import worst_between
 from casadi_contact.sampling.chunk import WrenchModel
 from casadi_contact.structures import STRUCTURES, Surrogate, with_trust
 from casadi_contact.workers import worker_pool
@@ -100,18 +97,8 @@ def _active_rounds(
             continue
         title = f"{name}, round {number}"
         telling = in_stage(update, f"{title}: candidates")
-        if chosen.between:
-            count = round(chosen.times * len(samples))
-            most = round(chosen.worst_share * count)
-            models = models_to_ask(project, samples)
-            worst = worst_between(
-                surrogate, learned, models, count, most, seed=number, executor=executor, progress=telling
-            )
-        else:
-            drawn = candidates(project, samples, number, chosen.times, telling, executor)
-            worst = worst_samples(surrogate, drawn, chosen.worst_share)
-        weight = None if chosen.weight == 1.0 else np.full(len(worst), chosen.weight)
-        learned = learned.join_samples(replace(worst, weight=weight))
+        drawn = candidates(project, samples, number, chosen.times, telling, executor)
+        learned = learned.join_samples(worst_samples(surrogate, drawn, chosen.worst_share))
         folder, efforts = first.checkpoints / f"active-{number}", chosen.efforts[name]
         further = replace(first, efforts=efforts, checkpoints=folder, title=title)
         surrogate = fit_surrogate(project, learned, further, update, executor, onward=surrogate)

@@ -70,8 +70,8 @@ def find_cuts(
         raise ValueError(f"worth is {worth}, expected a share of the error, above 0 and below 1")
     if scene.shape != "mesh":
         raise ValueError(f"scene {scene.name} has the shape {scene.shape}, expected a mesh: other shapes are not cut")
-    if len(scene.parts) > len(scene.patch_names) or any(part.spots > 1 for part in scene.parts):
-        raise ValueError(f"scene {scene.name} has a split_z or spots, expected whole patches: take these lines out")
+    if len(scene.parts) > len(scene.patch_names):
+        raise ValueError(f"scene {scene.name} has a split_z, expected whole patches: take that line out")
     strips = _Strips.of(scene, samples)
     misfit = _misfits(strips, update, executor)
     enough_n = min(scene.tolerances[name] for name in of_kind(scene.load_names, FORCE))

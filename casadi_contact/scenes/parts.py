@@ -22,14 +22,13 @@ from casadi_contact.scenes.normal_load import FORCE_NAMES, NormalLoad
 @dataclass(frozen=True)
 class Part:
     """One part: its patch by number, bounds [mm] of its elements' centres along z, its anchor (3,) on the moving body
-    [mm], the normal load, which is that of the patch, and how many spots its root load is learned as (`spots`)."""
+    [mm], and the normal load, which is that of the patch."""
 
     name: str
     patch: int
     z_mm: tuple[float, float]
     anchor_mm: Array
     normal: NormalLoad
-    spots: int = 1
 
 
 def parts_of(geometry: Mapping[str, Any], normals: Sequence[NormalLoad], anchors_mm: Array) -> tuple[Part, ...]:
@@ -41,15 +40,15 @@ def parts_of(geometry: Mapping[str, Any], normals: Sequence[NormalLoad], anchors
     parts = []
     for p, (normal, anchor) in enumerate(zip(normals, anchors_mm, strict=True)):
         bounds = patches.get(normal.patch, {})
-        cuts, spots = bounds.get("split_z", []), bounds.get("spots", 1)
+        cuts = bounds.get("split_z", [])
         if not cuts:
-            parts.append(Part(normal.patch, p, (-np.inf, np.inf), anchor, normal, spots))
+            parts.append(Part(normal.patch, p, (-np.inf, np.inf), anchor, normal))
             continue
         low, high = bounds["z"]
         for k, (a, b) in enumerate(itertools.pairwise([low, *cuts, high]), start=1):
             name = f"{normal.patch}_{k}"
             at = np.array([anchor[0], anchor[1], 0.5 * (a + b)])
-            parts.append(Part(name, p, (float(a), float(b)), at, replace(normal, patch=name), spots))
+            parts.append(Part(name, p, (float(a), float(b)), at, replace(normal, patch=name)))
     return tuple(parts)
 
 
@@ -58,7 +57,7 @@ def tables_by_parts(tables: Mapping[str, Any], patch_names: Sequence[str], parts
     patches, names, pressed = {}, [], []
     for part in parts:
         whole = tables["geometry"]["patches"][patch_names[part.patch]]
-        bounds = {key: value for key, value in whole.items() if key not in ("split_z", "spots")}
+        bounds = {key: value for key, value in whole.items() if key != "split_z"}
         within = {"z": list(part.z_mm)} if np.isfinite(part.z_mm).all() else {}
         patches[part.name] = {**bounds, **within, "anchor": part.anchor_mm.tolist()}
         component, sign = part.normal.component, "+" if part.normal.sign > 0.0 else "-"

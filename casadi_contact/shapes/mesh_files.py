@@ -22,8 +22,7 @@
     z = [3.0, 40.0]
     anchor = [0.0, 0.0, 22.0]             # on the moving body, about where it touches this patch; else its origin
     pressing = [-1.0, 0.0, 0.0]           # of this patch alone: a post's wall, a ridge that another direction sees
-    spots = 8                             # how many root loads its networks add up, where it touches in several places
-    split_z = [17.0]                      # or cut into parts, learned apart
+    split_z = [17.0]                      # cut into parts along z, learned apart
 
 Loading a scene file makes the paths absolute and adds the files' SHA-256; the scene's digest holds the latter only,
 so that a scene stays the same scene wherever its files lie, and another one when a mesh changes.
@@ -46,7 +45,6 @@ BODIES = ("moving", "fixed")
 ELEMENTS = ("grid", "triangles")
 OPEN_EDGES = ("cut", "rim")
 SHELLS = ("outer", "whole")
-MOST_SPOTS = 64
 _SPACINGS_MM = {"low": 1e-3, "high": 1.5}  # finer does not fit into memory, coarser loses a joint's surface
 _DIGESTS = {body: f"{body}_sha256" for body in BODIES}
 _NEEDED = (*BODIES, "units", "patches")
@@ -100,16 +98,13 @@ def _spacing(value: object) -> float | dict[str, float]:
 
 
 def _patch(key: str, table: object) -> dict[str, Any]:
-    values = table_of(key, table, ("x", "y", "z", "anchor", "pressing", "spots", "split_z"), complete=False)
+    values = table_of(key, table, ("x", "y", "z", "anchor", "pressing", "split_z"), complete=False)
     for name, length in (("x", 2), ("y", 2), ("z", 2), ("anchor", 3)):
         listed = _numbers(f"{key}.{name}", values.get(name, [0.0, 1.0, 2.0][:length]), length)
         if length == 2 and listed[0] >= listed[1]:
             raise fail(f"{key}.{name}", listed, "two rising numbers [mm]")
     if "pressing" in values:
         _check_direction(f"{key}.pressing", _numbers(f"{key}.pressing", values["pressing"], 3))
-    spots = values.get("spots", 1)
-    if isinstance(spots, bool) or not isinstance(spots, int) or not 1 <= spots <= MOST_SPOTS:
-        raise fail(f"{key}.spots", spots, f"a whole number from 1 to {MOST_SPOTS}")
     if "split_z" in values:
         _check_cuts(f"{key}.split_z", values["split_z"], values.get("z"))
     return values

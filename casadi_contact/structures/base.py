@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.conventions import POSE_NAMES, Array, pose_or_poses
-from casadi_contact.dataset import Samples
-from casadi_contact.network import Network, PartsRegression
+from casadi_contact.network import Network
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.arrays import BATCH_FROM, SurrogateArrays, compiled_arrays
 from casadi_contact.structures.blocks import in_blocks
@@ -66,8 +65,7 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
                     f"unknown network {name!r} for a {self.structure} surrogate of scene {scene.name!r}, "
                     f"expected one of {', '.join(known)}"
                 )
-            wanted = network.outputs if self.gives_spots(name) else outputs[name]
-            size, expected = (len(network.input_shift), network.outputs), (known[name], wanted)
+            size, expected = (len(network.input_shift), network.outputs), (known[name], outputs[name])
             if size != expected:
                 raise ValueError(f"network {name!r} has (inputs, outputs) {size}, expected {expected}")
         self.load_names = tuple(load for load in scene.load_names if not self._missing([load]))
@@ -79,10 +77,6 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.scene.name}, networks: {len(self.networks)})"
-
-    def parts_regressions(self, samples: Samples) -> list[PartsRegression]:
-        """What its networks of root loads are to be fitted on to together, a patch that is cut into parts each."""
-        return []
 
     def needed_networks(self, loads: Sequence[str]) -> list[str]:
         """Names of the networks that the loads need; raises ValueError for an unknown load."""

@@ -36,10 +36,6 @@ class Structure(ABC):
         return dict.fromkeys(cls.network_inputs(scene), 1)
 
     @staticmethod
-    def gives_spots(name: str) -> bool:
-        """True for a network that may have several outputs, the root loads of as many spots."""
-        return False
-
     @staticmethod
     @abstractmethod
     def regressions(samples: Samples) -> list[Regression]:

@@ -54,10 +54,9 @@ def check(regression: Regression) -> None:
     name, rows = regression.name, len(regression.inputs)
     if regression.inputs.ndim != 2 or regression.inputs.shape[1] < 1:
         raise ValueError(f"regression {name}: inputs has shape {regression.inputs.shape}, expected (n, k)")
-    if regression.spots < 1 or (np.ndim(regression.targets) > 1 and regression.outputs < 2):
+    if np.ndim(regression.targets) > 1 and regression.outputs < 2:
         raise ValueError(
-            f"regression {name}: {regression.spots} spots and targets of shape {np.shape(regression.targets)}, "
-            "expected at least 1 spot, and targets (n,) of one output"
+            f"regression {name}: targets have shape {np.shape(regression.targets)}, expected (n,) for one output"
         )
     per_row = (rows,) if np.ndim(regression.targets) == 1 else (rows, regression.outputs)
     wanted = [("targets", per_row), ("weights", per_row), ("validation", (rows,))]
@@ -121,7 +120,7 @@ def _identity(r: Regression, settings: TrainingSettings, start: Network | None) 
     domain = () if r.domain is None else (r.domain,)
     numbers = (np.asarray(number, dtype=float) for number in (r.false_load, r.tolerance))
     arrays = (r.inputs, r.targets, r.weights, r.validation, *numbers, *domain)
-    return checkpoint_file.identity(settings, (r.name, r.spots), arrays, () if start is None else (start,))
+    return checkpoint_file.identity(settings, (r.name,), arrays, () if start is None else (start,))
 
 
 class Run:

@@ -16,7 +16,6 @@ from casadi_contact.training.history import History
 from casadi_contact.training.levenberg_marquardt import LevenbergMarquardt, State
 from casadi_contact.training.mlp import Mlp
 from casadi_contact.training.settings import TrainingSettings
-from casadi_contact.training.spots import SpotMlp
 from casadi_contact.training.trunk import TrunkMlp
 from casadi_contact.training.weights import flatten, initial_network, unflatten
 
@@ -199,7 +198,7 @@ class Search:
         rows, regression = self._training, self.regression
         sizes, activation = self.settings.sizes[level], self.settings.activation
         columns = regression.inputs[rows], regression.targets[rows]
-        fresh = initial_network(*columns, sizes, activation, self._seed(level), regression.spots)
+        fresh = initial_network(*columns, sizes, activation, self._seed(level))
         if self._given is None or level > 0:
             return fresh
         scales = ("input_shift", "input_scale", "output_scale")  # kept, so that weights of all attempts compare
@@ -216,8 +215,7 @@ class Search:
 
     def _start(self, network: Network, state: State | None = None) -> None:
         def mlp(rows: np.ndarray) -> Mlp:
-            several = SpotMlp if self.regression.spots > 1 else TrunkMlp
-            kind = Mlp if network.outputs == 1 else several
+            kind = Mlp if network.outputs == 1 else TrunkMlp
             return kind(network, *self._columns(rows), self._arrays, self.settings.chunk_rows)
 
         self._lm = LevenbergMarquardt(mlp(self._training), flatten(network), self._drawing_seed(), state)

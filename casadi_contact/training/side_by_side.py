@@ -13,30 +13,28 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Executor, Future, wait
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple
 from urllib.parse import quote
 
 from casadi_contact.conventions import Update
 from casadi_contact.files import replacing
-from casadi_contact.network import Network, PartsRegression, Regression
+from casadi_contact.network import Network, Regression
 from casadi_contact.training.fit import Fit, check, course_text, fit
-from casadi_contact.training.parts_fit import PartsFit, fit_parts
 from casadi_contact.training.settings import TrainingSettings
 from casadi_contact.workers import cancelled_if_left
 
 _TELL_EVERY_S = 0.5
 
-F = TypeVar("F", Fit, PartsFit)
 SettingsOf = Mapping[str, TrainingSettings] | Callable[[Regression], TrainingSettings]
 
 
 class _Job(NamedTuple):
-    """What `fit` or `fit_parts` are given, but for progress; start: a network, or one of each part, to go on from."""
+    """What `fit` is given, but for progress."""
 
-    regression: Any
+    regression: Regression
     settings: TrainingSettings
     checkpoint: Path | None
-    start: Any
+    start: Network | None
 
 
 def fit_all(
@@ -65,7 +63,7 @@ def fit_all(
     with _folder_for(checkpoint_folder) as folder:
         checkpoints = {r.name: None if checkpoint_folder is None else _beside(folder, r.name, "npz") for r in order}
         jobs = {r.name: _Job(r, chosen[r.name], checkpoints[r.name], given.get(r.name)) for r in order}
-        fits = _run(fit, jobs, executor, folder, progress)
+        fits = _run(jobs, executor, folder, progress)
     return {regression.name: fits[regression.name] for regression in regressions}
 
 
@@ -96,28 +94,26 @@ def _folder_for(checkpoint_folder: Path | None) -> Iterator[Path]:
 
 
 def _run(
-    fitting: Callable[..., F],
     jobs: Mapping[str, _Job],
     executor: Executor | None,
     folder: Path,
     progress: Update | None,
-) -> dict[str, F]:
-    """`fit` or `fit_parts` of every job by its name: one after the other here, or side by side in the workers."""
+) -> dict[str, Fit]:
+    """`fit` of every job by its name: one after the other here, or side by side in the workers."""
     if executor is None:
         return {
-            name: fitting(job.regression, job.settings, job.checkpoint, progress, job.start)
-            for name, job in jobs.items()
+            name: fit(job.regression, job.settings, job.checkpoint, progress, job.start) for name, job in jobs.items()
         }
     reports = {name: _beside(folder, name, "progress.json") for name in jobs}
-    futures = {name: executor.submit(_fit_and_tell, fitting, reports[name], job) for name, job in jobs.items()}
+    futures = {name: executor.submit(_fit_and_tell, reports[name], job) for name, job in jobs.items()}
     with cancelled_if_left(executor, futures.values()):
         return _collect(futures, reports, progress)
 
 
-def _fit_and_tell(fitting: Callable[..., F], report: Path, job: _Job) -> F:
+def _fit_and_tell(report: Path, job: _Job) -> Fit:
     """In the worker: fit, and write the progress file now and then."""
     with _telling(report) as tell:
-        return fitting(job.regression, job.settings, job.checkpoint, tell, job.start)
+        return fit(job.regression, job.settings, job.checkpoint, tell, job.start)
 
 
 @contextmanager
@@ -141,7 +137,7 @@ def _telling(report: Path) -> Iterator[Update]:
             report.unlink(missing_ok=True)
 
 
-def _collect(futures: dict[str, Future[F]], reports: dict[str, Path], progress: Update | None) -> dict[str, F]:
+def _collect(futures: dict[str, Future[Fit]], reports: dict[str, Path], progress: Update | None) -> dict[str, Fit]:
     waiting = set(futures.values())
     told: dict[str, object] = {}
     while waiting:
@@ -165,20 +161,3 @@ def _last_report(report: Path) -> tuple[str, float, float, str] | None:
     except (OSError, ValueError):
         return None
     return name, used, allotted, remark
-
-
-def fit_all_parts(
-    regressions: Sequence[PartsRegression],
-    settings: TrainingSettings,
-    starts: Mapping[str, Network],
-    executor: Executor | None = None,
-    checkpoint_folder: Path | None = None,
-    progress: Update | None = None,
-) -> dict[str, PartsFit]:
-    """`fit_parts` of each patch, side by side, from the networks of all parts by name; otherwise as `fit_all`."""
-    with _folder_for(checkpoint_folder) as folder:
-        checkpoints = {
-            r.name: None if checkpoint_folder is None else _beside(folder, r.name, "npz") for r in regressions
-        }
-        jobs = {r.name: _Job(r, settings, checkpoints[r.name], [starts[name] for name in r.names]) for r in regressions}
-        return _run(fit_parts, jobs, executor, folder, progress)

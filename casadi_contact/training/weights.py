@@ -18,12 +18,10 @@ def layer_shapes(inputs: int, hidden: tuple[int, ...], outputs: int = 1) -> tupl
     return tuple((after, before + 1) for before, after in pairwise(sizes))
 
 
-def initial_network(
-    inputs: Array, targets: Array, hidden: tuple[int, ...], activation: str, seed: Any, spots: int = 1
-) -> Network:
+def initial_network(inputs: Array, targets: Array, hidden: tuple[int, ...], activation: str, seed: Any) -> Network:
     """Random weights N(0, 1/fan_in), biases U(-1, 1), on inputs standardised by the data; outputs in units of the
     targets' standard deviation, starting near their mean. A constant input or target has scale 1 (or its size).
-    targets (n,), or (n, m) for several outputs. spots: so many outputs of one scale, which differ from the start."""
+    targets (n,), or (n, m) for several outputs."""
     rng = np.random.default_rng(seed)
     shift, scale = inputs.mean(axis=0), inputs.std(axis=0)
     scale = np.where(scale > 1e-12 * np.maximum(np.abs(shift), 1e-300), scale, 1.0)
@@ -31,14 +29,11 @@ def initial_network(
     size = np.where(mean == 0.0, 1.0, np.abs(mean))
     output_scale = np.where((spread > 1e-12 * np.abs(mean)) & (spread > 0.0), spread, size)
     weights, biases = [], []
-    for neurons, fan_in in ((n, k - 1) for n, k in layer_shapes(inputs.shape[1], hidden, spots * len(spread))):
+    for neurons, fan_in in ((n, k - 1) for n, k in layer_shapes(inputs.shape[1], hidden, len(spread))):
         weights.append(rng.normal(size=(neurons, fan_in)) / np.sqrt(fan_in))
         biases.append(rng.uniform(-1.0, 1.0, neurons))
-    if spots > 1:
-        biases[-1][:] = 0.0
-    else:
-        weights[-1] *= 0.1
-        biases[-1][:] = mean / output_scale
+    weights[-1] *= 0.1
+    biases[-1][:] = mean / output_scale
     one_scale = output_scale if targets.ndim > 1 else float(output_scale[0])
     return Network(shift, scale, tuple(weights), tuple(biases), one_scale, activation)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import Array, pose_index
 from casadi_contact.dataset import COLUMNS, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.dataset.errors import domain_errors
-from casadi_contact.network import Network, PartsRegression, Regression
+from casadi_contact.network import Network
 from casadi_contact.project.training_record import fits_record, work_of_both
 from casadi_contact.sampling import SamplePoint, SamplingSettings
 from casadi_contact.sampling.around import samples_around
@@ -22,7 +22,6 @@ from casadi_contact.structures import Surrogate, with_trust
 from casadi_contact.structures.info import samples_record
 from casadi_contact.training import TrainingSettings, fit
 from casadi_contact.training.fit import FitOutcome
-from casadi_contact.training.parts_fit import fit_parts
 from casadi_contact.verification.verify import Verification, verify
 
 SPREAD = 0.3  # of the trust's scales: how far around a failing frame its pose inputs are drawn
@@ -32,7 +31,6 @@ KNOWN_PER_NEW = 3  # samples of before that are trained on again for each new on
 _LEAST_KNOWN = 12_000
 _TOLERANCE_SHARE = 0.2  # as in the preset `standard`: better than needed, because a few rows must be good among many
 
-_Asked = TypeVar("_Asked", Regression, PartsRegression)
 Solve = Callable[[Surrogate], tuple[Array, np.ndarray]]
 """A problem: surrogate -> poses (n, 6) of its solution, and which frames (n,) it solved."""
 
@@ -85,7 +83,7 @@ def refine(
     ``record["pose_range"]``: frames that this leaves unsolved fail, and the range grows with the samples around them.
     samples: what the surrogate was trained on. model: verifies, settles and labels the new samples
     (`per_frame` static analyses around each failing frame). gflop: budget of each network in each round, see
-    `TrainingSettings`; root loads of a patch's parts have theirs together.
+    `TrainingSettings`.
     progress(text) is told each step. Nothing given is changed.
 
     Raises ValueError like `verify` and `with_trust`, for another answer of solve than a tuple of two, and where no new
@@ -165,25 +163,14 @@ def _drawn_around(
 def _fitted_on(
     surrogate: Surrogate, samples: Samples, gflop: float
 ) -> tuple[dict[str, Network], dict[str, FitOutcome]]:
-    """The networks trained on, and their fits by name. Root loads of a patch's parts go on together, for what the whole
-    patch carries: alone they would unlearn it."""
-
-    def asked(regression: _Asked) -> _Asked:
-        return replace(regression, tolerance=_TOLERANCE_SHARE * regression.tolerance)
-
+    """The networks trained on, and their fits by name."""
     networks, fits = dict(surrogate.networks), dict[str, FitOutcome]()
-    together = {name for patch in surrogate.parts_regressions(samples) for name in patch.names}
     for regression in surrogate.regressions(samples):
-        if regression.name not in together:
-            start = networks[regression.name]
-            settings = TrainingSettings(sizes=(start.hidden,), activation=start.activation, max_gflop=gflop, restarts=0)
-            result = fits[regression.name] = fit(asked(regression), settings, start=start)
-            networks[regression.name] = result.network
-    for patch in type(surrogate)(surrogate.scene, networks).parts_regressions(samples):
-        settings = TrainingSettings(max_gflop=len(patch.names) * gflop)
-        starts = [networks[name] for name in patch.names]
-        of_parts = fits[patch.name] = fit_parts(asked(patch), settings, None, None, starts)
-        networks |= of_parts.networks
+        start = networks[regression.name]
+        settings = TrainingSettings(sizes=(start.hidden,), activation=start.activation, max_gflop=gflop, restarts=0)
+        closer = replace(regression, tolerance=_TOLERANCE_SHARE * regression.tolerance)
+        result = fits[regression.name] = fit(closer, settings, start=start)
+        networks[regression.name] = result.network
     return networks, fits
 
 

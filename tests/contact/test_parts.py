@@ -1,7 +1,5 @@
 """Patches in parts: a cut moves no force, and what is learned by parts gives the patch's own loads."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -10,8 +8,7 @@ from casadi_contact.contact import CellFoundation, Cells
 from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.sampling import SamplingSettings
 from casadi_contact.sampling.chunk import Chunk, draw_chunk
-from casadi_contact.structures import PatchSurrogate, with_trust
-from casadi_contact.structures.info import samples_record
+from casadi_contact.structures import PatchSurrogate
 from casadi_contact.training import TrainingSettings, fit_all
 from tests.support.compiler import needs_compiler
 from tests.support.meshes import cap_mesh, scene_of, sheet_mesh
@@ -89,19 +86,6 @@ def test_networks_of_parts_give_the_loads_of_their_patches(tmp_path):
     assert {"root_med_1", "root_med_2", "root_lat", "ratios_med_2"} <= {r.name for r in regressions}
     fits = fit_all(regressions, lambda _: TrainingSettings(sizes=((8, 8),), max_iterations=60))
     surrogate = PatchSurrogate(scene, {name: fit.network for name, fit in fits.items()})
-    (whole,) = surrogate.parts_regressions(samples)
-    assert whole.names == ("root_med_1", "root_med_2")
-    fitted = samples.poses[role != TEST]
-    pairs = zip(whole.names, whole.inputs, strict=True)
-    roots = [surrogate.networks[name].value(inputs) for name, inputs in pairs]
-    wrong = surrogate.wrenches(fitted)[:, 0] - samples.wrenches[role != TEST, :2].sum(axis=1)
-    residuals = whole.residuals(np.stack(roots, axis=1))[:, :-2]
-    of_error = residuals.std(axis=0) / wrong.std(axis=0)
-    np.testing.assert_allclose(residuals, of_error * wrong, atol=1e-9, err_msg="what the surrogate's patch is off by")
-    (light,) = surrogate.parts_regressions(replace(samples, weight=np.full(len(samples), 0.25)))
-    np.testing.assert_allclose(
-        light.residuals(np.stack(roots, axis=1)), 0.25 * whole.residuals(np.stack(roots, axis=1))
-    )
     test = samples.select(role=TEST)
     error = np.sqrt(np.mean((surrogate(test.poses) - test.loads()) ** 2, axis=0))
     assert error[1] < 0.02 * np.abs(test.loads()[:, 1]).max(), error
@@ -130,22 +114,3 @@ def test_a_part_without_elements_is_refused(tmp_path):
     scene = ball_on_plate(tmp_path / "cut", med="split_z = [6.95]")
     with pytest.raises(ValueError, match="the part med_2 holds no element: check split_z"):
         cc.ElasticFoundation(scene, (10, 5)).part_wrenches(poses_about(1))
-
-
-def test_refinement_trains_root_loads_of_parts_together(tmp_path):
-    """Alone they would unlearn what they carry together."""
-    scene = ball_on_plate(tmp_path / "cut", med="split_z = [1.5]")
-    model, poses = cc.ElasticFoundation(scene), poses_about(600, seed=1)
-    role = np.tile(np.array([TRAIN, TRAIN, TRAIN, VALIDATION, TEST], np.uint8), 120)
-    wrenches, gaps = model.part_wrenches(poses), model.part_gaps(poses)
-    samples = Samples(scene, poses, wrenches, gaps, np.ones(len(poses), np.uint8), role)
-    fits = fit_all(PatchSurrogate.regressions(samples), lambda _: TrainingSettings(sizes=((5, 5),), max_iterations=20))
-    networks = {name: fit.network for name, fit in fits.items()}
-    surrogate = with_trust(PatchSurrogate(scene, networks, samples_record(samples)), samples)
-    refined = cc.refine(surrogate, samples, lambda _: (poses[:4], np.ones(4, bool)), model, rounds=1, gflop=0.02)
-    record = refined.surrogate.record
-    assert "together_med" in record["stop_reasons"]
-    assert not {"root_med_1", "root_med_2"} & set(record["stop_reasons"])
-    assert "root_lat" in record["stop_reasons"]
-    for name in ("root_med_1", "root_med_2"):
-        assert (refined.surrogate.networks[name].weights[0] != networks[name].weights[0]).any()

@@ -68,18 +68,6 @@ def test_samples_of_one_scene_are_joined():
         samples.join_samples(other)
 
 
-def test_weights_stay_with_their_rows_and_are_1_where_none_are_given():
-    samples = some_samples()
-    heavy = replace(samples.rows(np.arange(5)), weight=np.arange(1.0, 6.0))
-    both = samples.join_samples(heavy)
-    np.testing.assert_array_equal(both.weight, [*np.ones(20), 1.0, 2.0, 3.0, 4.0, 5.0])
-    np.testing.assert_array_equal(both.rows(np.array([22, 3])).weight, [3.0, 1.0])
-    assert samples.join_samples(samples).weight is None
-    np.testing.assert_array_equal(samples.row_weights, np.ones(20))
-    with pytest.raises(ValueError, match=r"weight has shape \(3,\), expected \(20,\)"):
-        replace(samples, weight=np.ones(3))
-
-
 def test_dropped_poses_survive_the_file_and_stay_with_every_selection(tmp_path):
     dropped = Dropped(np.arange(12.0).reshape(2, 6), np.array([1, 3], dtype=np.uint8))
     samples = replace(some_samples(), dropped=dropped)

@@ -126,14 +126,6 @@ def test_a_round_without_work_for_a_network_only_makes_it_wider(project):
         built(replace(project, folder=project.folder / "none", own=Preset(0.005, efforts)))
 
 
-def test_a_round_may_learn_the_worst_poses_between_the_samples_in_place_of_the_plan_s(project):
-    between = replace(project.own.active[0], times=20.0, worst_share=0.01, between=True)
-    samples, surrogate = built(replace(project, own=replace(project.own, active=(between,))))
-    (added,) = surrogate.record["active"]
-    assert added == round(0.01 * round(20.0 * len(samples)))
-    assert not list(project.folder.glob("candidates*")), "nothing of the plan was drawn again"
-
-
 def two_sides(count):
     """Columns of samples of a scene of two parts."""
     return {"wrenches": np.zeros((count, 2, 6)), "gaps": np.zeros((count, 2))}

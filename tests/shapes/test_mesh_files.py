@@ -67,8 +67,6 @@ def test_a_changed_or_missing_mesh_is_another_scene_or_an_error(folder):
         ('units = "mm"', 'units = "mm"\nspacing = {moving = 0.5, fixed = -1}', "geometry.spacing.fixed = -1"),
         ("[geometry.patches.contact]", "[geometry.patches.contact]\nx = [2.0, 1.0]", "two rising numbers"),
         ("[geometry.patches.contact]", "[geometry.patches.contact]\nanchor = [2.0]", "3 numbers"),
-        ("[geometry.patches.contact]", "[geometry.patches.contact]\nspots = 0", "contact.spots = 0, expected a whole"),
-        ("[geometry.patches.contact]", "[geometry.patches.contact]\nspots = 2.5", "a whole number from 1 to 64"),
         ("[geometry.patches.contact]", "[geometry.patches.contact]\nsplit_z = [1]", "needs the patch's z"),
         ("[geometry.patches.contact]", "[geometry.patches.contact]\nz = [0, 2]\nsplit_z = 1", "list of rising"),
         (
@@ -84,15 +82,6 @@ def test_bad_mesh_scenes_are_refused_with_the_key(folder, old, new, said):
     (folder / "scene.toml").write_text(text.replace(old, new))
     with pytest.raises(ValueError, match=said):
         cc.load_scene(folder / "scene.toml")
-
-
-def test_spots_of_a_patch_are_those_of_each_of_its_parts_and_one_if_left_out(folder):
-    text = (folder / "scene.toml").read_text()
-    patch, counts = "[geometry.patches.contact]", []
-    for said in ("", "spots = 4", "spots = 4\nz = [0, 2]\nsplit_z = [1]"):
-        (folder / "scene.toml").write_text(text.replace(patch, f"{patch}\n{said}"))
-        counts.append([part.spots for part in cc.load_scene(folder / "scene.toml").parts])
-    assert counts == [[1], [4], [4, 4]]
 
 
 def test_a_patch_without_mesh_and_a_scene_without_files_are_refused_by_contact_models(folder):

@@ -7,10 +7,10 @@ from scipy.cluster.vq import kmeans2
 from casadi_contact.structures.blocks import in_blocks
 from casadi_contact.structures.cubic_logistic import cubic_terms, logistic_coefficients
 from casadi_contact.structures.gaussian_kernels import spread_centres
-from tests.support.random_surrogates import IN_PARTS, IN_SPOTS, random_poses, random_surrogate, scene_called
+from tests.support.random_surrogates import IN_PARTS, random_poses, random_surrogate, scene_called
 
 MANY = random_poses(4500)  # more than two blocks
-CASES = [("knee", "patch"), (IN_PARTS, "patch"), ("knee", IN_SPOTS), ("knee", "two_stage"), ("planar_knee", "patch")]
+CASES = [("knee", "patch"), (IN_PARTS, "patch"), ("knee", "two_stage"), ("planar_knee", "patch")]
 
 
 @pytest.fixture(params=CASES, ids="-".join)

@@ -16,7 +16,6 @@ POSE_SPREAD = np.array([6.0, 0.4, 3.0, 0.05, 0.1, 0.6])
 
 
 IN_PARTS = "knee in parts"
-IN_SPOTS = "patch in spots"  # structure whose root networks give the root loads of three spots
 
 
 def scene_called(name: str) -> Scene:
@@ -48,8 +47,7 @@ def random_network(rng, shift, scale, hidden, activation, output_scale, bias=0.0
 
 def random_surrogate(scene: Scene, structure: str, activation: str = "algebraic", seed: int = 0) -> Surrogate:
     """Random networks of two hidden layers; torque-like outputs are larger than force-like ones."""
-    rng, spots = np.random.default_rng(seed), 3 if structure == IN_SPOTS else 1
-    kind, networks = STRUCTURES["patch" if structure == IN_SPOTS else structure], {}
+    rng, kind, networks = np.random.default_rng(seed), STRUCTURES[structure], {}
     outputs = kind.network_outputs(scene)
     for name, inputs in kind.network_inputs(scene).items():
         shift, scale = np.zeros(max(inputs, 6)), np.full(max(inputs, 6), 500.0)
@@ -62,7 +60,5 @@ def random_surrogate(scene: Scene, structure: str, activation: str = "algebraic"
                 output = np.linspace(0.3, 20.0, outputs[name])
         else:
             output = 20000.0 if name.startswith("T") else 800.0
-        bias = np.linspace(-0.5, 0.5, spots) if spots > 1 and name.startswith("root") else 0.0
-        output = np.full(spots, output) if np.ndim(bias) else output
-        networks[name] = random_network(rng, shift, scale, (14, 9), activation, output, bias)
+        networks[name] = random_network(rng, shift, scale, (14, 9), activation, output)
     return kind(scene, networks)

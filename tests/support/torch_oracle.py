@@ -42,9 +42,9 @@ def _patch(surrogate: Surrogate, poses: torch.Tensor, loads: bool) -> torch.Tens
         sensitive = pressed.lstrip("+-").partition("_")[0]  # "F", a magnitude, is no component
         local = torch.cat([poses[:, :3] + _rotation(poses[:, 3:]) @ _tensor(anchor), poses[:, 3:]], dim=1)
         root = surrogate.networks[f"root_{patch}"]
-        of_spots = [_network(root, local, k) for k in range(root.outputs)]
-        roots[part.patch] += of_spots
-        normal = scene.reference_load * sum(torch.clamp(s, min=0.0) ** 2 for s in of_spots)
+        s = _network(root, local)
+        roots[part.patch].append(s)
+        normal = scene.reference_load * torch.clamp(s, min=0.0) ** 2
         for component in WRENCH_NAMES:
             if component == sensitive:
                 wrenches.append(normal if pressed.startswith("+") else -normal)

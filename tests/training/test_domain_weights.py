@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from casadi_contact.network import PartsRegression, Regression
+from casadi_contact.network import Regression
 from casadi_contact.training import TrainingSettings, fit
 from casadi_contact.training.weights import initial_network
 
@@ -14,18 +14,6 @@ DOMAIN = np.repeat(np.array([1, 3, 4], dtype=np.uint8), ROWS // 3)
 RANDOM = np.random.default_rng(5)
 INPUTS = RANDOM.uniform(-1.0, 1.0, (ROWS, 2))
 ROUGH = np.sin(3.0 * INPUTS[:, 0]) * np.cos(2.0 * INPUTS[:, 1])
-PART = PartsRegression(
-    "together_p",
-    ("root_a", "root_b"),
-    (INPUTS, INPUTS),
-    RANDOM.normal(size=(ROWS, 2, 3)),
-    RANDOM.normal(size=(ROWS, 3)),
-    RANDOM.normal(size=(ROWS, 2)),
-    np.ones((ROWS, 2)),
-    np.zeros(ROWS, bool),
-    1.0,
-    DOMAIN,
-)
 
 
 def regression(**columns):
@@ -46,15 +34,11 @@ def test_residuals_are_multiplied_and_their_mean_square_is_kept(outputs):
     network = initial_network(INPUTS, before.targets, (4,), "tanh", 0)
     ratio = by_domain(after.residuals(network)) / by_domain(before.residuals(network))
     np.testing.assert_allclose(ratio, 3.0 * np.array([16.0, 4.0, 1.0]) / 21.0)
-    roots = RANDOM.normal(size=(ROWS, 2))
-    ratio = by_domain(PART.weighted({1: 4.0, 3: 2.0}).residuals(roots)) / by_domain(PART.residuals(roots))
-    np.testing.assert_allclose(ratio, 3.0 * np.array([16.0, 4.0, 1.0]) / 21.0)
 
 
 def test_nothing_weighted_is_nothing_changed():
     own = regression(domain=None)
     assert own.weighted({}) is own
-    assert PART.weighted({}) is PART
 
 
 def test_rows_of_no_domain_cannot_be_weighted():

@@ -187,8 +187,7 @@ def test_numbers_that_are_none_are_refused_by_name(column, bad):
         ({"validation": np.ones(400)}, "expected an array of True and False"),
         ({"validation": [False] * 400}, "validation is list, expected an array"),
         ({"domain": np.ones(3)}, "domain has shape"),
-        ({"targets": np.ones((400, 1)), "weights": np.ones((400, 1))}, r"expected .* targets \(n,\) of one output"),
-        ({"spots": 0}, "0 spots .* expected at least 1"),
+        ({"targets": np.ones((400, 1)), "weights": np.ones((400, 1))}, "one output"),
         ({"tolerance": np.nan}, "tolerance"),
     ],
 )

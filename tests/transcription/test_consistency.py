@@ -7,14 +7,13 @@ import pytest
 from casadi_contact.network.activations import ACTIVATIONS
 from casadi_contact.scenes import load_scene
 from tests.support.agreement import agree
-from tests.support.random_surrogates import IN_PARTS, IN_SPOTS, random_poses, random_surrogate, scene_called
+from tests.support.random_surrogates import IN_PARTS, random_poses, random_surrogate, scene_called
 from tests.support.second_derivatives import evaluated
 
 torch_oracle = pytest.importorskip("tests.support.torch_oracle", reason="torch is not installed", exc_type=ImportError)
 
 CASES = [(scene, structure) for scene in ("knee", "sphere_on_plane") for structure in ("patch", "two_stage")]
 CASES += [("hip", "patch"), ("patellofemoral", "patch"), (IN_PARTS, "patch")]  # N as a magnitude, N = +Fx
-CASES += [("hip", "patch"), (IN_PARTS, "patch"), ("knee", IN_SPOTS), ("hip", IN_SPOTS)]
 
 
 @pytest.mark.parametrize("activation", ACTIVATIONS)

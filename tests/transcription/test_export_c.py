@@ -14,7 +14,7 @@ from casadi_contact.contact import CellFoundation, Cells, PolarFoundation
 from casadi_contact.scenes import Scene, load_scene
 from casadi_contact.transcription.kernel.compiler import compiler_command
 from tests.support.compiler import needs_compiler
-from tests.support.random_surrogates import IN_SPOTS, random_poses, random_surrogate
+from tests.support.random_surrogates import IN_PARTS, random_poses, random_surrogate, scene_called
 from tests.support.second_derivatives import second_derivatives
 
 
@@ -59,8 +59,8 @@ def test_compiled_c_equals_numpy(structure, activation, tmp_path):
     np.testing.assert_allclose([float(line.split()[1]) for line in demo.splitlines()], values[0], atol=1e-6)
 
 
-def random_spots():
-    return random_surrogate(load_scene("knee"), IN_SPOTS, seed=6), random_poses(1)[0]
+def in_parts():
+    return random_surrogate(scene_called(IN_PARTS), "patch", seed=6), random_poses(1)[0]
 
 
 def cells():
@@ -69,7 +69,7 @@ def cells():
 
 
 @needs_compiler
-@pytest.mark.parametrize("made", [random_spots, cells])
+@pytest.mark.parametrize("made", [in_parts, cells])
 def test_code_that_casadi_generates_is_linked_with_the_exported_files(made, tmp_path, monkeypatch):
     """All compiled functions of a model are called by their names there, in one program, with their derivatives."""
     monkeypatch.chdir(tmp_path)  # where Function.generate writes

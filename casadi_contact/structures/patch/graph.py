@@ -45,15 +45,8 @@ class PatchNetworks:
         return dict(zip(components, network_values(self.ratios, x, order, columns, tangent), strict=True))
 
 
-def _normal(roots: Sequence[NetworkValue], reference_load: float, order: int) -> NetworkValue:
+def _normal(s: NetworkValue, reference_load: float, order: int) -> NetworkValue:
     """N and its derivatives in the local pose."""
-    first, *others = (_normal_of_spot(s, reference_load, order) for s in roots)
-    for other in others:
-        first = NetworkValue(first.value + other.value, first.gradient + other.gradient, first.hessian + other.hessian)
-    return first
-
-
-def _normal_of_spot(s: NetworkValue, reference_load: float, order: int) -> NetworkValue:
     contact = ca.fmax(s.value, 0)
     slope = 2 * reference_load * contact
     value, gradient, hessian = reference_load * (contact * contact), ca.MX(), ca.MX()
@@ -103,9 +96,9 @@ def patch_expressions(
         used = [k for k in range(6) if selection[:, p, k].any()]
         components = [WRENCH_NAMES[k] for k in used if WRENCH_NAMES[k] != patch.sensitive]
         x = local.x if tangent is None else local.x[list(space.free)]
-        s = network_values(patch.root, x, order, range(patch.root.outputs), tangent)
+        (s,) = network_values(patch.root, x, order, [0], tangent)
         ratios = patch.ratio_values(x, components, order, tangent)
-        roots.append(_in_pose(local, s, order))
+        roots.append(_in_pose(local, [s], order))
         if not used:
             continue
         normal = _normal(s, reference_load, order)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 
 from casadi_contact.conventions import WRENCH_NAMES, Array
 from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.structures.patch.graph import PatchNetworks
-from casadi_contact.structures.patch.kernel_text import BENT, KERNEL, PATCH, ROOT_CURVATURE, ROOT_SLOPES
+from casadi_contact.structures.patch.kernel_text import BENT, KERNEL, PATCH
 from casadi_contact.transcription.kernel.network_functions import family_functions
 from casadi_contact.transcription.kernel.networks import Bundle
 from casadi_contact.transcription.kernel.source import Kernel, c_text
@@ -28,7 +27,7 @@ def _lines(lines: Sequence[str], indent: int) -> str:
 def _patch(
     patch: PatchNetworks, row: int, selection: Array, reference_load: float, space: PoseSpace
 ) -> tuple[list[Bundle], str]:
-    """Networks and functions of one patch, whose spots' root loads begin at `row`; selection (L, 6) picks its wrench
+    """Networks and functions of one patch, whose root load is the one at `row`; selection (L, 6) picks its wrench
     components into loads."""
     used = [name for k, name in enumerate(WRENCH_NAMES) if selection[:, k].any()]
     ratios, of_ratios = [], {}
@@ -59,13 +58,9 @@ def _patch(
         shares = (f"{share!r} * loads_weight[{load}]" for load, name, share in picked if name == component)
         return " + ".join(shares) or "0.0"
 
-    several, symbol = patch.root.outputs > 1, identifier(patch.name)
     code = PATCH.substitute(
-        patch=symbol,
+        patch=identifier(patch.name),
         row=row,
-        spots=patch.root.outputs,
-        root_slopes=f"  {ROOT_SLOPES[several].format(patch=symbol)}",
-        root_curvature=f"  {ROOT_CURVATURE[several].format(patch=symbol)}",
         n0=repr(float(reference_load)),
         anchor=_anchor(patch),
         ratio_slopes=_lines([f"gradient_in_pose(local, d_ratio[{m}]);" for m in range(len(ratios))], 2),
@@ -74,8 +69,8 @@ def _patch(
         rows=_lines(
             sums(
                 "loads_jacobian[{load}][j]",
-                f"({sign}d_normal[j])",
-                "(ratio[{m}] * d_normal[j] + normal * d_ratio[{m}][j])",
+                f"({sign}d_normal)",
+                "(ratio[{m}] * d_normal + normal * d_ratio[{m}][j])",
             ),
             4,
         ),
@@ -106,18 +101,15 @@ def _held(space: PoseSpace) -> tuple[str, str]:
 
 
 def patch_kernel(patches: Sequence[PatchNetworks], selection: Array, reference_load: float, space: PoseSpace) -> Kernel:
-    """Kernel of loads (selection (L, P, 6) of the patches' wrenches) and of the root loads of every patch's spots;
+    """Kernel of loads (selection (L, P, 6) of the patches' wrenches) and of the root load of every patch;
     networks take the local poses' free columns."""
     held, by_free = _held(space)
-    first = [0, *itertools.accumulate(patch.root.outputs for patch in patches)]
-    made = [_patch(patch, first[p], selection[:, p], reference_load, space) for p, patch in enumerate(patches)]
+    made = [_patch(patch, p, selection[:, p], reference_load, space) for p, patch in enumerate(patches)]
     symbols = [identifier(patch.name) for patch in patches]
     many = len(symbols) > _FEW
     whole = KERNEL.substitute(
         held=held,
         patches=len(symbols),
-        spots=first[-1],
-        first_spots=", ".join(map(str, first)),
         anchors=", ".join(f"{{{_anchor(patch)}}}" for patch in patches),
         n0=repr(float(reference_load)),
         values=_lines(
@@ -134,14 +126,14 @@ def patch_kernel(patches: Sequence[PatchNetworks], selection: Array, reference_l
                 for line in (
                     f"if (normal[{p}] > 0.0) {{",
                     f"  loads_on_{name}(normal[{p}], ratio[{p}], loads);",
-                    f"  slopes_on_{name}(local + {p}, normal[{p}], s + {first[p]}, ds + {first[p]}, ratio[{p}], "
+                    f"  slopes_on_{name}(local + {p}, normal[{p}], s[{p}], ds[{p}], ratio[{p}], "
                     f"d_ratio[{p}], loads_jacobian);",
                     "}",
                 )
             ],
             2,
         ),
-        bent=BENT.substitute(patches=len(symbols), spots=first[-1]) if many else "",
+        bent=BENT.substitute(patches=len(symbols)) if many else "",
         hessians=_lines(
             [
                 (f"if (bent[{p}]) " if many else "")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from string import Template
 
-# Loads of one patch from the root loads of its spots and its ratios, where it is pressed. (void) is for a patch without
+# Loads of one patch (or part) from its root load and its ratios, where it is pressed. (void) is for a patch without
 # any of the loads asked for.
 PATCH = Template("""\
 INLINE void loads_on_${patch}(double normal, const double *ratio, double *loads) {
@@ -12,13 +12,13 @@ INLINE void loads_on_${patch}(double normal, const double *ratio, double *loads)
 $loads
 }
 
-INLINE void slopes_on_${patch}(const Local *local, double normal, const double *s, double (*ds)[6], const double *ratio,
+INLINE void slopes_on_${patch}(const Local *local, double normal, double s, const double *ds, const double *ratio,
                             double (*d_ratio)[6], double (*loads_jacobian)[6]) {
-  double d_normal[6];
   (void)local, (void)normal, (void)ratio, (void)d_ratio, (void)loads_jacobian;
-  normal_gradient($spots, $n0, s, ds, d_normal);
 $ratio_slopes
   for (int j = 0; j < 6; j++) {
+    const double d_normal = 2.0 * $n0 * s * ds[j];
+    (void)d_normal;
 $rows
   }
 }
@@ -28,25 +28,22 @@ INLINE void hessian_on_${patch}(const double *pose, const Frame *frame, const do
                              const double *roots_weight, double *hessian) {
   const Local local = local_of(pose, frame, $anchor, 1);
   const double c[RATIOS] = {$ratio_weights};
-  double s[$spots], ds[$spots][6] = {{0}}, d2s[36] = {0}, on_root[$spots];
+  const double one = 1.0;
+  double s, ds[6] = {0}, d2s[36] = {0};
   double ratio[RATIOS], phi = $sign($sensitive_weight), d_phi[6] = {0}, d2_phi[36] = {0};
   (void)loads_weight;
-$root_slopes
-  if (pressed_squares($spots, s, 1) > 0.0) {
+  root_${patch}_hessian(local.x, &one, &s, ds, d2s);
+  if (s > 0.0) {
     ratios_${patch}_hessian(local.x, c, ratio, d_phi, d2_phi);
 $ratio_sum
   } else {
     phi = 0.0;
   }
-  for (int k = 0; k < $spots; k++) {
-    on_root[k] = 2.0 * $n0 * (s[k] > 0.0 ? s[k] : 0.0) * phi + (ROOTS ? roots_weight[$row + k] : 0.0);
-  }
-$root_curvature
-  patch_hessian_in_pose(frame, &local, $n0, $spots, s, ds, on_root, d2s, phi, d_phi, d2_phi, hessian);
+  patch_hessian_in_pose(frame, &local, $n0, s, ds, ROOTS ? roots_weight[$row] : 0.0, d2s, phi, d_phi, d2_phi, hessian);
 }
 
 INLINE void batch_on_${patch}(const double *pose, const Frame *frame, double (*loads)[LANES], double (*roots)[LANES]) {
-  double x[6 * LANES], s[$spots * LANES], all_ratios[RATIOS * LANES];
+  double x[6 * LANES], s[LANES], all_ratios[RATIOS * LANES];
   (void)loads;
   for (int l = 0; l < LANES; l++) {
     const Local local = local_of(pose + 6 * l, frame + l, $anchor, 0);
@@ -56,7 +53,7 @@ INLINE void batch_on_${patch}(const double *pose, const Frame *frame, double (*l
   ratios_${patch}_batch(x, all_ratios);
   if (ROOTS) memcpy(roots[$row], s, sizeof s);
   for (int l = 0; l < LANES; l++) {
-    const double normal = $n0 * pressed_squares($spots, s + l, LANES);
+    const double normal = $n0 * pressed_square(s[l]);
     (void)normal;
 $lane_loads
   }
@@ -66,21 +63,20 @@ $lane_loads
 
 KERNEL = Template("""\
 static const double anchors[$patches][3] = {$anchors};
-static const int first_spot[] = {$first_spots};
 
 FUNCTION void kernel_value(const double *given, double *loads, double *roots) {
   const double *const pose = $held, *x[$patches];
   const Frame frame = frame_of(pose);
   Local local[$patches];
-  double s[$spots], *of_roots[$patches], ratio[$patches][RATIOS], *of_ratios[$patches], normal[$patches];
+  double s[$patches], *of_roots[$patches], ratio[$patches][RATIOS], *of_ratios[$patches], normal[$patches];
   int which[$patches], count = 0;
   for (int p = 0; p < $patches; p++) {
     local[p] = local_of(pose, &frame, anchors[p][0], anchors[p][1], anchors[p][2], 0);
-    x[p] = local[p].x, of_roots[p] = s + first_spot[p], of_ratios[p] = ratio[p], which[p] = p;
+    x[p] = local[p].x, of_roots[p] = s + p, of_ratios[p] = ratio[p], which[p] = p;
   }
   roots_value($patches, which, x, of_roots);
   for (int p = 0; p < $patches; p++) {
-    normal[p] = $n0 * pressed_squares(first_spot[p + 1] - first_spot[p], of_roots[p], 1);
+    normal[p] = $n0 * pressed_square(s[p]);
     if (normal[p] > 0.0) which[count++] = p;
   }
   ratios_value(count, which, x, of_ratios);
@@ -94,18 +90,18 @@ FUNCTION void kernel_jacobian(const double *given, double *loads, double *roots,
   const double *const pose = $held, *x[$patches];
   const Frame frame = frame_of(pose);
   Local local[$patches];
-  double s[$spots], *of_roots[$patches], ratio[$patches][RATIOS], *of_ratios[$patches], normal[$patches];
-  double ds[$spots][6], *slopes_of_roots[$patches], d_ratio[$patches][RATIOS][6], *slopes_of_ratios[$patches];
+  double s[$patches], *of_roots[$patches], ratio[$patches][RATIOS], *of_ratios[$patches], normal[$patches];
+  double ds[$patches][6], *slopes_of_roots[$patches], d_ratio[$patches][RATIOS][6], *slopes_of_ratios[$patches];
   int which[$patches], count = 0;
   for (int p = 0; p < $patches; p++) {
     local[p] = local_of(pose, &frame, anchors[p][0], anchors[p][1], anchors[p][2], 1);
-    x[p] = local[p].x, of_roots[p] = s + first_spot[p], of_ratios[p] = ratio[p], which[p] = p;
-    slopes_of_roots[p] = ds[first_spot[p]], slopes_of_ratios[p] = d_ratio[p][0];
+    x[p] = local[p].x, of_roots[p] = s + p, of_ratios[p] = ratio[p], which[p] = p;
+    slopes_of_roots[p] = ds[p], slopes_of_ratios[p] = d_ratio[p][0];
   }
   roots_gradient($patches, which, x, of_roots, slopes_of_roots);
   for (int p = 0; p < $patches; p++) {
-    for (int k = first_spot[p]; k < first_spot[p + 1]; k++) gradient_in_pose(local + p, ds[k]);
-    normal[p] = $n0 * pressed_squares(first_spot[p + 1] - first_spot[p], of_roots[p], 1);
+    gradient_in_pose(local + p, ds[p]);
+    normal[p] = $n0 * pressed_square(s[p]);
     if (normal[p] > 0.0) which[count++] = p;
   }
   ratios_gradient(count, which, x, of_ratios, slopes_of_ratios);
@@ -148,26 +144,13 @@ $batches
 BENT = Template("""\
   const double *x[$patches];
   Local local[$patches];
-  double s[$spots], *of_roots[$patches];
+  double s[$patches], *of_roots[$patches];
   int which[$patches], bent[$patches];
   for (int p = 0; p < $patches; p++) {
     local[p] = local_of(pose, &frame, anchors[p][0], anchors[p][1], anchors[p][2], 0);
-    x[p] = local[p].x, of_roots[p] = s + first_spot[p], which[p] = p;
+    x[p] = local[p].x, of_roots[p] = s + p, which[p] = p;
   }
   roots_value($patches, which, x, of_roots);
   for (int p = 0; p < $patches; p++) {
-    bent[p] = pressed_squares(first_spot[p + 1] - first_spot[p], of_roots[p], 1) > 0.0;
-    for (int k = first_spot[p]; ROOTS && k < first_spot[p + 1]; k++) bent[p] |= roots_weight[k] != 0.0;
+    bent[p] = s[p] > 0.0 || (ROOTS && roots_weight[p] != 0.0);
   }""")
-
-
-# Slopes of the spots' root loads, and then their second derivatives, weighted: of a single one all at once, of several
-# when their values have given the weights.
-ROOT_SLOPES = (
-    "const double one = 1.0;\n  root_{patch}_hessian(local.x, &one, s, ds[0], d2s);",
-    "root_{patch}_gradient(local.x, s, ds[0]);",
-)
-ROOT_CURVATURE = (
-    "for (int i = 0; i < 36; i++) d2s[i] *= on_root[0];",
-    "double summed[6] = {{0}};\n  root_{patch}_hessian(local.x, on_root, s, summed, d2s);",
-)

@@ -15,11 +15,6 @@ def is_root(name: str) -> bool:
     return name.startswith(_ROOT)
 
 
-def part_of_root(name: str) -> str:
-    """The patch or part of a root load network."""
-    return name.removeprefix(_ROOT)
-
-
 def ratios_name(part: str) -> str:
     """Name of the network of all ratios of a patch or part: ratios_med."""
     return f"ratios_{part}"

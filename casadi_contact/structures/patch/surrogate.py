@@ -8,16 +8,12 @@ so that loads vanish exactly out of contact and nothing ever pulls. All six comp
 load is the magnitude of the force (`scenes.normal_load`). Networks are named ``root_med`` and ``ratios_med``; the
 second gives all ratios of a patch that the scene's loads need, from shared hidden neurons.
 
-A patch that touches in several places bends where one of them comes or goes. Its root network may have several outputs,
-the root loads s_pk of as many spots: N_p = N0·Σ_k max(s_pk, 0)².
-
 A patch that a scene cuts into parts (`scenes.parts`) has these networks for each part (``root_med_1``); its wrench is
-the sum over its parts. Its root load is that of all its spots together (`casadi_contact.network.spots`).
+the sum over its parts. Its root load is the smooth union of theirs (`structures.patch.roots`).
 """
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from typing import ClassVar, NamedTuple
 
@@ -26,7 +22,7 @@ import numpy as np
 
 from casadi_contact.conventions import REFLECTION, WRENCH_NAMES, Array, load_jacobian, pose_or_poses
 from casadi_contact.dataset import Samples
-from casadi_contact.network import Network, PartsRegression, Regression
+from casadi_contact.network import Network, Regression
 from casadi_contact.scenes.parts import Part
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.structures.base import Surrogate
@@ -35,10 +31,9 @@ from casadi_contact.structures.patch.graph import PatchNetworks, patch_expressio
 from casadi_contact.structures.patch.kernel import patch_kernel
 from casadi_contact.structures.patch.local_pose import LocalPoses, local_pose_jacobian, local_poses
 from casadi_contact.structures.patch.mirror import equal_networks, reflected
-from casadi_contact.structures.patch.names import is_root, part_of_root, ratios_name, root_name
+from casadi_contact.structures.patch.names import ratios_name, root_name
 from casadi_contact.structures.patch.roots import patch_root_expressions, patch_roots
 from casadi_contact.structures.patch.targets import patch_regressions, ratio_outputs
-from casadi_contact.structures.patch.together import parts_regressions
 from casadi_contact.transcription.graph import Expressions
 from casadi_contact.transcription.kernel.source import Kernel
 
@@ -54,7 +49,7 @@ def _parts(used: np.ndarray) -> np.ndarray:
 
 
 class _PartRoot(NamedTuple):
-    """Root loads (n, K) of a part's spots, and their derivatives (n, K, 6), (0, K, 6) if not asked for."""
+    """Root load (n,) of a part, and its derivative (n, 6), (0, 6) if not asked for."""
 
     at: LocalPoses
     s: Array
@@ -80,11 +75,6 @@ class PatchSurrogate(Surrogate):
         """1 for a root load, the number of its ratios for a network of ratios."""
         ratios = {name: len(components) for name, components in ratio_outputs(scene).items()}
         return {name: ratios.get(name, 1) for name in cls.network_inputs(scene)}
-
-    @staticmethod
-    def gives_spots(name: str) -> bool:
-        """True for the networks of root loads."""
-        return is_root(name)
 
     @staticmethod
     def regressions(samples: Samples) -> list[Regression]:
@@ -121,23 +111,6 @@ class PatchSurrogate(Surrogate):
             if any(k != part.normal.component for k in used):
                 names.append(ratios_name(part.name))
         return names
-
-    def parts_regressions(self, samples: Samples) -> list[PartsRegression]:
-        """Root loads of the parts of each patch that is cut, under the ratios of its networks; see
-        `together.parts_regressions`."""
-        known = patch_regressions(samples)
-        roots = {part_of_root(root.name): root for root in known if is_root(root.name)}
-        return parts_regressions(samples, roots, self._part_ratios)
-
-    def _part_ratios(self, poses: Array, p: int) -> Array:
-        """What a newton of part p's normal load brings of each wrench component (n, 6): ±1 of its own, 0 of those that
-        no load needs."""
-        used = _used(self.scene.part_selection(self.load_names))[p]
-        ratios, part = np.zeros((len(poses), 6)), self.scene.parts[p]
-        at = self._local_poses(poses, part, derivative=False)
-        for component, (values, _) in self._of_normal(at, part, used).items():
-            ratios[:, component] = values
-        return ratios
 
     def _root_networks(self) -> list[str]:
         return [root_name(part.name) for part in self.scene.parts]
@@ -176,7 +149,7 @@ class PatchSurrogate(Surrogate):
 
     def _of_patches(self, roots: Mapping[int, _PartRoot]) -> tuple[Array, Array]:
         """Root loads (n, P) and their derivatives of the patches, from those of all parts."""
-        s, ds = (np.concatenate([getattr(root, name) for root in roots.values()], axis=1) for name in ("s", "ds"))
+        s, ds = (np.stack([getattr(root, name) for root in roots.values()], axis=1) for name in ("s", "ds"))
         return patch_roots(s, ds, self._first_roots())
 
     def _part_roots(self, poses: Array, used: np.ndarray | None = None, *, derivative: bool) -> dict[int, _PartRoot]:
@@ -207,9 +180,7 @@ class PatchSurrogate(Surrogate):
         return value, np.einsum("n...i,nij->n...j", gradient, at.by_pose)
 
     def _root(self, at: LocalPoses, part: Part) -> _PartRoot:
-        s, ds = self._network(root_name(part.name), at)
-        s = s if s.ndim == 2 else s[:, None]
-        return _PartRoot(at, s, ds.reshape(len(at.by_pose), s.shape[1], 6))
+        return _PartRoot(at, *self._network(root_name(part.name), at))
 
     def _ratios(self, at: LocalPoses, part: Part, components: Sequence[str]) -> dict[str, tuple[Array, Array]]:
         """Ratios (n,) of a part by wrench component, with their derivatives as for `_network`."""
@@ -231,8 +202,8 @@ class PatchSurrogate(Surrogate):
         jacobian = np.zeros((len(first.ds), *used.shape, 6))
         for p, (at, s, ds) in roots.items():
             contact = np.maximum(s, 0.0)
-            normal = self.scene.reference_load * (contact * contact).sum(axis=1)
-            d_normal = 2.0 * self.scene.reference_load * np.einsum("nk,nkj->nj", contact[: len(ds)], ds)
+            normal = self.scene.reference_load * contact**2
+            d_normal = 2.0 * self.scene.reference_load * contact[: len(ds), None] * ds
             for component, (ratio, d_ratio) in self._of_normal(at, self.scene.parts[p], used[p]).items():
                 wrenches[:, p, component] = normal * ratio
                 if len(ds):
@@ -250,16 +221,11 @@ class PatchSurrogate(Surrogate):
             found[k] = np.full(len(at.x), part.normal.sign), np.zeros((len(at.by_pose), 6))
         return found
 
-    def _spot_counts(self) -> list[int]:
-        """Number of spots of each part, 1 where its root network is missing."""
-        return [self.networks[name].outputs if name in self.networks else 1 for name in self._root_networks()]
-
     def _root_count(self) -> int:
-        return sum(self._spot_counts())
+        return len(self.scene.parts)
 
     def _first_roots(self) -> Sequence[int]:
-        before = [0, *itertools.accumulate(self._spot_counts())]
-        return [before[part] for part in self.scene.first_parts]
+        return self.scene.first_parts
 
     def _patch_roots(self, roots: ca.MX) -> ca.MX:
         return patch_root_expressions(roots, self._first_roots())

@@ -7,7 +7,6 @@ load, those in contact (N > 0) for a ratio, which has no meaning where there is 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -46,9 +45,8 @@ def root_weight(target: Array, scene: Scene) -> Array:
 
 
 def root_regressions(samples: Samples) -> list[Regression]:
-    """Those of `patch_regressions` that are of root loads, as of one spot each."""
-    roots = (r for r in patch_regressions(samples) if is_root(r.name))
-    return [replace(root, spots=1) for root in roots]
+    """Those of `patch_regressions` that are of root loads."""
+    return [r for r in patch_regressions(samples) if is_root(r.name)]
 
 
 def part_components(scene: Scene) -> dict[str, tuple[str, ...]]:
@@ -74,8 +72,8 @@ def patch_regressions(samples: Samples) -> list[Regression]:
 
     Root: target `root_target`, weight `root_weight`, out of contact N0 as its false load. Ratios: target W_k/N, weight
     N/(τ_k·√m) for the m outputs of a network, so that the root mean square of its residuals is 1 where the error of
-    every component is its tolerance τ_k (`_tolerances`). All weights times the samples' own. Raises ValueError for NaN,
-    for a patch that pulls, for an unknown gap out of contact, or without samples.
+    every component is its tolerance τ_k (`_tolerances`). Raises ValueError for NaN, for a patch that pulls, for an
+    unknown gap out of contact, or without samples.
     """
     scene = samples.scene
     refuse_pulling(samples, "samples")
@@ -83,7 +81,7 @@ def patch_regressions(samples: Samples) -> list[Regression]:
     poses = finite("poses", samples.poses)[rows]
     _check_space(poses, scene)
     all_wrenches = finite("wrenches", samples.wrenches)[rows]
-    gaps_mm, domain, counting = samples.gaps[rows], samples.domain[rows], samples.row_weights[rows]
+    gaps_mm, domain = samples.gaps[rows], samples.domain[rows]
     components, tolerances = part_components(scene), _tolerances(scene, all_wrenches)
     regressions = []
     for p, part in enumerate(scene.parts):
@@ -99,16 +97,15 @@ def patch_regressions(samples: Samples) -> list[Regression]:
         root_tolerance, ratio_tolerances = tolerances[p]
         inputs = local_poses(poses, part.anchor_mm)[:, list(scene.pose_space.free)]
         target = root_target(normal, gap_mm, scene)
-        # Not of several spots, which would all be driven out of contact before one learns to bear.
-        false_load = counting * np.where(contact | (part.spots > 1), 0.0, scene.reference_load)
-        columns = (inputs, target, counting * root_weight(target, scene), validation)
-        regressions.append(Regression(root_name(part.name), *columns, root_tolerance, part.spots, false_load, domain))
+        false_load = np.where(contact, 0.0, scene.reference_load)
+        columns = (inputs, target, root_weight(target, scene), validation)
+        regressions.append(Regression(root_name(part.name), *columns, root_tolerance, false_load, domain))
         if not components[part.name]:
             continue
         used = [WRENCH_NAMES.index(name) for name in components[part.name]]
         targets = wrench[contact][:, used] / normal[contact, None]
         per_newton = 1.0 / (np.array([ratio_tolerances[k] for k in used]) * np.sqrt(len(used)))
-        weights = (counting * normal)[contact, None] * per_newton
+        weights = normal[contact, None] * per_newton
         if len(used) == 1:
             targets, weights = targets[:, 0], weights[:, 0]
         regressions.append(

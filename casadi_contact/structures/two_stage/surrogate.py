@@ -82,7 +82,7 @@ class TwoStageSurrogate(Surrogate):
                 name,
                 poses if column < count else with_forces,
                 loads[:, column],
-                samples.row_weights[rows],
+                np.ones(rows.sum()),
                 validation,
                 float(scene.tolerances.get(name, scene.boundary_load)),
                 domain=samples.domain[rows],
