@@ -1,25 +1,13 @@
-"""What a contact model is, and how a user's own callable becomes one."""
+"""What a contact model is, its root loads, and the same model by other named loads."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
 
-from casadi_contact.contact.own_function import asked
-from casadi_contact.contact.way_until import way_until
-from casadi_contact.conventions import (
-    Array,
-    angular_velocity_map,
-    check_above_zero,
-    load_jacobian,
-    load_selection,
-    pose_or_poses,
-    pose_text,
-    rotation,
-)
+from casadi_contact.conventions import Array, load_jacobian, load_selection, possible_loads
 from casadi_contact.scenes import Scene
 from casadi_contact.scenes.normal_load import normal_forces, normal_slopes
 
@@ -27,16 +15,18 @@ LARGEST_OVERLAP_MM = 0.1  # of a patch without load: cells of a mesh miss overla
 
 
 class ContactModel(Protocol):
-    """Loads on the fixed body as functions of the pose (n, 6); elastic foundations and surrogates alike.
+    """Loads on the fixed body as functions of the pose (n, 6): elastic foundations and surrogates alike.
 
-    A model that has wrench_jacobian(poses) as well, wrenches (n, patches, 6) and their derivatives by the pose (n,
-    patches, 6, 6), settles under any load of its patches, others under those of load_names. One that has
-    jacobian_and_roots(poses) too, all that `jacobian` and `root_loads` return, is evaluated once for both.
+    Whoever inherits from it writes `__call__`, `jacobian` and `root_loads`, and where the model has them the rest, with
+    has_wrenches and has_gaps telling so. A model with wrenches settles under any load of its patches, another one under
+    those of load_names alone. A function of poses that gives wrenches becomes such a model by `CallableModel`.
     """
 
     scene: Scene
     load_names: tuple[str, ...]
     patch_names: tuple[str, ...]
+    has_wrenches: bool = False
+    has_gaps: bool = False
 
     def __call__(self, poses: Array) -> Array:
         """Named loads (n, loads) [N, N·mm]."""
@@ -51,11 +41,57 @@ class ContactModel(Protocol):
         falling quantity.
         """
 
+    def jacobian_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
+        """All that `jacobian` and `root_loads` return."""
+        return *self.jacobian(poses), *self.root_loads(poses)
 
-def jacobian_and_roots(model: ContactModel, poses: Array) -> tuple[Array, Array, Array, Array]:
-    """Named loads, their derivatives, signed root loads and theirs (see `ContactModel`)."""
-    together = getattr(model, "jacobian_and_roots", None)
-    return together(poses) if together else (*model.jacobian(poses), *model.root_loads(poses))
+    def wrenches(self, poses: Array) -> Array:
+        """Wrench of each patch on the fixed body (n, patches, 6) [N, N·mm]."""
+        raise NotImplementedError(f"{self!r} has no wrenches")
+
+    def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:
+        """Wrenches (n, patches, 6) and their derivatives by the pose (n, patches, 6, 6)."""
+        raise NotImplementedError(f"{self!r} has no wrenches")
+
+    def gaps(self, poses: Array) -> Array:
+        """Distance of each patch (n, patches) [mm] from the moving body; below zero where they overlap."""
+        raise NotImplementedError(f"{self!r} has no gaps")
+
+    def at_edge(self, poses: Array) -> np.ndarray:
+        """True (n, patches) where contact reaches a patch's rim, part of it may lie beyond; False where unknown."""
+        return np.zeros((len(poses), len(self.patch_names)), dtype=bool)
+
+
+class NamedLoads(ContactModel):
+    """A contact model by other named loads than its scene's, made of its patches' wrenches."""
+
+    def __init__(self, model: ContactModel, load_names: Sequence[str]) -> None:
+        self.scene, self.patch_names, self.load_names = model.scene, model.patch_names, tuple(load_names)
+        self._model, self._selection = model, load_selection(load_names, model.patch_names)
+
+    def __call__(self, poses: Array) -> Array:
+        """Named loads (n, L) [N, N·mm]."""
+        return np.einsum("lpk,npk->nl", self._selection, self._model.wrenches(poses))
+
+    def jacobian(self, poses: Array) -> tuple[Array, Array]:
+        """Named loads (n, L) and their derivatives by the pose (n, L, 6)."""
+        return load_jacobian(self._selection, *self._model.wrench_jacobian(poses))
+
+    def root_loads(self, poses: Array) -> tuple[Array, Array]:
+        """Those of the model: (n, patches), (n, patches, 6)."""
+        return self._model.root_loads(poses)
+
+
+def with_loads(model: ContactModel, names: Sequence[str]) -> ContactModel:
+    """The model, or where it does not give all of these loads, `NamedLoads` of it.
+
+    Raises ValueError for a load that no patch has, or that a model without wrenches does not give.
+    """
+    possible = possible_loads(model.patch_names) if model.has_wrenches else model.load_names
+    for name in names:
+        if name not in model.load_names and name not in possible:
+            raise ValueError(f"unknown target {name!r}, expected one of {', '.join(possible)}")
+    return model if set(names) <= set(model.load_names) else NamedLoads(model, names)
 
 
 def root_of_normal(normal: Array, slope: Array, reference_load: float) -> tuple[Array, Array]:
@@ -85,167 +121,5 @@ def signed_roots(
 
 def overlaps_without_load(wrenches: Array, gaps: Array) -> np.ndarray:
     """Where gaps (n, patches) [mm] have the wrong sign, (n, patches): overlap beyond `LARGEST_OVERLAP_MM` at a wrench
-    (n, patches, 6) of exactly zero. Its root load would be one of contact that is not there."""
+    (n, patches, 6) of exactly zero. Its root load would be learned as contact."""
     return (wrenches == 0.0).all(axis=2) & (gaps < -LARGEST_OVERLAP_MM)
-
-
-class CallableModel:
-    """A user's own ``wrenches(poses) -> (n, patches, 6)`` as a contact model.
-
-    Derivatives are central differences (steps in mm and rad). gaps, if given, is the user's ``gaps(poses) -> (n,
-    patches)`` [mm], positive out of contact. The user's functions get a copy of the poses. Without gaps the gap of a
-    patch that carries no load is the way of the moving body along the patch's direction of pressing until the patch
-    loads: in steps of approach_mm as far as reach_mm, then by bisection. A normal load without a direction (the
-    magnitude of a force) needs gaps. What these functions raise goes on, with a note of the pose. Raises ValueError for
-    steps and a reach that are not finite and above 0.
-    """
-
-    def __init__(
-        self,
-        scene: Scene,
-        wrenches: Callable[[Array], Array],
-        gaps: Callable[[Array], Array] | None = None,
-        *,
-        step_mm: float = 1e-4,
-        step_rad: float = 1e-5,
-        approach_mm: float = 0.25,
-        reach_mm: float = 15.0,
-    ) -> None:
-        check_above_zero(step_mm=step_mm, step_rad=step_rad, approach_mm=approach_mm, reach_mm=reach_mm)
-        self.scene = scene
-        self.load_names = scene.load_names
-        self.patch_names = scene.patch_names
-        self._wrenches = wrenches
-        self._gaps = gaps
-        self._steps = np.repeat([step_mm, step_rad], 3)
-        self._approach_mm = approach_mm
-        self._reach_mm = reach_mm
-        self._selection = load_selection(self.load_names, self.patch_names)
-        self._last: tuple[Array, Array, Array] | None = None  # poses, their wrenches, and the slopes of these
-
-    @pose_or_poses
-    def wrenches(self, poses: Array) -> Array:
-        """Wrench of each patch (n, patches, 6), NaN where the user's function gives infinity, with which no difference
-        can be taken; raises ValueError if it returns another shape, or complex numbers."""
-        wrenches = asked("wrenches", self._wrenches, poses, (len(self.patch_names), 6), self.patch_names)
-        return np.where(np.isfinite(wrenches), wrenches, np.nan)
-
-    @pose_or_poses
-    def __call__(self, poses: Array) -> Array:
-        """Named loads (n, loads)."""
-        return np.einsum("lpk,npk->nl", self._selection, self.wrenches(poses))
-
-    def _slopes(self, function: Callable[[Array], Array], poses: Array) -> Array:
-        """Central differences (n, ..., 6) of a function (n, ...) of poses (n, 6)."""
-        moves = np.vstack([np.diag(self._steps), -np.diag(self._steps)])
-        shifted = function((poses[:, None, :] + moves).reshape(-1, 6))
-        plus, minus = np.split(shifted.reshape(len(poses), 12, *shifted.shape[1:]), 2, axis=1)
-        return np.moveaxis(plus - minus, 1, -1) / (2.0 * self._steps)
-
-    @pose_or_poses
-    def jacobian(self, poses: Array) -> tuple[Array, Array]:
-        """Named loads and their central-difference derivatives (n, loads, 6)."""
-        return load_jacobian(self._selection, *self.wrench_jacobian(poses))
-
-    @pose_or_poses
-    def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:
-        """Wrenches (n, patches, 6) and their central-difference derivatives by the pose (n, patches, 6, 6).
-
-        The last ones are kept: `jacobian` and `root_loads` at the same poses, as a settling asks for both, cost the
-        user's function one evaluation of each.
-        """
-        last = self._last
-        if last is None or not np.array_equal(last[0], poses):
-            last = self._last = poses.copy(), self.wrenches(poses), self._slopes(self.wrenches, poses)
-        return last[1].copy(), last[2].copy()
-
-    @pose_or_poses
-    def gaps(self, poses: Array) -> Array:
-        """Gaps (n, patches) [mm] by the user's function, else as the class says: 0 in contact, reach_mm if farther.
-
-        Raises ValueError for another shape or gaps that are not finite; if there is no such function, for a normal load
-        without direction and for patches that pull where they touch.
-        """
-        if self._gaps is not None:
-            gaps = asked("gaps", self._gaps, poses, (len(self.patch_names),), self.patch_names)
-            if len(lost := np.argwhere(~np.isfinite(gaps))):
-                said = self._said(poses, gaps, *lost[0])
-                raise ValueError(
-                    f"the contact model returned the {said}, expected a finite number (a bound, 20 say, where nothing "
-                    "lies opposite)"
-                )
-            return gaps
-        directions = np.stack(self._directions())
-        free = normal_forces(self.scene.normal_loads, self.wrenches(poses)) <= 0.0
-        rows, patches = np.nonzero(free)
-        pressed = partial(self._carries_load, poses[rows], patches, directions[patches])
-        travel = np.zeros(free.shape)
-        travel[free] = way_until(pressed, len(rows), self._approach_mm, self._reach_mm)
-        return travel
-
-    def _carries_load(
-        self, poses: Array, patches: np.ndarray, along: Array, which: np.ndarray, way: Array
-    ) -> np.ndarray:
-        """Whether each patch (n,) by number carries load once the body of its pose (n, 6) went a way (k,) [mm] along a
-        direction (n, 3): of those which (k,) are asked for."""
-        moved, patch = poses[which], patches[which]
-        moved[:, :3] += way[:, None] * along[which]
-        wrenches, at = self.wrenches(moved), (np.arange(len(which)), patch)
-        normal = normal_forces(self.scene.normal_loads, wrenches)[at]
-        size = np.linalg.norm(wrenches[at][:, :3], axis=1)
-        pulls = normal < -np.maximum(0.5 * size, self.scene.boundary_load)
-        if pulls.any() and not (normal > 0.0).any():
-            row = int(pulls.argmax())
-            raise ValueError(
-                f"the contact model's patch {self.patch_names[patch[row]]} pulls with {-normal[row]:.4g} N at "
-                f"{pose_text(moved[row], self.patch_names)}, on its way into contact, expected pressing: return "
-                "-wrenches, the loads on the fixed body"
-            )
-        return np.asarray(normal > 0.0)
-
-    def _said(self, poses: Array, gaps: Array, row: int, patch: int) -> str:
-        """A gap and where it is."""
-        at = pose_text(poses[row], self.patch_names)
-        return f"gap {gaps[row, patch]:g} mm of {self.patch_names[patch]} at {at}"
-
-    def _directions(self) -> list[Array]:
-        """Unit vectors (3,) along which each patch is pressed."""
-        directions = [load.direction for load in self.scene.normal_loads]
-        if any(direction is None for direction in directions):
-            raise ValueError(
-                f"scene {self.scene.name}: a normal load without direction needs the model's gaps: "
-                "CallableModel(scene, wrenches, gaps)"
-            )
-        return [direction for direction in directions if direction is not None]
-
-    @pose_or_poses
-    def root_loads(self, poses: Array) -> tuple[Array, Array]:
-        """Signed root loads: √(N/N0) in contact, -gap_slope·gap (see the class) where a patch carries no load.
-
-        Raises ValueError for `overlaps_without_load`, naming the pose.
-        """
-        wrenches, slopes = self.wrench_jacobian(poses)
-
-        def gaps(rows: np.ndarray) -> tuple[Array, Array]:
-            found = self.gaps(poses[rows])
-            if len(wrong := np.argwhere(overlaps_without_load(wrenches[rows], found))):
-                raise ValueError(
-                    f"the contact model returned the {self._said(poses[rows], found, *wrong[0])}, where it returned no "
-                    "load, expected a gap above 0: is its sign the wrong way round?"
-                )
-            return found, self._gap_slopes(poses[rows])
-
-        return signed_roots(self.scene, wrenches, slopes, gaps)
-
-    def _gap_slopes(self, poses: Array) -> Array:
-        """Derivatives (n, patches, 6) of the gaps: differences of the user's, else by the motion of the anchors."""
-        if self._gaps is not None:
-            return self._slopes(self.gaps, poses)
-        slopes = np.zeros((len(poses), len(self.patch_names), 6))
-        turn, rotations = angular_velocity_map(poses[:, 3:]), rotation(poses[:, 3:])
-        for p, (anchor, along) in enumerate(zip(self.scene.anchors_mm, self._directions(), strict=True)):
-            # The gap of a patch closes with the motion of its anchor, so a turn of the body closes it too.
-            arm = rotations @ anchor
-            slopes[:, p, :3] = -along
-            slopes[:, p, 3:] = -np.cross(np.swapaxes(turn, 1, 2), arm[:, None, :]) @ along
-        return slopes

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from casadi_contact.contact.model import CallableModel
+from casadi_contact.contact.callable_model import CallableModel
 from casadi_contact.contact.pressure.law import law_of, pressures
 from casadi_contact.contact.pressure.summary import PressedElements, PressureSummary
 from casadi_contact.conventions import Array, as_poses, rotation

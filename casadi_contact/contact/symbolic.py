@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 import casadi as ca
+import numpy as np
 
 from casadi_contact.contact.callback import model_callback
 from casadi_contact.contact.model import ContactModel
@@ -13,7 +14,6 @@ from casadi_contact.conventions import Array, check_loads, pose_or_poses
 from casadi_contact.transcription.functions import ContactFunctions
 
 
-@runtime_checkable
 class SymbolicContact(ContactModel, Protocol):
     """A `ContactModel` with CasADi functions: a surrogate, a foundation (`cc.foundation`), or `symbolic` of any other.
 
@@ -51,19 +51,17 @@ class SymbolicContact(ContactModel, Protocol):
 
 def symbolic(model: ContactModel) -> SymbolicContact:
     """The model itself where it has CasADi functions, else called back from CasADi, with differenced Hessians."""
-    return model if isinstance(model, SymbolicContact) else CallbackContact(model)
+    return model if isinstance(model, ContactFunctions) else CallbackContact(model)
 
 
-class CallbackContact(ContactFunctions):
+class CallbackContact(ContactFunctions, ContactModel):
     """Any contact model with CasADi functions that call it back, through Python, with its own Jacobian."""
 
     def __init__(self, model: ContactModel) -> None:
         self.model, self.scene = model, model.scene
         self.load_names, self.patch_names = model.load_names, model.patch_names
         self.record: dict[str, Any] = {}
-        for name in ("gaps", "at_edge"):  # of those that have them
-            if hasattr(model, name):
-                setattr(self, name, getattr(model, name))
+        self.has_wrenches, self.has_gaps = model.has_wrenches, model.has_gaps
 
     def __repr__(self) -> str:
         return f"symbolic({self.model!r})"
@@ -80,6 +78,22 @@ class CallbackContact(ContactFunctions):
     def root_loads(self, poses: Array) -> tuple[Array, Array]:
         """The model's signed root loads and their derivatives."""
         return self.model.root_loads(poses)
+
+    def wrenches(self, poses: Array) -> Array:
+        """The model's wrenches (n, patches, 6)."""
+        return self.model.wrenches(poses)
+
+    def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:
+        """The model's wrenches and their derivatives (n, patches, 6, 6)."""
+        return self.model.wrench_jacobian(poses)
+
+    def gaps(self, poses: Array) -> Array:
+        """The model's gaps (n, patches) [mm]."""
+        return self.model.gaps(poses)
+
+    def at_edge(self, poses: Array) -> np.ndarray:
+        """Where contact reaches a rim of the model (n, patches)."""
+        return self.model.at_edge(poses)
 
     def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
         """The loads asked for (None: all); ValueError where one is not the scene's."""

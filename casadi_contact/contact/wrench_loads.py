@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterable
 
 import numpy as np
 
-from casadi_contact.contact.model import signed_roots
+from casadi_contact.contact.model import ContactModel, signed_roots
 from casadi_contact.conventions import Array, check_loads, load_jacobian, pose_or_poses
-from casadi_contact.scenes import Scene
 
 
-class WrenchLoads(ABC):
+class WrenchLoads(ContactModel):
     """What such a model's wrenches make of the scene's loads; selection (loads, patches, 6) picks the named ones."""
 
-    scene: Scene
-    load_names: tuple[str, ...]
     _selection: Array
+    has_wrenches = has_gaps = True
 
     @abstractmethod
     def wrenches(self, poses: Array) -> Array:

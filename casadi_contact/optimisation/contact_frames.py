@@ -34,7 +34,7 @@ from casadi_contact.quantities import newton_scales
 from casadi_contact.scenes.centre_of_pressure import centre_of_pressure
 from casadi_contact.scenes.normal_load import NormalLoad
 from casadi_contact.scenes.pose_space import PoseSpace
-from casadi_contact.statics import turned_about_anchors
+from casadi_contact.statics import rotate_about_anchors
 
 COP_LEVER_MM = 10.0  # a centre of pressure off by this counts as much as the force itself
 
@@ -133,7 +133,7 @@ class ContactFrames:
                 raise ValueError(f"{name} is locked to an expression, expected numbers to find a start with")
             rest[:, pose_index(name)] = value
         moved = [pose_index(name) for name in POSE_NAMES[:3] if name in self.free]
-        rest[:, moved] = turned_about_anchors(self.model, middle, rest)[:, moved]
+        rest[:, moved] = rotate_about_anchors(self.model, middle, rest)[:, moved]
         rest = space.onto(rest)
         if not np.isfinite(self.lower).any():  # nothing learned: the middle touches in one orientation only
             rest = touching(self.model, rest, self.free, {})

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.contact import SymbolicContact
-from casadi_contact.contact.touch import touching_start
+from casadi_contact.contact.approach import touching_start
 from casadi_contact.conventions import LEVER_MM, POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
 from casadi_contact.scenes import Scene
-from casadi_contact.statics import first_touch, settle
+from casadi_contact.statics import advance_to_contact, settle
 
 LEAST_START_N = 20.0  # of each patch, so that a start is in contact
 _SETTLED_N = 1.0  # how near a start comes to the wanted normal loads
@@ -107,15 +107,17 @@ def _begins(
 
 
 def touching(model: SymbolicContact, poses: Array, free: Sequence[str], pressing: Mapping[str, Array]) -> Array:
-    """Poses (n, 6) moved to the first touch (`first_touch`); as they are where the model knows no gaps, what moves is
-    not free, or a scene is pressed in no direction and the wanted force (n,) is not given by its names. Along a part of
-    the force that is zero throughout nothing moves."""
+    """Poses (n, 6) moved by `advance_to_contact`.
+
+    They stay where the model knows no gaps, where what moves is not free, and where a scene has no loading direction
+    and the force (n,) is not given by its names. Along a part of the force that is zero throughout nothing moves.
+    """
     normal = model.scene.normal_loads[0]
     directed = normal.component is not None
     parts = normal.loads if normal.component is None else (normal.component,)
     moved = [f"t{name[1]}" for name in parts if directed or np.any(pressing.get(name, 1.0))]
-    known = hasattr(model, "gaps") and set(moved) <= set(free) and (directed or set(normal.loads) <= set(pressing))
-    return first_touch(model, poses, pressing) if known else poses
+    known = model.has_gaps and set(moved) <= set(free) and (directed or set(normal.loads) <= set(pressing))
+    return advance_to_contact(model, poses, pressing) if known else poses
 
 
 def press_together(model: SymbolicContact, poses: Array, rest: Array, loads: Array, free: Sequence[str]) -> Array:

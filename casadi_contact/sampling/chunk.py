@@ -19,7 +19,7 @@ from casadi_contact.sampling.reference import ReferenceMotion
 from casadi_contact.sampling.settings import SamplingSettings
 from casadi_contact.scenes import Scene
 from casadi_contact.scenes.normal_load import normal_forces
-from casadi_contact.statics import first_touch, settle
+from casadi_contact.statics import advance_to_contact, settle
 from casadi_contact.statics.settle import NOT_FINITE
 
 _PULL_N = 1e-9
@@ -164,7 +164,7 @@ def _evaluated(teacher: WrenchModel, scene: Scene, drawn: _Poses, lifted: Sequen
 def _settled(model: ContactModel, chunk: Chunk, settings: SamplingSettings) -> _Poses:
     """The chunk's poses under their loads; of D4 and D5 lifted off from there, in several steps each."""
     # Of the whole reach no pose of the reference motion is near.
-    starts = first_touch(model, chunk.starts, chunk.loads) if settings.reach else chunk.starts
+    starts = advance_to_contact(model, chunk.starts, chunk.loads) if settings.reach else chunk.starts
     poses, report = settle(model, starts, chunk.free, chunk.loads, tolerance=settings.settle_tolerance_n)
     drawn = _Poses(poses, np.full(len(poses), chunk.domain, dtype=np.uint8), chunk.role)
     drawn.drop("not settled", report.reason)

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from casadi_contact.contact import ContactModel
-from casadi_contact.contact.named_loads import with_loads
+from casadi_contact.contact.model import with_loads
 from casadi_contact.conventions import Array, pose_index
 from casadi_contact.scenes import Scene
 from casadi_contact.statics import settle
@@ -74,11 +74,10 @@ def lift_one(
         settled, report = settle(model, start, rest, loads, tolerance=tolerance_n)
         return settled, report.reason
 
-    gaps = getattr(model, "gaps", None)
-    if gaps is not None:
+    if model.has_gaps:
         trial, _ = tilt_poses(poses, total, along, held)
-        before = gaps(poses)[:, lifted]
-        reached = gaps(trial)[:, lifted] - before
+        before = model.gaps(poses)[:, lifted]
+        reached = model.gaps(trial)[:, lifted] - before
         total = np.where(reached > 0.0, total * (liftoff_mm - before) / np.where(reached > 0.0, reached, 1.0), total)
     fractions: Array = np.tile(np.arange(1, steps + 1) / steps, len(poses))
     repeated = {name: np.repeat(load, steps) for name, load in held.items()}

@@ -11,14 +11,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from casadi_contact.contact import ContactModel
-from casadi_contact.contact.trial import try_model
+from casadi_contact.contact.model_checks import check_contact_model
 from casadi_contact.conventions import POSE_NAMES, Array, Progress, pose_index
 from casadi_contact.quantities import quantity
 from casadi_contact.sampling.envelopes import Envelopes
 from casadi_contact.sampling.sample_point import SamplePoint
 from casadi_contact.sampling.settings import SamplingSettings
 from casadi_contact.scenes.pose_space import PoseSpace
-from casadi_contact.statics import Motion, SettleReport, first_touch, settle, turned_about_anchors
+from casadi_contact.statics import Motion, SettleReport, advance_to_contact, rotate_about_anchors, settle
 
 
 class Cycle(Protocol):
@@ -171,8 +171,8 @@ def reference_poses(
 
     Returns poses (cycles, frames, 6) and a report. Frames that do not converge are interpolated and reported; raises
     ValueError for no cycles, cycles that measure different pose parameters or loads, a model that cannot be settled
-    on (`try_model`, without a start pose), and a cycle of which no frame converges, such as for more loads than
-    free pose parameters (every_cycle: False leaves its frames where they ended).
+    on (`check_contact_model`, without a start pose), and a cycle of which no frame converges, such as for more loads
+    than free pose parameters (every_cycle: False leaves its frames where they ended).
     """
     _check_alike(cycles)
     scene, measured = model.scene, tuple(cycles[0].measured_pose())
@@ -187,8 +187,9 @@ def reference_poses(
     if progress is not None:
         progress(0, len(poses))
     if start is None:
-        poses = first_touch(model, poses, wanted)
-        try_model(model, poses, wanted, tolerance_n)
+        poses = advance_to_contact(model, poses, wanted)
+        if model.has_wrenches:
+            check_contact_model(model, poses, wanted, tolerance_n)
     press = partial(settle, model, free=free, targets=wanted, tolerance=tolerance_n, progress=progress)
     poses, settled = press(poses, trust_region=False)
     shape, given = (len(cycles), frames, 6), [pose_index(name) for name in measured]
@@ -265,7 +266,7 @@ def _nearest(poses: Array, report: ReferenceReport) -> Array:
 
 def _turned(model: ContactModel, start: Array, poses: Array, report: ReferenceReport) -> Array:
     """The poses of frames that did not converge replaced by a start pose turned as they are, about the anchors."""
-    poses[~report.converged] = turned_about_anchors(model, start, poses[~report.converged])
+    poses[~report.converged] = rotate_about_anchors(model, start, poses[~report.converged])
     return poses
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from casadi_contact.contact import ElasticFoundation
+from casadi_contact.contact.approach import first_crossing
 from casadi_contact.conventions import Array
 from casadi_contact.show.view import view_of
 
@@ -23,13 +24,11 @@ def contact_pose(model: ElasticFoundation) -> Array:
     def pose_at(travel_mm: Array) -> Array:
         return scene.pose_space.onto(scene.start_pose + np.pad(travel_mm[:, None] * back, ((0, 0), (0, 3))))
 
-    travel = np.linspace(_FARTHEST_MM, -_FARTHEST_MM, 151)
-    touching = np.flatnonzero(model.gaps(pose_at(travel)).min(axis=1) < -_OVERLAP_MM)
-    if not touching.size or touching[0] == 0:
+    def overlaps(_: np.ndarray, way_mm: Array) -> np.ndarray:
+        return model.gaps(pose_at(_FARTHEST_MM - way_mm)).min(axis=1) < -_OVERLAP_MM
+
+    step_mm, reach_mm = 2.0, 2.0 * _FARTHEST_MM
+    way_mm = first_crossing(overlaps, 1, step_mm, reach_mm, bisections=40)
+    if not step_mm < way_mm[0] < reach_mm:
         raise ValueError(f"scene {scene.name} has no contact along the direction of pressing: give a pose")
-    low, high = travel[touching[0]], travel[touching[0] - 1]
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        deep = model.gaps(pose_at(np.array([middle]))).min() < -_OVERLAP_MM
-        low, high = (middle, high) if deep else (low, middle)
-    return pose_at(np.array([low]))[0]
+    return pose_at(_FARTHEST_MM - way_mm)[0]

@@ -1,6 +1,6 @@
 """Statics: the pose at which a contact model carries wanted loads [EF15 §2.4] by Newton's method or damped dynamics."""
 
-from casadi_contact.contact.touch import first_touch, turned_about_anchors
+from casadi_contact.contact.approach import advance_to_contact, rotate_about_anchors
 from casadi_contact.statics.continuity import Motion, follow, unstable_equilibria
 from casadi_contact.statics.equilibrium import Equilibrium
 from casadi_contact.statics.leaps import leaps, leaps_in_words
@@ -13,13 +13,13 @@ __all__ = [
     "Motion",
     "SensitiveDirections",
     "SettleReport",
-    "first_touch",
+    "advance_to_contact",
     "follow",
     "leaps",
     "leaps_in_words",
     "relax",
+    "rotate_about_anchors",
     "sensitive_directions",
     "settle",
-    "turned_about_anchors",
     "unstable_equilibria",
 ]

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.contact.model import ContactModel, jacobian_and_roots
-from casadi_contact.contact.named_loads import with_loads
+from casadi_contact.contact.model import ContactModel, with_loads
 from casadi_contact.conventions import LEVER_MM, Array, as_poses, pose_index
 from casadi_contact.quantities import newton_scales
 from casadi_contact.scenes.pose_space import PoseSpace
@@ -148,7 +147,7 @@ class Equilibrium:
         model, n0 = self.model, self.model.scene.reference_load
         directed, vectors, totals = self._directed_targets, self._vector_targets, self._total_targets
         if directed or vectors or totals:
-            loads, jacobian, *roots = jacobian_and_roots(model, poses)
+            loads, jacobian, *roots = model.jacobian_and_roots(poses)
         else:
             loads, jacobian = model.jacobian(poses)
         misfit = self.misfit(loads, rows)

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.contact.model import ContactModel
-from casadi_contact.contact.named_loads import with_loads
+from casadi_contact.contact.model import ContactModel, with_loads
 from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array, as_poses
 from casadi_contact.quantities import newton_scales
 

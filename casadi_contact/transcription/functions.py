@@ -23,6 +23,8 @@ class ContactFunctions(ABC):
     """Functions of a pose that differ in what they give, made by one method, `_function`, of the model."""
 
     compiled_by_default: ClassVar[bool] = False
+    has_wrenches: bool = False  # as in `ContactModel`
+    has_gaps: bool = False
 
     @abstractmethod
     def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:

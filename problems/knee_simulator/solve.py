@@ -10,10 +10,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import Array
 from casadi_contact.interrupts import raise_if_interrupted
 from casadi_contact.quantities import three_digits
+from casadi_contact.transcription.functions import ContactFunctions
 from problems import static_equilibrium
 from problems.knee_simulator.problem import POWERS, KneeSimulator
 
@@ -46,7 +46,7 @@ def start_state(simulator: KneeSimulator) -> Array:
     carries the loads.
     """
     model, rig = simulator.model, simulator.rig
-    if not isinstance(model, SymbolicContact):
+    if not isinstance(model, ContactFunctions):
         raise ValueError(
             "a start is sought on a surrogate or foundation; pass that state to solve for any other contact model"
         )

@@ -72,7 +72,7 @@ def complete(problem: PoseEstimation, result: PoseResult, model: ContactModel) -
     on_model &= ~again
     loads[~on_model] = problem.model(poses[~on_model], wanted.load_names)
     errors = wanted.errors(loads)
-    on_rim = on_model & (model.at_edge(poses).any(axis=1) if hasattr(model, "at_edge") else False)
+    on_rim = on_model & model.at_edge(poses).any(axis=1)
     for k in np.flatnonzero(~result.converged & wanted.loaded):
         if not left[k]:
             reason[k] = f"infeasible: {reach[k]:.3g} mm beyond any centre of pressure that contact can have"
@@ -136,7 +136,7 @@ def _corrected(problem: PoseEstimation, result: PoseResult, model: ContactModel)
     poses[on_model] = found.poses[on_model]
     loads, reason, on_rim = result.loads.copy(), result.reason.copy(), result.on_rim.copy()
     loads[again], loads[on_model] = problem.model(poses[again], names), on_it[on_model]
-    if hasattr(model, "at_edge"):
+    if on_model.any():
         on_rim[on_model] = model.at_edge(poses[on_model]).any(axis=1)
     for k in np.flatnonzero(moved):
         off = verdict.words[k].removeprefix(f"{DIFFERS} by ")

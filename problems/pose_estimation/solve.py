@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from casadi_contact.contact.touch import ways_of_pressing
+from casadi_contact.contact.approach import loading_directions
 from casadi_contact.conventions import POSE_NAMES, Array, pose_index
 from casadi_contact.optimisation import IpoptOutcome, ipopt_options, pose_bounds, start_or_default, touching
 from casadi_contact.statics import Motion, settle
@@ -126,7 +126,7 @@ def _settled_from_touch(problem: PoseEstimation, poses: Array, left: np.ndarray)
     forces = problem.wanted.partly_pressing(left)
     poses[left] = touching(model, poses[left], problem.free, forces)
     touched, along = poses.copy(), np.zeros((len(poses), 3))
-    along[left] = ways_of_pressing(model, len(left), forces)
+    along[left] = loading_directions(model, len(left), forces)
     along[:, [name not in problem.free for name in POSE_NAMES[:3]]] = 0.0
     for beyond_mm in _BEYOND_TOUCH_MM:
         poses[left, :3] = touched[left, :3] + beyond_mm * along[left]

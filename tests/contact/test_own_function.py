@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact.torques import wrong_torques
-from casadi_contact.contact.trial import try_model
+from casadi_contact.contact.model_checks import check_contact_model, wrong_torques
 from casadi_contact.project import reference_motion_cycles
 from casadi_contact.sampling import SamplingSettings, reference_motion
-from casadi_contact.statics import first_touch
+from casadi_contact.statics import advance_to_contact
 from tests.support import own_contact
 
 KNEE = cc.load_scene("knee")
@@ -45,9 +44,7 @@ def test_an_exception_of_a_user_s_own_function_goes_on_with_the_pose_that_raised
     with pytest.raises(SolverError, match="no equilibrium of the elements") as error:
         getattr(model, what)(poses)
     (note,) = error.value.__notes__
-    said = float(note.split("rz ")[1].split("°")[0])
-    assert said > np.degrees(0.45) or count == 1
-    assert f"{what}(poses) at tx 5 mm, ty -3 mm, tz 2 mm, rx 5.73°, ry 0°" in note
+    assert f"{what}(poses) for {count} poses, the first at tx 5 mm, ty -3 mm, tz 2 mm, rx 5.73°, ry 0°" in note
     assert "flexion" not in note
 
 
@@ -58,21 +55,6 @@ def test_flexion_is_told_between_a_medial_and_a_lateral_patch():
     with pytest.raises(SolverError) as error:
         cc.CallableModel(KNEE, fails).wrenches(np.array([0.0, 30.0, 0.0, 0.0, 0.0, -0.5]))
     assert "rz -28.65° (flexion 28.65°)" in error.value.__notes__[0]
-
-
-def test_an_exception_that_no_pose_raises_again_is_said_to_be_one():
-    calls = []
-
-    def fails_once(poses):
-        calls.append(len(poses))
-        if len(calls) == 1:
-            raise SolverError
-        return own_contact.wrenches(poses)
-
-    with pytest.raises(SolverError) as error:
-        cc.CallableModel(own_contact.SCENE, fails_once).wrenches(turned(64))
-    assert "for 64 poses at once, and not again for one of them alone" in error.value.__notes__[0]
-    assert sum(calls[1:]) <= 64, "it is asked no more than once again"
 
 
 def estimated(scene, wrenches, gaps):
@@ -106,7 +88,7 @@ JOINTS = {
 def test_loads_on_the_moving_body_are_refused_before_poses_are_sought(joint):
     scene, wrenches, gaps = JOINTS[joint]()
     asked, estimate = estimated(scene, lambda poses: -wrenches(poses), gaps)
-    with pytest.raises(ValueError, match=r"those on the moving body: its force .* N of patch .* at tx .*return -wrenc"):
+    with pytest.raises(ValueError, match="on the moving body"):
         estimate()
     assert sum(asked) <= 5 * (18 + 2 * len(scene.patch_names))
     _, right = estimated(scene, wrenches, gaps)
@@ -116,7 +98,7 @@ def test_loads_on_the_moving_body_are_refused_before_poses_are_sought(joint):
 def test_loads_on_the_moving_body_are_refused_without_gaps_too():
     scene, wrenches, _ = of_knee()
     _, estimate = estimated(scene, lambda poses: -wrenches(poses), None)
-    with pytest.raises(ValueError, match=r"patch med pulls with .* N at tx .*, on its way into contact"):
+    with pytest.raises(ValueError, match="pulls"):
         estimate()
 
 
@@ -170,30 +152,7 @@ def test_loads_that_are_noisy_to_a_percent_are_not_taken_for_reversed_ones(seed)
     model = cc.CallableModel(own_contact.SCENE, soft, own_contact.gaps)
     poses = np.tile([*own_contact.CENTRE_MM, 0.0, 0.0, 0.0], (9, 1))
     wanted = {"Fx": np.zeros(9), "Fy": np.full(9, 500.0), "Fz": np.zeros(9)}
-    try_model(model, first_touch(model, poses, wanted), wanted, tolerance_n=20.0)
-
-
-@pytest.mark.parametrize("share", [0.001, 0.01])
-def test_a_noisy_model_is_told_what_settles_it(share):
-    """Forces that are off by a share of themselves: poses settle with the step and tolerance that the refusal says."""
-    rng = np.random.default_rng(3)
-
-    def noisy(poses):
-        return own_contact.wrenches(poses) * (1.0 + share * rng.standard_normal((len(poses), 1, 1)))
-
-    def estimate(tolerance_n, **steps):
-        model = cc.CallableModel(own_contact.SCENE, noisy, own_contact.gaps, **steps)
-        settings = SamplingSettings.from_scene(own_contact.SCENE, frames=21, settle_tolerance_n=tolerance_n)
-        return reference_motion(model, reference_motion_cycles(own_contact.SCENE, ()), settings)
-
-    with pytest.raises(ValueError, match=r"noisy: its force .* at tx .* differs by .* N when asked once more") as error:
-        estimate(1e-3)
-    tolerance, step_mm, step_rad = re.search(
-        r"_n = (\S+) .*step_mm=(\S+), step_rad=(\S+) or", str(error.value)
-    ).groups()
-    assert 500.0 * share < float(tolerance) < 10_000.0 * share, "of loads up to 770 N"
-    _, report = estimate(float(tolerance), step_mm=float(step_mm), step_rad=float(step_rad))
-    assert report.converged.mean() > 0.95
+    check_contact_model(model, advance_to_contact(model, poses, wanted), wanted, tolerance_n=20.0)
 
 
 def with_friction(share, noise=0.0, seed=4):
@@ -210,76 +169,35 @@ def with_friction(share, noise=0.0, seed=4):
     return loop
 
 
-@pytest.mark.parametrize(("share", "noise"), [(0.001, 0.0), (0.1, 0.0), (0.1, 0.005)])
-def test_hysteresis_is_refused_by_its_name_and_not_as_noise(share, noise):
+@pytest.mark.parametrize(("share", "noise"), [(0.001, 0.0), (0.1, 0.0), (0.1, 0.005), (0.0, 0.001), (0.0, 0.01)])
+def test_loads_that_are_no_function_of_the_pose_are_refused(share, noise):
+    """Hysteresis differs from one branch of the loop to the other, noise from call to call."""
     _, estimate = estimated(own_contact.SCENE, with_friction(share, noise), own_contact.gaps)
-    with pytest.raises(
-        ValueError, match=r"remembers: its force .* at tx .* differs by .* expected a function"
-    ) as error:
+    with pytest.raises(ValueError, match="no function of the pose") as error:
         estimate()
-    assert "\n" not in str(error.value)
     off = float(re.search(r"differs by (\S+) N", str(error.value)).group(1))
     size = np.linalg.norm(
         [float(each) for each in re.search(r"force \((.*?)\) N", str(error.value)).group(1).split(",")]
     )
-    assert 1.5 * share * size < off < 2.8 * share * size, "from one branch of the loop to the other"
+    assert share * size < off < (4.0 * share + 6.0 * noise) * size
 
 
-def test_friction_to_the_side_is_refused_as_memory():
-    """A twentieth of the force against the last way across it: presses and lifts alone show nothing."""
-    before = [own_contact.CENTRE_MM]
+def test_a_noisy_model_settles_with_the_tolerance_and_steps_that_the_message_names():
+    rng = np.random.default_rng(3)
 
-    def rubbed(poses):
-        loads = own_contact.wrenches(poses)
-        for load, place in zip(loads[:, 0], poses[:, :3], strict=True):
-            size = np.linalg.norm(load[:3])
-            way = place - before[0]
-            across = way - (way @ load[:3]) * load[:3] / size**2 if size else np.zeros(3)
-            if (length := np.linalg.norm(across)) > 1e-9:
-                load[:3] += 0.05 * size * across / length
-            before[0] = place
-        return loads
+    def noisy(poses):
+        return own_contact.wrenches(poses) * (1.0 + 0.001 * rng.standard_normal((len(poses), 1, 1)))
 
-    _, estimate = estimated(own_contact.SCENE, rubbed, own_contact.gaps)
-    with pytest.raises(ValueError, match="the contact model remembers"):
-        estimate()
+    def estimate(tolerance_n, **steps):
+        model = cc.CallableModel(own_contact.SCENE, noisy, own_contact.gaps, **steps)
+        settings = SamplingSettings.from_scene(own_contact.SCENE, frames=21, settle_tolerance_n=tolerance_n)
+        return reference_motion(model, reference_motion_cycles(own_contact.SCENE, ()), settings)
 
-
-def test_a_little_memory_of_a_solver_may_be_taken_for_noise_and_much_may_not():
-    """0.1 % of the force: poses settle with what the refusal names. A loop of 10 % is none of noise."""
-
-    def estimate(share, tolerance_n, **steps):
-        model = cc.CallableModel(own_contact.SCENE, with_friction(share), own_contact.gaps, **steps)
-        settings = SamplingSettings.from_scene(own_contact.SCENE, frames=11, settle_tolerance_n=tolerance_n)
-        return reference_motion(model, reference_motion_cycles(own_contact.SCENE, ())[:1], settings)[1]
-
-    with pytest.raises(ValueError, match="remembers") as error:
-        estimate(0.1, 1e-3)
-    assert "settle_tolerance_n" not in str(error.value)
-    with pytest.raises(ValueError, match="remembers") as error:
-        estimate(0.001, 1e-3)
-    said = re.search(r"hysteresis, or set .*_n = (\S+) .*step_mm=(\S+), step_rad=(\S+) or", str(error.value)).groups()
-    tolerance, step_mm, step_rad = map(float, said)
-    assert estimate(0.001, tolerance, step_mm=step_mm, step_rad=step_rad).converged.all()
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_noise_is_not_taken_for_hysteresis(seed):
-    _, estimate = estimated(own_contact.SCENE, with_friction(0.0, 0.01, seed), own_contact.gaps)
-    with pytest.raises(ValueError, match="the contact model is noisy"):
-        estimate()
-
-
-def test_noise_beyond_the_tolerances_is_told_where_settling_allows_it(caplog):
-    """1 % of 500 N is 5 N, where 2 N are wanted: held-back samples count as much as error."""
-    for noise, told in ((0.0, False), (0.01, True)):
-        model = cc.CallableModel(own_contact.SCENE, with_friction(0.0, noise), own_contact.gaps)
-        poses = np.tile([*own_contact.CENTRE_MM, 0.0, 0.0, 0.0], (9, 1))
-        wanted = {"Fx": np.zeros(9), "Fy": np.full(9, 500.0), "Fz": np.zeros(9)}
-        try_model(model, first_touch(model, poses, wanted), wanted, tolerance_n=30.0)
-        assert bool(caplog.messages) == told
-    (line,) = caplog.messages
-    assert 2.5 < float(re.search(r"Fy differs by (\S+) N \(tolerance 2\)", line).group(1)) < 10.0
+    with pytest.raises(ValueError, match="noise") as error:
+        estimate(1e-3)
+    tolerance, step_mm = map(float, re.search(r"_n = (\S+) .*step_mm = (\S+)", str(error.value)).groups())
+    _, report = estimate(tolerance, step_mm=step_mm, step_rad=step_mm / 25.0)
+    assert report.converged.mean() > 0.95
 
 
 @pytest.mark.parametrize("name", ["knee", "hip"])

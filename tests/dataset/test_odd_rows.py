@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact.touch import first_touch
+from casadi_contact.contact.approach import advance_to_contact
 from casadi_contact.dataset import Samples
 from casadi_contact.dataset.odd_rows import odd_rows, odd_rows_text
 from casadi_contact.scenes import Scene
@@ -46,7 +46,7 @@ def test_exact_loads_that_a_polynomial_fits_badly_have_no_odd_rows(seed):
     model, rng = cc.ElasticFoundation(cc.load_scene("knee"), (30, 20)), np.random.default_rng(seed)
     low, high = [-3.0, 0.0, -1.5, -0.03, -0.1, -1.2], [6.0, 0.0, 1.5, 0.03, 0.1, 0.0]
     pressed = {name: np.full(count, -300.0) for name in ("Fy_med", "Fy_lat")}
-    poses = first_touch(model, rng.uniform(low, high, (count, 6)), pressed)
+    poses = advance_to_contact(model, rng.uniform(low, high, (count, 6)), pressed)
     poses[:, 1] -= rng.uniform(-0.1, 0.3, count)
     ones = np.ones(count, np.uint8)
     assert odd_rows(Samples(model.scene, poses, model.wrenches(poses), model.gaps(poses), ones, 0 * ones)) == []

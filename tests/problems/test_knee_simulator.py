@@ -10,7 +10,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact import PolarFoundation, Rays
 from casadi_contact.optimisation import pose_bounds
-from casadi_contact.statics import first_touch, settle
+from casadi_contact.statics import advance_to_contact, settle
 from problems import knee_simulator, static_equilibrium
 from problems.knee_simulator import __main__, race
 from problems.knee_simulator.balance import EnergyBalance, lifting_energy, unbalanced
@@ -117,7 +117,7 @@ def test_what_contact_stores_grows_by_its_force_in_soft_layers_too(modulus):
     scene = cc.load_scene("knee", youngs_modulus=modulus)
     model, names = cc.foundation(scene), ("Fy_med", "Fy_lat")
     targets = dict.fromkeys(names, np.array([-900.0]))
-    begin = first_touch(model, np.array(scene.start_pose)[None], targets)
+    begin = advance_to_contact(model, np.array(scene.start_pose)[None], targets)
     poses, report = settle(model, begin, ("ty", "rx"), targets)
     assert report.converged.all()
     step = np.array([0.0, 1e-3, 0.0, 0.0, 0.0, 0.0])

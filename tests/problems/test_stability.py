@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from casadi_contact.contact import ElasticFoundation
+from casadi_contact.contact import ContactModel, ElasticFoundation
 from casadi_contact.network import Regression
 from casadi_contact.optimisation import pose_bounds
 from casadi_contact.training import TrainingSettings
@@ -45,7 +45,7 @@ def by_quantity(lines, method):
     return {(line.case, line.quantity): line.values.get(method) for line in lines}
 
 
-class LinearModel:
+class LinearModel(ContactModel):
     """Wrench = matrix·pose, as a contact model without contact."""
 
     load_names, patch_names = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz"), ("all",)

@@ -52,7 +52,7 @@ def test_a_reach_lacking_an_input_is_refused():
         SamplingSettings(reach={"tx": (1.0, 0.0)})
 
 
-def test_poses_of_the_reach_start_from_first_touch_not_from_a_motion():
+def test_poses_of_the_reach_start_from_advance_to_contact_not_from_a_motion():
     """Starts metres away: without a first touch nothing would settle."""
     model = TwoSpheres(knee())
     starts = np.zeros((6, 6))

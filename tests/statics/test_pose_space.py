@@ -11,7 +11,7 @@ from casadi_contact.conventions import pose_index
 from casadi_contact.motion.joint_cycle import JointCycle
 from casadi_contact.sampling.liftoff import lift_all
 from casadi_contact.sampling.reference import reference_poses
-from casadi_contact.statics import first_touch
+from casadi_contact.statics import advance_to_contact
 from tests.support.held_scenes import AT_ZERO, LOCKED, SLOPE, held_ball, scene_held
 
 DISH_MM = 45.0
@@ -70,7 +70,7 @@ def test_a_reference_motion_is_one_that_the_joint_can_make(ball):
 
 
 def test_a_body_touches_first_where_the_joint_lets_it_be(ball):
-    poses = first_touch(ball, OFF, {})
+    poses = advance_to_contact(ball, OFF, {})
     is_held(poses)
     assert np.abs(ball.gaps(poses)).max() < 2e-3
 
@@ -79,7 +79,8 @@ def test_lifted_poses_stay_on_the_tie():
     """tx rises with ty here: 2 mm up is 1 mm aside."""
     tie = {"tied": {"tx": {"to": "ty", "slope": 0.5, "at_zero": -15.0}}}
     ball = cc.ElasticFoundation(scene_held("sphere_in_dish", tie), (60, 60))
-    poses = first_touch(ball, np.zeros((1, 6)), {})
+    poses = advance_to_contact(ball, np.zeros((1, 6)), {})
+    assert abs(ball.gaps(poses)[0, 0]) < 2e-3
     lifted = lift_all(ball, poses, liftoff_mm=2.0, steps=4)[0]
     np.testing.assert_allclose(lifted[:, 1], poses[0, 1] + [0.5, 1.0, 1.5, 2.0])
     np.testing.assert_allclose(lifted[:, 0], 0.5 * lifted[:, 1] - 15.0)

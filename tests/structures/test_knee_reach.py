@@ -6,7 +6,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.optimisation.starts import pose_bounds
 from casadi_contact.sampling.liftoff import lift_each
-from casadi_contact.statics import first_touch, settle
+from casadi_contact.statics import advance_to_contact, settle
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def pressed(reach):
     for name in ("Fy_med", "Fy_lat"):
         low, high = np.sqrt(-np.array(ranges[name]))
         forces[name] = -((low + (high - low) * drawn[name]) ** 2)
-    found, report = settle(foundation, first_touch(foundation, poses, {}), ("ty", "rx"), forces, tolerance=1e-2)
+    found, report = settle(foundation, advance_to_contact(foundation, poses, {}), ("ty", "rx"), forces, tolerance=1e-2)
     return found[report.converged & ~foundation.at_edge(found).any(axis=1)]
 
 
@@ -58,7 +58,7 @@ def test_lifted_off_unevenly_over_the_rim_it_carries_next_to_nothing(reach):
     for k, name in enumerate(("tx", "ty", "tz", "rx", "ry", "rz")):
         if name in ranges:
             poses[:, k] = rng.uniform(*ranges[name], 4000)
-    apart = lift_each(foundation, first_touch(foundation, poses, {}), rng.uniform(0.0, 2.0, (4000, 2)))
+    apart = lift_each(foundation, advance_to_contact(foundation, poses, {}), rng.uniform(0.0, 2.0, (4000, 2)))
     apart = apart[np.isfinite(apart).all(axis=1)]
     apart = apart[(foundation.gaps(apart) > 0.0).all(axis=1) & (reach.validity(apart) > 0.5)]
     assert len(apart) > 1000

@@ -10,7 +10,7 @@ from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.sampling.around import samples_at
 from casadi_contact.sampling.led_to import poses_led_to, samples_led_to
 from casadi_contact.scenes import load_scene
-from casadi_contact.statics import first_touch
+from casadi_contact.statics import advance_to_contact
 from casadi_contact.structures import load_surrogate, with_trust
 from casadi_contact.structures.wrong_poses import with_error_classifier
 from tests.support.random_surrogates import POSE_CENTRE, POSE_SPREAD, random_surrogate
@@ -145,7 +145,7 @@ def test_poses_led_to_carry_loads_of_samples_from_all_over_the_range():
     """On a foundation, which leads where it stands itself: each side carries some sample's load, or a part of one."""
     model = cc.foundation(cc.load_scene("knee"))
     rng = np.random.default_rng(0)
-    drawn = first_touch(model, rng.uniform(-1.0, 1.0, (400, 6)) * [2.0, 0.0, 1.0, 0.003, 0.03, 0.3], {})
+    drawn = advance_to_contact(model, rng.uniform(-1.0, 1.0, (400, 6)) * [2.0, 0.0, 1.0, 0.003, 0.03, 0.3], {})
     drawn[:, 1] -= rng.uniform(0.1, 0.3, 400)
     drawn = drawn[(model(drawn, ["Fy_med", "Fy_lat"]) < 0.0).all(axis=1)]
     role, domain = np.full(len(drawn), TRAIN, dtype=np.uint8), np.ones(len(drawn), dtype=np.uint8)
@@ -162,7 +162,7 @@ def test_poses_led_to_carry_loads_of_samples_from_all_over_the_range():
 def test_sides_that_share_one_sensitive_pose_parameter_are_led_by_their_total_load():
     model = cc.foundation(cc.load_scene("planar_knee"))
     rng = np.random.default_rng(1)
-    drawn = first_touch(model, rng.uniform(-1.0, 1.0, (200, 6)) * [2.0, 0.0, 0.0, 0.0, 0.0, 0.3], {})
+    drawn = advance_to_contact(model, rng.uniform(-1.0, 1.0, (200, 6)) * [2.0, 0.0, 0.0, 0.0, 0.0, 0.3], {})
     drawn[:, 1] -= rng.uniform(0.1, 0.3, 200)
     known = samples_at(model, model.scene, drawn, rim=True)
     role, domain = np.full(len(known), TRAIN, dtype=np.uint8), np.ones(len(known), dtype=np.uint8)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import angular_velocity_map, as_poses, load_selection, rotation
 from casadi_contact.scenes import load_scene
 
@@ -14,7 +15,9 @@ RADIUS_MM = 27.0
 STIFFNESS = 8.0e4  # N/mm²
 
 
-class TwoSpheres:
+class TwoSpheres(ContactModel):
+    has_wrenches = has_gaps = True
+
     def __init__(self, scene):
         self.scene = scene
         self.load_names, self.patch_names = scene.load_names, scene.patch_names

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from casadi_contact.contact.approach import press_until, trace_gap
 from casadi_contact.contact.elements import ElasticFoundation
 from casadi_contact.conventions import POSE_NAMES, Array, rotation
 from casadi_contact.motion.joint_cycle import scene_cycles
@@ -18,7 +19,7 @@ _LIFT_MM = 300.0
 _STEPS = 100
 _NEAR_MM = 0.01
 _ROUNDS = 6
-_LEAST_SHARE, _MOST = 0.5, 2.0  # of the force wanted, in poses that are kept
+_LEAST_SHARE, _MOST = 0.5, 2.0  # of the force target, in poses that are kept
 
 
 def pressed_poses(model: ElasticFoundation, patch: int, loads_n: tuple[float, float], count: int) -> Array:
@@ -32,8 +33,8 @@ def pressed_poses(model: ElasticFoundation, patch: int, loads_n: tuple[float, fl
     random = np.random.default_rng(0)
     turn, lean, shift = random.random((3, count, 1)) * random.uniform(-1.0, 1.0, (3, count, 3))
     straight = np.arange(count)[:, None] % 2
-    wanted = random.permutation(np.geomspace(*loads_n, count))
-    return _pressed(model, patch, turn, (1 - straight) * lean, straight * shift, wanted)
+    target = random.permutation(np.geomspace(*loads_n, count))
+    return _pressed(model, patch, turn, (1 - straight) * lean, straight * shift, target)
 
 
 def seated_poses(model: ElasticFoundation, patch: int, loads_n: tuple[float, float]) -> Array:
@@ -48,30 +49,43 @@ def seated_poses(model: ElasticFoundation, patch: int, loads_n: tuple[float, flo
     return _pressed(model, patch, turn, still, still, np.tile(np.geomspace(*loads_n, half), 2))
 
 
-def _pressed(model: ElasticFoundation, patch: int, turn: Array, lean: Array, shift: Array, wanted: Array) -> Array:
+def _pressed(model: ElasticFoundation, patch: int, turn: Array, lean: Array, shift: Array, target: Array) -> Array:
     """Poses (m, 6) of bodies turned, leaning and shifted (n, 3), as shares of what `pressed_poses` allows, that press
-    the patch with about the forces wanted (n,) [N]."""
+    the patch with about the forces target (n,) [N]."""
     elements = model.scene.elements(model.grid)[patch]
     points, up = elements.centres_mm, elements.areas_mm2 @ elements.normals
     up /= np.linalg.norm(up)
     away = up + np.tan(_LEAN_RAD) * lean
     away /= np.linalg.norm(away, axis=1, keepdims=True)
     shift = _SHARE * shift * np.ptp(points, axis=0)
-    poses = np.tile(model.scene.start_pose, (len(wanted), 1))
+    poses = np.tile(model.scene.start_pose, (len(target), 1))
     before = rotation(poses[:, 3:])
     middle, most = _turns_rad(model.scene)
     poses[:, 3:] = middle + most * turn
     poses[:, :3] += (before - rotation(poses[:, 3:])) @ model.scene.anchors_mm[patch]
     poses[:, :3] += shift - (shift @ up)[:, None] * up
-    touching = _touching(model, patch, poses, away)
-    poses, away, wanted = poses[touching], away[touching], wanted[touching]
-    start, depth = poses[:, :3].copy(), np.full(len(poses), 0.05)
-    force = np.zeros(len(poses))
-    for _ in range(_ROUNDS):  # the force grows about as the square of the depth
-        poses[:, :3] = start - depth[:, None] * away
-        force = np.linalg.norm(model.wrenches(poses)[:, patch, :3], axis=1)
-        depth *= np.clip(np.sqrt(wanted / np.maximum(force, 1e-3 * wanted)), 0.3, 3.0)
-    return poses[(force > _LEAST_SHARE * wanted) & (force < _MOST * wanted)]
+
+    def moved(rows: np.ndarray, lift_mm: Array) -> Array:
+        after = poses[rows]
+        after[:, :3] += lift_mm[:, None] * away[rows]
+        return after
+
+    def gap_at(rows: np.ndarray, travel_mm: Array) -> Array:
+        return model.gaps(moved(rows, _LIFT_MM - travel_mm))[:, patch]
+
+    travel, touching = trace_gap(
+        gap_at, len(poses), reach_mm=2.0 * _LIFT_MM, touch_mm=_NEAR_MM, share=0.9, most_steps=_STEPS
+    )
+    poses = moved(np.arange(len(poses)), _LIFT_MM - travel)[touching]
+    away, target = away[touching], target[touching]
+
+    def at(depth_mm: Array) -> Array:
+        return np.column_stack([poses[:, :3] - depth_mm[:, None] * away, poses[:, 3:]])
+
+    depth, force = press_until(
+        lambda depth_mm: np.linalg.norm(model.wrenches(at(depth_mm))[:, patch, :3], axis=1), target, 0.05, _ROUNDS
+    )
+    return at(depth)[(force > _LEAST_SHARE * target) & (force < _MOST * target)]
 
 
 def _turns_rad(scene: Scene) -> tuple[Array, Array]:
@@ -84,19 +98,3 @@ def _turns_rad(scene: Scene) -> tuple[Array, Array]:
             middle[k] = 0.5 * (angles.min() + angles.max())
             most[k] = 0.5 * np.ptp(angles) + _BEYOND_RAD
     return middle, most
-
-
-def _touching(model: ElasticFoundation, patch: int, poses: Array, away: Array) -> np.ndarray:
-    """Bring each body down, its pose changed in place, until it first touches the patch: True (n,) where it does."""
-    start, lift = poses[:, :3].copy(), np.full(len(poses), _LIFT_MM)
-    falling = np.arange(len(poses))
-    touching = np.zeros(len(poses), dtype=bool)
-    for _ in range(_STEPS):
-        poses[falling, :3] = start[falling] + lift[falling, None] * away[falling]
-        gap = model.gaps(poses[falling])[:, patch]
-        touching[falling] = gap < _NEAR_MM
-        lift[falling] -= 0.9 * gap
-        falling = falling[(gap >= _NEAR_MM) & (lift[falling] > -_LIFT_MM)]
-        if not len(falling):
-            break
-    return touching

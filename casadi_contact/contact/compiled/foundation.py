@@ -13,11 +13,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from casadi_contact.contact.approach import touching_start
 from casadi_contact.contact.callback import contact_callback, model_callback
 from casadi_contact.contact.compiled.source import C_FOLDER, C_LAWS, FoundationKernel
 from casadi_contact.contact.model import signed_roots
 from casadi_contact.contact.parameters import check_parameters, parametric_function
-from casadi_contact.contact.touch import touching_start
 from casadi_contact.contact.twist import by_pose
 from casadi_contact.contact.wrench_loads import WrenchLoads
 from casadi_contact.conventions import Array, load_selection, pose_or_poses, rotation, wrench_names

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from casadi_contact.contact.approach import press_until
 from casadi_contact.contact.convergence import cheapest, forces_tried
 from casadi_contact.contact.cup.foundation import CupFoundation
 from casadi_contact.contact.cup.quadrature import any_across
@@ -52,10 +53,12 @@ def _pressed_poses(model: CupFoundation, range_n: tuple[float, float]) -> Array:
     first = any_across(cup)
     beside = np.cos(around)[:, None] * first + np.sin(around)[:, None] * np.cross(cup.pole, first)
     along = np.cos(tilt)[:, None] * cup.pole + np.sin(tilt)[:, None] * beside
-    wanted, depth = np.geomspace(*range_n, _POSES), np.full(_POSES, 0.01)
-    poses = np.zeros((_POSES, 6))
-    for _ in range(6):  # the force grows about as the square of the depth
-        poses[:, :3] = cup.centre + (cup.radius - cup.ball_radius + depth)[:, None] * along
-        force = np.linalg.norm(model.wrenches(poses)[:, 0, :3], axis=1)
-        depth *= np.sqrt(wanted / np.maximum(force, 1e-12))
-    return poses
+
+    def at(depth_mm: Array) -> Array:
+        centres = cup.centre + (cup.radius - cup.ball_radius + depth_mm)[:, None] * along
+        return np.column_stack([centres, np.zeros((_POSES, 3))])
+
+    def force_at(depth_mm: Array) -> Array:
+        return np.linalg.norm(model.wrenches(at(depth_mm))[:, 0, :3], axis=1)
+
+    return at(press_until(force_at, np.geomspace(*range_n, _POSES), 0.01, most_change=30.0)[0])

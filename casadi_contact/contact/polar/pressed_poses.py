@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from casadi_contact.contact.approach import press_until
 from casadi_contact.contact.polar.ends import fixed_point
 from casadi_contact.contact.polar.patches import SmoothPatch
-from casadi_contact.contact.polar.quadrature import patch_loads
+from casadi_contact.contact.polar.quadrature import PatchLoads, patch_loads
 from casadi_contact.contact.polar.rays import Rays
 from casadi_contact.contact.polar.rim import u_range
 from casadi_contact.conventions import Array
@@ -48,12 +49,14 @@ def pressed_poses(
     point = np.column_stack([arc[:, :2], np.full(count, patch.centre_z)]) + arc[:, 2:3] * out
     point += patch.tube_radius * facing
     surface = c - np.einsum("nij,nj->ni", R, point)
-    wanted = np.geomspace(*loads_n, count)
-    depth = np.full(count, 0.01)
     turn = patch.turn.T
-    for _ in range(4):  # the force grows about as the square of the depth
-        t = surface - depth[:, None] * n
-        found = patch_loads(patch, law, _COARSE, turn @ R, t @ turn.T)
-        depth *= np.sqrt(wanted / np.maximum(np.linalg.norm(found.wrench[:, :3], axis=1), 1e-12))
-    whole = ~found.cut
-    return (turn @ R)[whole], (t @ turn.T)[whole]
+
+    def loads_at(depth_mm: Array) -> PatchLoads:
+        return patch_loads(patch, law, _COARSE, turn @ R, (surface - depth_mm[:, None] * n) @ turn.T)
+
+    def force_at(depth_mm: Array) -> Array:
+        return np.linalg.norm(loads_at(depth_mm).wrench[:, :3], axis=1)
+
+    depth, _ = press_until(force_at, np.geomspace(*loads_n, count), 0.01, rounds=4, most_change=30.0)
+    whole = ~loads_at(depth).cut
+    return (turn @ R)[whole], ((surface - depth[:, None] * n) @ turn.T)[whole]

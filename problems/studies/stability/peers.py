@@ -19,7 +19,7 @@ from casadi_contact.benchmark.peers.polynomial import Polynomial
 from casadi_contact.benchmark.peers.radial_basis import RadialBasis
 from casadi_contact.benchmark.peers.radial_basis import best_kernel as radial_kernel
 from casadi_contact.benchmark.peers.training_set import TrainingSet
-from casadi_contact.contact import ElasticFoundation
+from casadi_contact.contact import ContactModel, ElasticFoundation
 from casadi_contact.contact.model import root_of_normal
 from casadi_contact.conventions import Array, as_poses
 from casadi_contact.sampling import ReferenceMotion
@@ -35,7 +35,7 @@ _LAZY_TOLERANCES = 10.0
 _STEP_MM = 1e-4
 
 
-class PeerModel:
+class PeerModel(ContactModel):
     """A fitted peer as a contact model: s = √(N/N0) where it predicts contact, 0 without a slope elsewhere.
 
     Its Jacobian is its own, or central differences with steps of 1e-4 mm (rotations over 25 mm). remembered: what its

@@ -2,17 +2,19 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import casadi_contact as cc
 from casadi_contact.contact import CupFoundation, PolarFoundation
-from casadi_contact.contact.touch import first_touch
+from casadi_contact.contact.approach import advance_to_contact, first_crossing, press_until
 
 
 def test_a_sphere_touches_a_plane_at_its_radius():
     model = PolarFoundation(cc.load_scene("sphere_on_plane"), compiled=False)
     poses = np.zeros((3, 6))
     poses[:, 0] = [0.0, 1.0, -2.0]
-    touching = first_touch(model, poses, {})
+    touching = advance_to_contact(model, poses, {})
     np.testing.assert_allclose(touching[:, 1], model.scene.geometry["radius"], atol=2e-3)
     np.testing.assert_array_equal(touching[:, [0, 2, 3, 4, 5]], poses[:, [0, 2, 3, 4, 5]])
 
@@ -22,12 +24,12 @@ def test_a_ball_in_a_cup_touches_it_where_the_wanted_force_points():
     scene = model.scene
     force = {"Fx": np.array([100.0]), "Fy": np.array([900.0]), "Fz": np.array([200.0])}
     start = scene.start_pose[None]
-    moved = first_touch(model, start, force)[0, :3] - scene.start_pose[:3]
+    moved = advance_to_contact(model, start, force)[0, :3] - scene.start_pose[:3]
     along = np.concatenate(list(force.values()))
     clearance = scene.geometry["cup_radius"] - scene.geometry["ball_radius"]
     np.testing.assert_allclose(moved, clearance * along / np.linalg.norm(along), atol=3e-3)
-    with pytest.raises(ValueError, match="there is no load Fx, Fy, Fz, expected the force that presses"):
-        first_touch(model, start, {})
+    with pytest.raises(ValueError, match="no load Fx"):
+        advance_to_contact(model, start, {})
 
 
 @pytest.mark.parametrize("name", ["knee", "sphere_in_dish", "patellofemoral", "glenohumeral"])
@@ -43,3 +45,34 @@ def test_the_example_of_a_foundation_overlaps_as_a_joint_does(name):
 def test_the_example_of_a_ball_that_no_direction_presses_is_the_start_pose():
     model = CupFoundation(cc.load_scene("hip"), compiled=False)
     assert model.example_pose() == model.scene.start_pose.tolist()
+
+
+REACH = 15.0
+
+
+@given(st.lists(st.floats(0.0, 2.0 * REACH), max_size=6), st.floats(0.05, 4.0))
+def test_what_holds_from_a_place_on_is_found_there(begins, step):
+    begins = np.array(begins)
+    ways = first_crossing(lambda which, way: way >= begins[which], len(begins), step, REACH)
+    missed = ways - np.minimum(begins, REACH)
+    assert (missed >= 0.0).all()
+    assert (missed <= step / 2**11).all()
+
+
+def test_nobody_is_asked_again_before_the_others_are_found():
+    asked = []
+
+    def holds(which, way):
+        asked.append(which.tolist())
+        return way >= np.array([0.5, 3.5])[which]
+
+    first_crossing(holds, 2, 1.0, 5.0)
+    assert asked[:4] == [[0, 1], [1], [1], [1]]
+
+
+def test_pressing_finds_the_depth_of_a_force_that_grows_between_linearly_and_cubically():
+    target = np.geomspace(5.0, 2500.0, 7)
+    for power in (1.0, 2.0, 3.0):
+        depth, force = press_until(lambda d, power=power: 3000.0 * d**power, target, 0.05, rounds=30)
+        np.testing.assert_allclose(force, target, rtol=1e-3)
+        np.testing.assert_allclose(depth, (target / 3000.0) ** (1.0 / power), rtol=1e-3)

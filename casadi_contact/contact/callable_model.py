@@ -1,0 +1,211 @@
+"""A user's own function of poses as a contact model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from casadi_contact.contact.approach import first_crossing
+from casadi_contact.contact.model import ContactModel, overlaps_without_load, signed_roots
+from casadi_contact.conventions import (
+    Array,
+    angular_velocity_map,
+    check_above_zero,
+    load_jacobian,
+    load_selection,
+    pose_or_poses,
+    pose_text,
+    rotation,
+)
+from casadi_contact.scenes import Scene
+from casadi_contact.scenes.normal_load import normal_forces
+
+
+class CallableModel(ContactModel):
+    """A user's own ``wrenches(poses) -> (n, patches, 6)`` as a contact model.
+
+    Derivatives are central differences (steps in mm and rad). gaps, if given, is the user's ``gaps(poses) -> (n,
+    patches)`` [mm], positive out of contact. The user's functions get a copy of the poses. Without gaps the gap of a
+    patch that carries no load is the way of the moving body along the patch's direction of pressing until the patch
+    loads: in steps of approach_mm as far as reach_mm, then by bisection. A normal load without a direction (the
+    magnitude of a force) needs gaps. What these functions raise goes on, with a note of the pose. Raises ValueError for
+    steps and a reach that are not finite and above 0.
+    """
+
+    has_wrenches = has_gaps = True
+
+    def __init__(
+        self,
+        scene: Scene,
+        wrenches: Callable[[Array], Array],
+        gaps: Callable[[Array], Array] | None = None,
+        *,
+        step_mm: float = 1e-4,
+        step_rad: float = 1e-5,
+        approach_mm: float = 0.25,
+        reach_mm: float = 15.0,
+    ) -> None:
+        check_above_zero(step_mm=step_mm, step_rad=step_rad, approach_mm=approach_mm, reach_mm=reach_mm)
+        self.scene = scene
+        self.load_names = scene.load_names
+        self.patch_names = scene.patch_names
+        self._wrenches = wrenches
+        self._gaps = gaps
+        self._steps = np.repeat([step_mm, step_rad], 3)
+        self._approach_mm = approach_mm
+        self._reach_mm = reach_mm
+        self._selection = load_selection(self.load_names, self.patch_names)
+        self._last: tuple[Array, Array, Array] | None = None  # poses, their wrenches, and the slopes of these
+
+    @pose_or_poses
+    def wrenches(self, poses: Array) -> Array:
+        """Wrench of each patch (n, patches, 6), NaN where the user's function gives infinity, with which no difference
+        can be taken; raises ValueError if it returns another shape, or complex numbers."""
+        wrenches = self._call_user_function("wrenches", self._wrenches, poses, (len(self.patch_names), 6))
+        return np.where(np.isfinite(wrenches), wrenches, np.nan)
+
+    @pose_or_poses
+    def __call__(self, poses: Array) -> Array:
+        """Named loads (n, loads)."""
+        return np.einsum("lpk,npk->nl", self._selection, self.wrenches(poses))
+
+    def _call_user_function(
+        self, what: str, function: Callable[[Array], ArrayLike], poses: Array, columns: tuple[int, ...]
+    ) -> Array:
+        """Real numbers (n, *columns) that a user's function returns for a copy of the poses (n, 6).
+
+        An exception of the function goes on with a note of the poses. Raises ValueError for another shape, and for
+        complex numbers.
+        """
+        try:
+            array = function(poses.copy())
+        except Exception as error:
+            first = f", the first at {pose_text(poses[0], self.patch_names)}" if len(poses) else ""
+            error.add_note(f"raised by the contact model's {what}(poses) for {len(poses)} poses{first}")
+            raise
+        if np.iscomplexobj(array):
+            raise ValueError(f"the contact model returned complex {what}, expected real ones")
+        numbers = np.asarray(array, dtype=float)
+        if numbers.shape != (len(poses), *columns):
+            raise ValueError(
+                f"the contact model returned {what} of shape {numbers.shape}, expected {(len(poses), *columns)}"
+            )
+        return numbers
+
+    def _differences(self, function: Callable[[Array], Array], poses: Array) -> Array:
+        """Central differences (n, ..., 6) of a function (n, ...) of poses (n, 6)."""
+        moves = np.vstack([np.diag(self._steps), -np.diag(self._steps)])
+        shifted = function((poses[:, None, :] + moves).reshape(-1, 6))
+        plus, minus = np.split(shifted.reshape(len(poses), 12, *shifted.shape[1:]), 2, axis=1)
+        return np.moveaxis(plus - minus, 1, -1) / (2.0 * self._steps)
+
+    @pose_or_poses
+    def jacobian(self, poses: Array) -> tuple[Array, Array]:
+        """Named loads and their central-difference derivatives (n, loads, 6)."""
+        return load_jacobian(self._selection, *self.wrench_jacobian(poses))
+
+    @pose_or_poses
+    def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:
+        """Wrenches (n, patches, 6) and their central-difference derivatives by the pose (n, patches, 6, 6).
+
+        The last ones are kept: `jacobian` and `root_loads` at the same poses, as a settling asks for both, cost the
+        user's function one evaluation of each.
+        """
+        last = self._last
+        if last is None or not np.array_equal(last[0], poses):
+            last = self._last = poses.copy(), self.wrenches(poses), self._differences(self.wrenches, poses)
+        return last[1].copy(), last[2].copy()
+
+    @pose_or_poses
+    def gaps(self, poses: Array) -> Array:
+        """Gaps (n, patches) [mm] by the user's function, else as the class says: 0 in contact, reach_mm if farther.
+
+        Raises ValueError for another shape or gaps that are not finite; if there is no such function, for a normal load
+        without direction and for patches that pull where they touch.
+        """
+        if self._gaps is not None:
+            gaps = self._call_user_function("gaps", self._gaps, poses, (len(self.patch_names),))
+            if len(lost := np.argwhere(~np.isfinite(gaps))):
+                said = self._gap_text(poses, gaps, *lost[0])
+                raise ValueError(
+                    f"the contact model returned the {said}, expected a finite number (a bound, 20 say, where nothing "
+                    "lies opposite)"
+                )
+            return gaps
+        directions = np.stack(self._directions())
+        free = normal_forces(self.scene.normal_loads, self.wrenches(poses)) <= 0.0
+        rows, patches = np.nonzero(free)
+        pressed = partial(self._carries_load, poses[rows], patches, directions[patches])
+        travel = np.zeros(free.shape)
+        travel[free] = first_crossing(pressed, len(rows), self._approach_mm, self._reach_mm)
+        return travel
+
+    def _carries_load(
+        self, poses: Array, patches: np.ndarray, along: Array, which: np.ndarray, way: Array
+    ) -> np.ndarray:
+        """Whether each patch (n,) by number carries load once the body of its pose (n, 6) went a way (k,) [mm] along a
+        direction (n, 3): of those which (k,) are asked for."""
+        moved, patch = poses[which], patches[which]
+        moved[:, :3] += way[:, None] * along[which]
+        wrenches, at = self.wrenches(moved), (np.arange(len(which)), patch)
+        normal = normal_forces(self.scene.normal_loads, wrenches)[at]
+        size = np.linalg.norm(wrenches[at][:, :3], axis=1)
+        pulls = normal < -np.maximum(0.5 * size, self.scene.boundary_load)
+        if pulls.any() and not (normal > 0.0).any():
+            row = int(pulls.argmax())
+            raise ValueError(
+                f"the contact model's patch {self.patch_names[patch[row]]} pulls with {-normal[row]:.4g} N at "
+                f"{pose_text(moved[row], self.patch_names)}, on its way into contact, expected pressing: return "
+                "-wrenches, the loads on the fixed body"
+            )
+        return np.asarray(normal > 0.0)
+
+    def _gap_text(self, poses: Array, gaps: Array, row: int, patch: int) -> str:
+        """A gap and where it is."""
+        at = pose_text(poses[row], self.patch_names)
+        return f"gap {gaps[row, patch]:g} mm of {self.patch_names[patch]} at {at}"
+
+    def _directions(self) -> list[Array]:
+        """Unit vectors (3,) along which each patch is pressed."""
+        directions = [load.direction for load in self.scene.normal_loads]
+        if any(direction is None for direction in directions):
+            raise ValueError(
+                f"scene {self.scene.name}: a normal load without direction needs the model's gaps: "
+                "CallableModel(scene, wrenches, gaps)"
+            )
+        return [direction for direction in directions if direction is not None]
+
+    @pose_or_poses
+    def root_loads(self, poses: Array) -> tuple[Array, Array]:
+        """Signed root loads: √(N/N0) in contact, -gap_slope·gap (see the class) where a patch carries no load.
+
+        Raises ValueError for `overlaps_without_load`, naming the pose.
+        """
+        wrenches, slopes = self.wrench_jacobian(poses)
+
+        def gaps(rows: np.ndarray) -> tuple[Array, Array]:
+            found = self.gaps(poses[rows])
+            if len(wrong := np.argwhere(overlaps_without_load(wrenches[rows], found))):
+                raise ValueError(
+                    f"the contact model returned the {self._gap_text(poses[rows], found, *wrong[0])}, where it "
+                    "returned no load, expected a gap above 0: is its sign the wrong way round?"
+                )
+            return found, self._gap_slopes(poses[rows])
+
+        return signed_roots(self.scene, wrenches, slopes, gaps)
+
+    def _gap_slopes(self, poses: Array) -> Array:
+        """Derivatives (n, patches, 6) of the gaps: differences of the user's, else by the motion of the anchors."""
+        if self._gaps is not None:
+            return self._differences(self.gaps, poses)
+        slopes = np.zeros((len(poses), len(self.patch_names), 6))
+        turn, rotations = angular_velocity_map(poses[:, 3:]), rotation(poses[:, 3:])
+        for p, (anchor, along) in enumerate(zip(self.scene.anchors_mm, self._directions(), strict=True)):
+            # The gap of a patch closes with the motion of its anchor, so a turn of the body closes it too.
+            arm = rotations @ anchor
+            slopes[:, p, :3] = -along
+            slopes[:, p, 3:] = -np.cross(np.swapaxes(turn, 1, 2), arm[:, None, :]) @ along
+        return slopes
