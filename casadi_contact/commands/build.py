@@ -32,7 +32,6 @@ from casadi_contact.progress import progress_bars
 from casadi_contact.project import project_surrogates
 from casadi_contact.report import evaluation_tables, fine_grid_remark, read_evaluation
 from casadi_contact.sampling import model_pair
-from casadi_contact.sampling.drops import dropped_shares
 from casadi_contact.tolerance import scene_to_tolerance, train_to_tolerance
 from casadi_contact.verification.fitness import fitness
 
@@ -172,7 +171,7 @@ def _sample(
     with progress_bars(console) as update:
         samples, report = pipeline.sample(project, cycle_files, update, executor, models=model_pair(model))
     console.print(str(report), highlight=False)
-    for domain, share in dropped_shares(samples).items():
+    for domain, share in samples.dropped_shares().items():
         reasons = samples.provenance["dropped"].get(domain, {})
         listed = "; ".join(f"{reason} ({count})" for reason, count in reasons.items())
         if listed:

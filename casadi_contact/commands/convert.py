@@ -11,7 +11,7 @@ from casadi_contact.commands.arguments import console
 from casadi_contact.conventions import POSE_NAMES
 from casadi_contact.motion.joint_cycle import joint_cycle_from_curves, write_joint_cycle
 from casadi_contact.motion.load_cycle import cycle_from_curves, write_cycle
-from casadi_contact.motion.opensim import TIME, ColumnMap, degrees_warning, mapped_curves, read_opensim_table
+from casadi_contact.motion.opensim import TIME, ColumnMap, mapped_curves, read_opensim_table
 from casadi_contact.motion.pose_file import poses_from_curves, write_poses
 from casadi_contact.project import walks
 from casadi_contact.scenes import load_scene
@@ -38,8 +38,6 @@ def cycle(
     try:
         columns = [ColumnMap.parse(text) for text in maps]
         curves = mapped_curves(table, columns)
-        if warning := degrees_warning(table, columns):
-            typer.echo(f"cycle: {file}: {warning}", err=True)
         if set(curves) <= {TIME, *POSE_NAMES}:
             poses, path = poses_from_curves(curves), out or Path("poses.csv")
             write_poses(curves[TIME], poses, path)

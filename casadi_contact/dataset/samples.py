@@ -107,6 +107,14 @@ class Samples:
         lost = (np.concatenate([getattr(s.dropped, name) for s in (self, more)]) for name in ("poses", "domain"))
         return replace(self, **columns, dropped=Dropped(*lost))
 
+    def dropped_shares(self) -> dict[str, float]:
+        """Share of the plan that became no samples, by domain; empty where nothing was dropped."""
+        pairs = {
+            name: (int((self.dropped.domain == d).sum()), int((self.domain == d).sum()))
+            for d, name in enumerate(DOMAINS, start=1)
+        }
+        return {name: lost / (lost + kept) for name, (lost, kept) in pairs.items() if lost + kept and len(self.dropped)}
+
     def counts(self) -> dict[str, dict[str, int]]:
         """Number of samples by domain name and role name."""
         return {

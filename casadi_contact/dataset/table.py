@@ -18,26 +18,22 @@ import h5py
 import numpy as np
 
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array, load_selection
-from casadi_contact.dataset.gaps import refuse_wrong_gaps
-from casadi_contact.dataset.loads import refuse_small_forces
+from casadi_contact.dataset.check_table import check_table
 from casadi_contact.dataset.samples import DOMAINS, ROLES, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.files import existing_file, open_hdf5, sha256_of, short
-from casadi_contact.motion.checks import check_radians, check_size
+from casadi_contact.motion.checks import check_size
 from casadi_contact.motion.columns import read_columns
 from casadi_contact.scenes import Scene
 
 _LEAST_ROWS = 10
 _HELD_BACK = 0.1  # of the poses, for validation and for the test each
-_LEAST_WAY_MM = 0.05  # over which a joint's samples lie at least: what lifts it off alone is more
 
 
 def read_sample_table(path: str | Path, scene: Scene) -> Samples:
     """Samples from a table; of rows without a role a tenth each, at random, is for validation and for the test.
 
     Raises FileNotFoundError, and ValueError for a missing column, values that are not finite numbers or beyond 1e15,
-    angles too large for radians, translations too small for mm, columns of different length, too few rows, a role
-    without rows, forces too small for N (`loads.refuse_small_forces`), and gaps of the wrong sign
-    (`gaps.refuse_wrong_gaps`).
+    columns of different length, too few rows, a role without rows, and wrong units, signs or origins (`check_table`).
     """
     path = Path(path)
     wrench_columns = _wrench_columns(scene)
@@ -54,14 +50,6 @@ def read_sample_table(path: str | Path, scene: Scene) -> Samples:
         raise ValueError(f"{path} has {count} rows, expected at least {_LEAST_ROWS}")
     for name, column in table.items():
         check_size(str(path), name, column)
-    for name in ("rx", "ry", "rz"):
-        check_radians(str(path), name, table[name])
-    way_mm = max(float(np.ptp(table[name])) for name in ("tx", "ty", "tz"))
-    if way_mm < _LEAST_WAY_MM:
-        raise ValueError(
-            f"{path}: tx, ty and tz vary by {way_mm:.2g} at most, expected mm, over {_LEAST_WAY_MM:g} at least: turn m "
-            "into mm (and N·m into N·mm)"
-        )
     zero, unknown = np.zeros(count), np.full(count, np.nan)
     wrenches = np.stack(
         [np.stack([table.get(column, zero) for column in columns], axis=1) for columns in wrench_columns], axis=1
@@ -84,8 +72,7 @@ def read_sample_table(path: str | Path, scene: Scene) -> Samples:
         )
     if missing:
         raise ValueError(f"{path}: no row has role {', '.join(missing)}, expected some of each, or no column role")
-    refuse_small_forces(samples, str(path))
-    refuse_wrong_gaps(samples, str(path), "turn their signs, or leave the column out")
+    check_table(samples, str(path))
     return samples
 
 

@@ -5,22 +5,19 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
 from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import Update, in_stage
 from casadi_contact.dataset import Samples, read_sample_table, write_samples
-from casadi_contact.dataset.gaps import refuse_missing_gaps, refuse_wrong_gaps
-from casadi_contact.dataset.loads import refuse_pulling, refuse_reversed
-from casadi_contact.dataset.odd_rows import odd_rows, odd_rows_text
-from casadi_contact.dataset.repeated_poses import contradictions_text
-from casadi_contact.motion.unit_warnings import unit_warnings
+from casadi_contact.dataset.check_table import check_gaps, conflicting_rows
 from casadi_contact.project.project import Project, alone, reference_motion_cycles, surrogates_made
 from casadi_contact.sampling import (
     ReferenceReport,
     SamplingSettings,
+    check_rejection_rate,
     draw_samples,
     elastic_foundations,
     model_name_of,
@@ -29,10 +26,8 @@ from casadi_contact.sampling import (
     reference_motion,
 )
 from casadi_contact.sampling.chunk import WrenchModel
-from casadi_contact.sampling.drops import refuse_many_dropped
 from casadi_contact.sampling.folder import begun
 from casadi_contact.sampling.motion_file import kept_motion, motion_origin, write_motion
-from casadi_contact.sampling.reference import Cycle
 from casadi_contact.sampling.worker_models import ModelPair
 from casadi_contact.scenes import Scene
 
@@ -94,19 +89,13 @@ def sample(
     cycle_files: measured cycles (§3.3); the built-in reference motion if empty. models: as in `draw_samples`, for
     another contact model than the elastic foundation.
 
-    The reference motion is kept beside the samples: a later call goes on around it, and asks a model of one's own for a
-    few of the samples again (`sampling.agreement`).
+    The reference motion is kept beside the samples, and a later call goes on around it.
 
     Raises ValueError for samples or surrogates of something else in the folder, where more of a domain was dropped than
     the settings' ``most_dropped`` and for gaps of the wrong sign (the file is kept).
     """
     surrogates_made(project)
     cycles = reference_motion_cycles(project.scene, cycle_files)
-    for cycle in cycles:
-        for warning in unit_warnings(project.scene, cycle.wanted(), cycle.measured_pose()):
-            _log.warning("cycle %s: %s", cycle.name, warning)
-        if cycle_files and (warning := _undetermined(project.scene, cycle)):
-            _log.warning("cycle %s: %s", cycle.name, warning)
     settings = SamplingSettings.from_scene(project.scene, scale=project.preset.sampling_scale)
     origin = motion_origin(project.scene, cycles, settings, models_identity(models))
     drawn, space = begun(project.samples_path), project.scene.pose_space
@@ -129,47 +118,28 @@ def sample(
     )
     if drawn is not None and kept is None:  # what a version before began, or whose motion was lost: it is the same
         write_motion(project.motion_path, motion, report, cycle_files, origin)
-    refuse_many_dropped(samples, settings.most_dropped)
+    check_rejection_rate(samples, settings.most_dropped)
     if model_name_of(samples) is None:
-        refuse_wrong_gaps(samples, str(project.samples_path), "mend the contact model's gaps and delete that file")
+        check_gaps(samples, str(project.samples_path))
     return samples, report
-
-
-def _undetermined(scene: Scene, cycle: Cycle) -> str:
-    """In words, where a cycle measures too little to tell the pose; "" otherwise. A scene's own motion may: along a
-    groove a button is carried anywhere."""
-    free = [name for name in scene.pose_space.free_names if name not in cycle.measured_pose()]
-    loads = list(cycle.targets())
-    if len(loads) >= len(free):
-        return ""
-    return (
-        f"{len(loads)} loads ({', '.join(loads)}) cannot tell {len(free)} pose parameters ({', '.join(free)}): samples "
-        "are drawn around one of many motions that carry them; measure more of either"
-    )
 
 
 @alone
 def take_table(project: Project, table: Path) -> Samples:
     """Make the samples file from a table of samples (`dataset.read_sample_table`) instead of drawing them.
 
-    Raises ValueError for a table that cannot serve the preset's structures, and for a folder in which other samples are
-    drawn or learned already. A logged warning, and the samples' provenance, name rows that contradict the others, or
-    each other at one pose.
+    Raises ValueError for a folder in which other samples are drawn or learned already. A logged warning names rows that
+    contradict each other at one pose.
     """
     samples = read_sample_table(table, project.scene)
-    if "patch" in project.preset.efforts:
-        refuse_pulling(samples, str(table))
-        refuse_reversed(samples, str(table))
-        refuse_missing_gaps(samples, str(table))
     if project.samples_path.is_file():
         there = project.samples().provenance
         learned = (project.folder / "training").exists() or surrogates_made(project)
         if there.get("table_digest") != samples.provenance["table_digest"] and (learned or "table" not in there):
             changed = f"was made from {table} as it was before" if there.get("table") == str(table) else "is of others"
             raise ValueError(f"{project.samples_path} {changed}: choose another --out, or remove that folder")
-    if odd := "; ".join(filter(None, (odd_rows_text(odd_rows(samples)), contradictions_text(samples)))):
-        _log.warning("%s: %s", table, odd)
-        samples = replace(samples, provenance={**samples.provenance, "odd_rows": odd})
+    if warning := conflicting_rows(samples):
+        _log.warning("%s: %s", table, warning)
     project.motion_path.unlink(missing_ok=True)  # of a draw that was left for the table
     write_samples(project.samples_path, samples)
     return samples

@@ -22,10 +22,8 @@ def training_record(
     project: Project, samples: Samples, surrogate: Surrogate, fits: dict[str, Any], command: str
 ) -> dict[str, Any]:
     """The record itself, in plain JSON values; its keys are told of in `casadi_contact.structures.info`."""
-    odd = samples.provenance.get("odd_rows")
     return {
         **samples_record(samples),
-        **({} if odd is None else {"odd_rows": odd}),
         **fits_record(fits),
         "test_errors": domain_errors(surrogate, samples),
         "command": command,

@@ -19,7 +19,6 @@ from casadi_contact.report.convergence import draw_convergence
 from casadi_contact.report.html import heading, page, paragraph, picture, table
 from casadi_contact.report.reach import draw_reach
 from casadi_contact.report.scatter import draw_speed_accuracy
-from casadi_contact.sampling.drops import dropped_shares
 from casadi_contact.scenes import Scene
 from casadi_contact.show import contact_pose, draw_contact
 from casadi_contact.structures import Surrogate
@@ -84,7 +83,6 @@ def _surrogate(name: str, surrogate: Surrogate) -> list[str]:
         *_reach(surrogate),
         heading(f"{name}: errors by domain"),
         _errors(info.test_errors, loads, surrogate.scene.tolerances),
-        *([paragraph(f"Of the table: {odd}.")] if (odd := surrogate.record.get("odd_rows")) else []),
         heading(f"{name}: coverage"),
         _coverage(surrogate),
         heading(f"{name}: training"),
@@ -155,7 +153,7 @@ def _training(surrogate: Surrogate) -> str:
 def _dropped(samples: Samples | None) -> list[str]:
     if samples is None:
         return [paragraph("No samples of this scene lie beside the surrogates: what was dropped is not known here.")]
-    shares, reasons = dropped_shares(samples), samples.provenance.get("dropped", {})
+    shares, reasons = samples.dropped_shares(), samples.provenance.get("dropped", {})
     if not any(shares.values()):
         return [paragraph("None.")]
     rows = []

@@ -4,6 +4,7 @@ from casadi_contact.sampling.chunk import plan_chunks
 from casadi_contact.sampling.domains import Block, plan_domains
 from casadi_contact.sampling.draw import (
     MODELS,
+    check_rejection_rate,
     draw_samples,
     elastic_foundations,
     foundations,
@@ -30,6 +31,7 @@ __all__ = [
     "ReferenceReport",
     "SamplePoint",
     "SamplingSettings",
+    "check_rejection_rate",
     "draw_samples",
     "elastic_foundations",
     "found_sensitive_pose",

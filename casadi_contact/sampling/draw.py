@@ -18,10 +18,18 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.contact import CallableModel, CellFoundation, ContactModel, ElasticFoundation, foundation
-from casadi_contact.conventions import Array, Progress
+from casadi_contact.conventions import WRENCH_NAMES, Array, Progress, evenly
 from casadi_contact.dataset import DOMAINS, Dropped, Samples, partial_folder, read_samples, write_samples
-from casadi_contact.sampling.agreement import refuse_other_loads
-from casadi_contact.sampling.chunk import Chunk, DrawnChunk, WrenchModel, draw_chunk, joined, plan_chunks, plan_digest
+from casadi_contact.sampling.chunk import (
+    Chunk,
+    DrawnChunk,
+    WrenchModel,
+    draw_chunk,
+    joined,
+    part_wrenches,
+    plan_chunks,
+    plan_digest,
+)
 from casadi_contact.sampling.domains import left_out
 from casadi_contact.sampling.folder import ChunkFolder, refuse_other
 from casadi_contact.sampling.reference import ReferenceMotion
@@ -151,7 +159,7 @@ def draw_samples(
     Samples that do not settle, that pull, or that touch where they should be lifted off are dropped and counted with
     the reason in provenance["dropped"]; domains that the plan leaves out stand in provenance["left_out"]. Raises
     ValueError if `path` holds samples of another plan, or of a user's own model that has changed since
-    (`refuse_other_loads`).
+    (`check_same_model`).
     """
     path = Path(path)
     settings = SamplingSettings.from_scene(scene) if settings is None else settings
@@ -166,7 +174,6 @@ def draw_samples(
         "plan_digest": plan_digest(chunks),
     }
     job = WorkerModels.of(scene, settings, models)
-    tolerance_n = settings.settle_tolerance_n
     own = _name_of(_full_name(models)) is None  # the library's are known by name, version and settings
     if path.exists():
         samples = read_samples(path)
@@ -175,19 +182,55 @@ def draw_samples(
         if models is foundations:
             _refuse_coarser(samples.scene, scene, path)
         if own:
-            refuse_other_loads(job.pair()[1], replace(samples, scene=scene), path, tolerance_n)
+            check_same_model(job.pair()[1], replace(samples, scene=scene), path)
         shutil.rmtree(partial_folder(path), ignore_errors=True)  # left where a kill came just before the clearing up
         return samples
     # One foundation draws all chunks: it is chosen for the tolerances.
     folder = ChunkFolder(path, {**identity, **({"tolerances": scene.tolerances} if models is foundations else {})})
     drawn = {number: chunk for number in range(len(chunks)) if (chunk := folder.read(number)) is not None}
     if own and drawn:
-        refuse_other_loads(job.pair()[1], joined(scene, list(drawn.values())), folder.folder, tolerance_n)
+        check_same_model(job.pair()[1], joined(scene, list(drawn.values())), folder.folder)
     _draw_missing(job, chunks, drawn, folder, executor, progress)
     samples = _gather(scene, chunks, [drawn[number] for number in range(len(chunks))], identity)
     write_samples(path, samples)
     folder.remove()
     return samples
+
+
+def check_same_model(model: WrenchModel, samples: Samples, where: Path, *, most: int = 10, share: float = 0.01) -> None:
+    """Raise ValueError where a user's model gives other loads than samples drawn from it.
+
+    It is evaluated at up to `most` samples with a load; each load may differ by its tolerance, or by `share` of the
+    largest force (torque) of these, RMS.
+    """
+    loaded = np.flatnonzero((samples.wrenches != 0.0).any(axis=(1, 2)))
+    rows = loaded[evenly(len(loaded), most)]
+    if not len(rows):
+        return
+    before = samples.rows(rows)
+    now = replace(before, wrenches=part_wrenches(model, before.poses, len(before.scene.parts))).loads()
+    size = np.repeat(np.abs(before.wrenches).reshape(-1, 2, 3).max(axis=(0, 2)), 3)
+    for k, name in enumerate(before.scene.load_names):
+        limit = max(before.scene.tolerances[name], share * size[WRENCH_NAMES.index(name.partition("_")[0])])
+        off = float(np.sqrt(np.mean((now[:, k] - before.loads()[:, k]) ** 2)))
+        if not off <= limit:
+            raise ValueError(
+                f"{where} was drawn from another contact model: {name} differs by {off:.3g} RMS at {len(rows)} of its "
+                f"samples, expected at most {limit:.3g}: give the same model, or delete {where}"
+            )
+
+
+def check_rejection_rate(samples: Samples, most: float) -> None:
+    """Raise ValueError where more than the share `most` of a domain's plan became no samples, with the reasons."""
+    for domain, share in samples.dropped_shares().items():
+        if share > most:
+            reasons = samples.provenance.get("dropped", {}).get(domain, {})
+            listed = "; ".join(f"{reason} ({count})" for reason, count in sorted(reasons.items(), key=lambda r: -r[1]))
+            raise ValueError(
+                f"{share:.1%} of the samples of {domain} were dropped, expected at most {most:.1%}: {listed}. Mend the "
+                "scene's patches or loads, draw closer to the reference motion (d3_fraction, d2_offset), or allow more "
+                "by most_dropped in [sampling]: the samples are kept"
+            )
 
 
 def _draw_missing(

@@ -10,7 +10,6 @@ from typing import Any
 
 from casadi_contact.conventions import POSE_NAMES
 from casadi_contact.dataset import DOMAINS
-from casadi_contact.sampling.drops import MOST_DROPPED
 from casadi_contact.sampling.sample_point import SamplePoint
 from casadi_contact.scenes import Scene
 from casadi_contact.shapes.checks import grid_size
@@ -55,7 +54,7 @@ class SamplingSettings:
     teacher_grid: tuple[int, int] = (80, 40)
     settle_tolerance_n: float = 1e-3
     chunk_size: int = 500
-    most_dropped: float = MOST_DROPPED
+    most_dropped: float = 0.3
     inputs: tuple[str, ...] = ()
     reach: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 

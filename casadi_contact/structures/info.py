@@ -16,7 +16,6 @@ all others are kept and printed as they are:
                                                                     expected error (see `coverage`)
     model_errors     {"Fy": 0.9, ...}                               RMS of the contact model's own loads, which no error
                                                                     above includes; model_errors_against: "EF 320×320"
-    odd_rows         "rows unlike ...: 7 (Fy 5.31e+03 N, ...)"      of the table it learned (see `dataset.odd_rows`)
     stop_reasons     {"root_med": "stalled", ...}                   why each fit ended (see `training.stopping`)
     gflop, seconds   {"root_med": 1000.0, ...}                      its work [10⁹ operations] and its CPU time [s]
     active           [33000, 34000]                                 samples that each active round added (see `active`)
@@ -35,7 +34,6 @@ from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.dataset import DOMAINS, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.network import Network
 from casadi_contact.quantities import ANGLE, quantity, three_digits
-from casadi_contact.sampling.drops import dropped_shares
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.training.stopping import LIMITS
 
@@ -230,7 +228,7 @@ def samples_record(samples: Samples) -> dict[str, Any]:
     return {
         "samples": {d: int(((samples.domain == k) & (samples.role != TEST)).sum()) for k, d in enumerate(DOMAINS, 1)},
         "test_samples": {d: held for d, count in samples.counts().items() if (held := count["test"])},
-        "dropped": dropped_shares(samples),
+        "dropped": samples.dropped_shares(),
         "pose_range": _ranges(POSE_NAMES, used.poses),
         "load_range": _ranges(names, used.loads(names)),
     }

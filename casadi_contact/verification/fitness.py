@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from casadi_contact.quantities import beside, of_kind, quantity, two_digits
-from casadi_contact.sampling.drops import MOST_DROPPED
 from casadi_contact.structures import Surrogate
 
+_MOST_DROPPED = 0.3  # share of a domain's plan, as in `SamplingSettings`
 _FEW = 50  # samples: the RMS error of 30 was 51 N·mm where that of 4,000 was 88
 
 
@@ -49,7 +49,7 @@ class Fitness:
         lost = [
             f"{domain} {100.0 * share:.0f} %"
             for domain, share in self.dropped.items()
-            if share > MOST_DROPPED and domain not in unfit
+            if share > _MOST_DROPPED and domain not in unfit
         ]
         text += f"; dropped and not judged: of {', of '.join(lost)}" if lost else ""
         few = [f"{self.counts[domain]} of {domain}" for domain in self.fit if self.counts.get(domain, _FEW) < _FEW]

@@ -1,4 +1,4 @@
-"""Cycles that may be in other units than they say: centres of pressure in metres. All else: `motion.unit_warnings`."""
+"""Cycles that may be in other units than they say: centres of pressure in metres."""
 
 from __future__ import annotations
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from casadi_contact.contact import ContactModel
 from casadi_contact.conventions import Array
-from casadi_contact.motion.unit_warnings import unit_warnings
 from casadi_contact.scenes import Scene
 from casadi_contact.verification import Verdict, judge, own_model
 from problems.common.learned_range import reasons
@@ -38,7 +37,6 @@ def cycle_warnings(scene: Scene, cycle: Cycle) -> Iterator[str]:
     Raises ValueError as `wanted_loads` does.
     """
     wanted, measured = wanted_loads(scene, cycle), measured_pose(scene, cycle)
-    yield from unit_warnings(scene, wanted.values, measured)
     model = own_model(scene)
     yield from centre_warnings(wanted, model)
     yield from sign_warnings(wanted, measured, model)

@@ -14,7 +14,6 @@ from casadi_contact.project.active import candidates, worst_samples
 from casadi_contact.project.presets import ActiveRound, Effort, Preset
 from casadi_contact.project.train import train
 from casadi_contact.sampling import foundations
-from casadi_contact.sampling.drops import dropped_shares
 from casadi_contact.structures import PatchSurrogate
 from casadi_contact.training import TrainingSettings, fit
 from tests.support.smooth_samples import SPHERE, scaled, smooth_samples, smooth_wrenches
@@ -102,7 +101,7 @@ def test_a_build_goes_on_through_its_rounds_on_wider_networks_and_ends_alike_whe
     fitted_rows = np.isin(samples.role, (TRAIN, VALIDATION)).sum()
     assert sum(surrogate.record["samples"].values()) == fitted_rows + sum(added)
     assert all(len(more.dropped) for more in drawn)
-    assert surrogate.record["dropped"] == dropped_shares(samples), "of the plan, not of the few that a round keeps"
+    assert surrogate.record["dropped"] == samples.dropped_shares(), "of the plan, not of the few that a round keeps"
     tested = {d for d in np.unique(samples.domain) if ((samples.domain == d) & (samples.role == TEST)).any()}
     assert set(surrogate.record["test_errors"]) == {f"D{d}" for d in tested}
     weights = {name: network.weights for name, network in surrogate.networks.items()}

@@ -2,7 +2,6 @@
 
 from casadi_contact.motion.opensim.mapping import (
     ColumnMap,
-    degrees_warning,
     loads_table,
     mapped_curves,
     poses_table,
@@ -14,7 +13,6 @@ __all__ = [
     "TIME",
     "ColumnMap",
     "Table",
-    "degrees_warning",
     "loads_table",
     "mapped_curves",
     "poses_table",

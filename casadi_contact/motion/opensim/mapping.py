@@ -74,18 +74,6 @@ def mapped_curves(table: Table, maps: Iterable[ColumnMap]) -> dict[str, Array]:
     return curves
 
 
-def degrees_warning(table: Table, maps: Iterable[ColumnMap]) -> str:
-    """A line where a file says that its rotations are in degrees and those taken as such stay below pi; "" else."""
-    taken = [item.column for item in maps if item.unit is None and quantity(item.name).kind == ANGLE]
-    largest = max((float(np.abs(table.column(column)).max(initial=0.0)) for column in taken), default=0.0)
-    if not table.in_degrees or not 0.0 < largest < np.pi:
-        return ""
-    return (
-        f"{', '.join(taken)} stay within {largest:.2g} degrees, as inDegrees=yes says: are they in radians? "
-        "COLUMN=NAME:rad takes them so"
-    )
-
-
 def renamed_table(curves: Mapping[str, Array], maps: Iterable[ColumnMap], name: str) -> Table:
     """Curves (n,) by name in mm, rad, N, N·mm, with their ``time`` [s], as a table of another program's columns: the
     reverse of `mapped_curves`. Its rotations are all in rad or, as the header then says, all in degrees.

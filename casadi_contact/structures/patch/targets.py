@@ -12,7 +12,7 @@ import numpy as np
 
 from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array
 from casadi_contact.dataset import Samples
-from casadi_contact.dataset.loads import refuse_pulling
+from casadi_contact.dataset.check_table import check_no_pull
 from casadi_contact.network import Regression
 from casadi_contact.quantities import FORCE, of_kind
 from casadi_contact.scenes.scene import Scene
@@ -76,7 +76,7 @@ def patch_regressions(samples: Samples) -> list[Regression]:
     unknown gap out of contact, or without samples.
     """
     scene = samples.scene
-    refuse_pulling(samples, "samples")
+    check_no_pull(samples, "samples")
     rows, validation = fitted_rows(samples)
     poses = finite("poses", samples.poses)[rows]
     _check_space(poses, scene)
