@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from casadi_contact import __version__
-from casadi_contact.command_line import new_app, run_app
 from casadi_contact.commands.arguments import console
 from casadi_contact.commands.build import build, calibrate, evaluate, export, sample, train
 from casadi_contact.commands.compare import chart, choose, speed
@@ -18,6 +17,7 @@ from casadi_contact.commands.examples import examples
 from casadi_contact.commands.live import page
 from casadi_contact.commands.look import info, report, show
 from casadi_contact.commands.propose import scene
+from casadi_contact.terminal import new_app, run_app
 
 app = new_app(help="Surrogate models of deformable joint contact as CasADi functions.", epilog=examples(""))
 

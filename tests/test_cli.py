@@ -12,9 +12,8 @@ from typer.testing import CliRunner
 
 import casadi_contact
 from casadi_contact.cli import app
-from casadi_contact.command_line import new_app, run_app
 from casadi_contact.commands.examples import _EXAMPLES
-from casadi_contact.progress import progress_bars
+from casadi_contact.terminal import new_app, progress_bars, run_app
 from tests.support.interrupted import Interrupted, interrupts_remembered
 
 ROOT = Path(__file__).parents[1]

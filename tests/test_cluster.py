@@ -5,16 +5,15 @@ import multiprocessing
 import os
 import signal
 import time
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
-from casadi_contact import cluster as cluster_module
-from casadi_contact.cluster import cluster_workers
 from casadi_contact.dataset import partial_folder
 from casadi_contact.training import TrainingSettings, fit_all
 from casadi_contact.training.weights import flatten
+from casadi_contact.workers import cluster_workers
 from tests.support.drawn_spheres import draw
 from tests.support.regressions import smooth
 
@@ -136,17 +135,8 @@ def test_networks_trained_on_a_cluster_that_loses_a_worker_are_those_of_one_mach
         np.testing.assert_array_equal(flatten(there[name].network), flatten(fit.network))
 
 
-def test_a_worker_that_comes_later_with_another_version_is_refused_at_its_first_task(monkeypatch):
-    cluster = distributed.LocalCluster(n_workers=1, processes=False, dashboard_address=None)
-    with cluster, cluster_workers(cluster.scheduler_address) as executor:
-        assert executor.submit(abs, -3).result() == 3
-        monkeypatch.setattr(cluster_module, "_version", lambda: "0.0.other")
-        with pytest.raises(ConnectionError, match=r"a worker has casadi_contact 0\.0\.other, expected .* install"):
-            executor.submit(abs, -3).result()
-
-
 def test_a_scheduler_without_workers_says_how_to_start_some(monkeypatch):
-    monkeypatch.setattr(cluster_module, "_CONNECT_S", 1)
+    monkeypatch.setattr("casadi_contact.workers._CONNECT_S", 1)
     cluster = distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None)
     with (
         cluster,
@@ -174,20 +164,6 @@ def test_a_lost_scheduler_is_one_line_and_its_samples_are_kept(cluster, tmp_path
     assert path.read_bytes() == (tmp_path / "whole.h5").read_bytes()
 
 
-def test_every_task_of_a_lost_scheduler_comes_to_an_end(cluster, tmp_path):
-    """Results on their way, and tasks that were never finished."""
-    with cluster_workers(cluster.scheduler_address) as executor:
-        some = HeldExecutor(executor, 400, tmp_path / "never")
-        futures = [some.submit(np.full, 20_000, number) for number in range(400 + WORKERS)]
-        assert futures[0].result()[-1] == 0
-        cluster.close()
-        open_still = wait(futures, timeout=300).not_done
-        assert not open_still
-        lost = [future for future in futures if future.exception() is not None]
-        assert lost
-        assert all("was lost: run the same command again" in str(future.exception()) for future in lost)
-
-
 def test_an_error_of_the_work_arrives_as_it_is(cluster):
     with cluster_workers(cluster.scheduler_address) as executor, pytest.raises(ZeroDivisionError):
         executor.submit(divmod, 1, 0).result()
@@ -204,6 +180,6 @@ def test_an_error_of_the_work_arrives_as_it_is(cluster):
 def test_a_scheduler_that_is_none_is_one_line(scheduler, reason, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "other.json").write_text("[1]")
-    monkeypatch.setattr("casadi_contact.cluster._CONNECT_S", 1)
+    monkeypatch.setattr("casadi_contact.workers._CONNECT_S", 1)
     with pytest.raises((ValueError, ConnectionError), match=reason), cluster_workers(scheduler):
         pass

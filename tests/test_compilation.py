@@ -61,39 +61,6 @@ def test_damaged_loops_are_compiled_again_once(tmp_path, kind, share):
     assert (after.stdout, after.stderr) == ("2.0 2.0\n", "")
 
 
-@pytest.mark.skipif(os.name != "posix", reason="limits as POSIX has them")
-def test_where_the_disc_is_full_the_loops_serve_the_process_that_compiled_them(tmp_path):
-    (tmp_path / "example.py").write_text(MODULE)
-    limit = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))\n"
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    done = subprocess.run(
-        [sys.executable, "-c", limit + SCRIPT.format(folder=str(tmp_path))],
-        capture_output=True,
-        text=True,
-        check=True,
-        env=environment,
-    )
-    assert done.stdout == "2.0 2.0\n"
-    assert not [path for path in (tmp_path / "cache").rglob("*") if path.is_file() and path.suffix != ".pyc"]
-
-
-def test_where_no_folder_can_be_written_the_loops_serve_the_process_that_compiled_them(tmp_path):
-    """As for a user without a home and a package that the system installed: numba then refuses to cache at all."""
-    (tmp_path / "example.py").write_text(MODULE)
-    # root may write everywhere, so that numba is left no place to try
-    no_place = "from numba.core.caching import CacheImpl\nCacheImpl._locator_classes = []\n"
-    done = subprocess.run(
-        [sys.executable, "-c", no_place + SCRIPT.format(folder=str(tmp_path))],
-        capture_output=True,
-        text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
-    assert (done.stdout, done.returncode) == ("2.0 2.0\n", 0), done.stderr
-    (line,) = done.stderr.splitlines()
-    assert "for this process alone" in line
-    assert "$NUMBA_CACHE_DIR" in line
-
-
 def test_threads_that_have_no_work_do_not_make_others_wait():
     threads = numba.get_num_threads()
     with threads_for(1):

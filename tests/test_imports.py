@@ -15,12 +15,12 @@ import casadi_contact
 PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 PROBLEMS = PACKAGE.parent / "problems"
 SUBPACKAGES = [
-    *("machine", "compilation", "files", "page", "workers", "cluster", "terminal", "interrupts", "command_line"),
+    *("machine", "compilation", "files", "page", "workers", "interrupts", "terminal"),
     *("quantities", "conventions", "pressure_laws"),
     *("network", "transcription", "geometry", "shapes", "scenes", "motion"),
     *("contact", "statics", "dataset", "sampling", "training", "structures", "bridges"),
     *("project", "verification", "optimisation", "assembly"),
-    *("benchmark", "show", "report", "live", "proposal", "pipeline", "tolerance", "progress"),
+    *("benchmark", "show", "report", "live", "proposal", "pipeline", "tolerance"),
     *("commands", "cli", "__main__"),
 ]
 

@@ -4,11 +4,9 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 
 import pytest
-from loky.backend.queues import Queue
 
 from casadi_contact.workers import worker_pool
 
@@ -113,31 +111,10 @@ def test_a_pool_that_an_error_ends_says_nothing_of_the_work_that_waited():
     assert done.stderr.strip() == "the disc is full"
 
 
-def test_a_pool_that_an_error_ends_leaves_no_thread(monkeypatch):
-    """A thread that gives a semaphore back as Python ends would be told as a leak."""
-    feed = Queue._feed
-
-    def ends_late(*arguments):
-        feed(*arguments)
-        time.sleep(0.3)
-
-    def leave():
-        with worker_pool() as workers:
-            workers.submit(os.getpid).result()
-            raise RuntimeError("left")
-
-    monkeypatch.setattr(Queue, "_feed", ends_late)
-    before = set(threading.enumerate())
-    with pytest.raises(RuntimeError, match="left"):
-        leave()
-    assert set(threading.enumerate()) == before
-
-
 TERMINATED = """
 import os, signal, time
 from rich.console import Console
-from casadi_contact.command_line import new_app, run_app
-from casadi_contact.progress import progress_bars
+from casadi_contact.terminal import new_app, progress_bars, run_app
 from casadi_contact.workers import worker_pool
 
 app = new_app(add_completion=False)

@@ -11,7 +11,6 @@ from typing import Annotated
 import typer
 
 from casadi_contact import pipeline
-from casadi_contact.cluster import cluster_workers
 from casadi_contact.commands.arguments import (
     DEFAULT_PRESET,
     Cycles,
@@ -28,12 +27,13 @@ from casadi_contact.commands.arguments import (
 )
 from casadi_contact.files import folder_lock
 from casadi_contact.pipeline import Project
-from casadi_contact.progress import progress_bars
 from casadi_contact.project import project_surrogates
 from casadi_contact.report import evaluation_tables, fine_grid_remark, read_evaluation
 from casadi_contact.sampling import model_pair
+from casadi_contact.terminal import progress_bars
 from casadi_contact.tolerance import scene_to_tolerance, train_to_tolerance
 from casadi_contact.verification.fitness import fitness
+from casadi_contact.workers import cluster_workers
 
 
 def build(

@@ -7,7 +7,6 @@ from typing import Annotated
 import typer
 
 from casadi_contact import benchmark, pipeline
-from casadi_contact.cluster import cluster_workers
 from casadi_contact.commands.arguments import (
     DEFAULT_PRESET,
     Out,
@@ -18,9 +17,10 @@ from casadi_contact.commands.arguments import (
     say_shipped,
 )
 from casadi_contact.pipeline import Project
-from casadi_contact.progress import progress_bars
 from casadi_contact.report import kernel_speed_tables, read_kernel_speed
 from casadi_contact.report.choice_table import choice_table
+from casadi_contact.terminal import progress_bars
+from casadi_contact.workers import cluster_workers
 
 
 def chart(

@@ -11,11 +11,11 @@ import typer
 from casadi_contact import pipeline
 from casadi_contact.commands.arguments import DEFAULT_PRESET, Cycles, ModelName, Out, PresetName, console
 from casadi_contact.files import writable_folder, write_text
-from casadi_contact.progress import progress_bars
 from casadi_contact.project import Project
 from casadi_contact.proposal.cuts import WORTH, cut_scene, find_cuts
 from casadi_contact.proposal.text import cut_lines, cut_text
 from casadi_contact.sampling import model_pair
+from casadi_contact.terminal import progress_bars
 
 
 def cut(

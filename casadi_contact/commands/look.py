@@ -8,7 +8,6 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from casadi_contact.command_line import numbers
 from casadi_contact.commands.arguments import SceneName, SurrogateName, check_html, console
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.files import writable_folder
@@ -17,6 +16,7 @@ from casadi_contact.report import write_report
 from casadi_contact.scenes import load_scene
 from casadi_contact.show import contact_pose, draw_contact, draw_fit, loads_text, pressures_text, surface_fits
 from casadi_contact.structures import load_surrogate
+from casadi_contact.terminal import numbers
 from casadi_contact.verification.fitness import fitness
 
 

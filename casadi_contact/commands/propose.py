@@ -12,7 +12,6 @@ from casadi_contact.commands.arguments import console
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.files import writable_folder, write_text
 from casadi_contact.geometry.mesh import MM_PER_UNIT
-from casadi_contact.progress import progress_bars
 from casadi_contact.proposal.joint import JOINTS
 from casadi_contact.proposal.propose import propose
 from casadi_contact.proposal.tables import MATERIALS
@@ -20,6 +19,7 @@ from casadi_contact.proposal.text import proposal_lines, scene_text
 from casadi_contact.scenes import load_scene
 from casadi_contact.shapes.checks import scene_name
 from casadi_contact.show.scene_picture import draw_scene
+from casadi_contact.terminal import progress_bars
 
 SIDES = ("right", "left")
 

@@ -9,7 +9,7 @@ from typing import NoReturn
 
 import typer
 
-from casadi_contact import command_line
+from casadi_contact import terminal
 from casadi_contact.verification import Verdict
 from problems.common.outcome import rows_in_words
 
@@ -18,12 +18,12 @@ RESULTS = Path("results")  # each problem writes into a folder of its own name i
 
 def new_app() -> typer.Typer:
     """A command whose mistakes `run_command` reports."""
-    return command_line.new_app(add_completion=False)
+    return terminal.new_app(add_completion=False)
 
 
 def run_command(app: typer.Typer, name: str) -> NoReturn:
     """Run a problem's command: a user's mistake is one line on stderr and exit status 1, never a traceback."""
-    command_line.run_app(app, name.rpartition(".")[2], sys.argv[1:], f"python -m problems.{name}")
+    terminal.run_app(app, name.rpartition(".")[2], sys.argv[1:], f"python -m problems.{name}")
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict:

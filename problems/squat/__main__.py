@@ -8,8 +8,8 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from casadi_contact.command_line import numbers
 from casadi_contact.files import writable_folder
+from casadi_contact.terminal import numbers
 from casadi_contact.verification import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource

@@ -23,10 +23,9 @@ from rich.table import Table
 from casadi_contact.benchmark.front_file import SIZE
 from casadi_contact.benchmark.sizes import Sized, chart_surrogates, train_sizes
 from casadi_contact.dataset.errors import domain_errors, rms_by_kind
-from casadi_contact.progress import progress_bars
 from casadi_contact.project import Project
 from casadi_contact.structures import load_surrogate
-from casadi_contact.terminal import PlainConsole
+from casadi_contact.terminal import PlainConsole, progress_bars
 from problems.common.command import new_app, run_command
 from problems.common.records import write_summary
 

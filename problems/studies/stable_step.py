@@ -18,11 +18,10 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from casadi_contact.command_line import numbers
 from casadi_contact.conventions import Array
 from casadi_contact.optimisation import KNEE_STEPS
 from casadi_contact.structures import load_surrogate
-from casadi_contact.terminal import PlainConsole
+from casadi_contact.terminal import PlainConsole, numbers
 from problems import knee_simulator
 from problems.common.command import new_app, run_command
 from problems.knee_simulator import KneeSimulator, start_state

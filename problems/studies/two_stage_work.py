@@ -30,12 +30,11 @@ from casadi_contact.benchmark.walking import unseen_walking
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Update
 from casadi_contact.network import size_text
-from casadi_contact.progress import progress_bars
 from casadi_contact.project import Project, alone, read_motion, shipped_surrogates
 from casadi_contact.project.fitting import Fitting, fit_surrogate
 from casadi_contact.project.train import structures_for_scene
 from casadi_contact.structures import Surrogate, TwoStageSurrogate
-from casadi_contact.terminal import PlainConsole
+from casadi_contact.terminal import PlainConsole, progress_bars
 from casadi_contact.workers import worker_pool
 from problems.common.command import new_app, run_command
 

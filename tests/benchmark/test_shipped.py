@@ -19,10 +19,10 @@ from casadi_contact.benchmark.shipped import __main__ as shipped
 from casadi_contact.benchmark.shipped import shipped_front
 from casadi_contact.benchmark.timing import Timing
 from casadi_contact.benchmark.walking import unseen_walking
-from casadi_contact.command_line import run_app
 from casadi_contact.dataset.errors import load_errors, rms_by_kind
 from casadi_contact.project import Project, built_in_motion, motion_at_hand, surrogates_at_hand
 from casadi_contact.report import read_kernel_speed
+from casadi_contact.terminal import run_app
 from tests.support.own_contact import SCENE as SOCKET
 
 speed_module = import_module("casadi_contact.benchmark.speed")  # in the package its name is the function's

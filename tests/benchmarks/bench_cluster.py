@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.cluster import cluster_workers
 from casadi_contact.project import reference_motion_cycles
 from casadi_contact.project.presets import PRESETS
 from casadi_contact.sampling import PAPER_COUNTS, SamplingSettings, draw_samples, reference_motion
 from casadi_contact.sampling.chunk import plan_chunks
+from casadi_contact.workers import cluster_workers
 
 distributed = pytest.importorskip("distributed", reason="extra cluster is not installed")
 

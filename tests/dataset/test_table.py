@@ -41,12 +41,10 @@ def test_several_patches_have_columns_of_their_own(tmp_path):
     scene, columns = cc.load_scene("patellofemoral"), table_rows(20)
     columns = {name: columns[name] for name in ("tx", "ty", "tz", "rx", "ry", "rz")}
     columns |= {
-        f"{k}_{p}": np.full(20, -100.0 - i)
-        for i, k in enumerate(("Fx", "Fy", "Fz", "Tx", "Ty"))
-        for p in ("med", "lat")
+        f"{k}_{p}": np.full(20, 100.0 + i) for i, k in enumerate(("Fx", "Fy", "Fz", "Tx", "Ty")) for p in ("med", "lat")
     }
     samples = read_sample_table(write_csv(tmp_path / "t.csv", columns), scene)
-    np.testing.assert_array_equal(samples.loads(["Fx_med", "Fz"])[0], [-100.0, -204.0])
+    np.testing.assert_array_equal(samples.loads(["Fx_med", "Fz"])[0], [100.0, 204.0])
     assert np.isnan(samples.gaps).all()
 
 

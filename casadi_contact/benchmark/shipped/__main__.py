@@ -10,10 +10,10 @@ import typer
 
 from casadi_contact.benchmark.front_file import write_front
 from casadi_contact.benchmark.shipped import measured_front
-from casadi_contact.command_line import new_app, run_app
 from casadi_contact.files import writable_folder
 from casadi_contact.quantities import three_digits
 from casadi_contact.scenes import load_scene
+from casadi_contact.terminal import new_app, run_app
 
 app = new_app(add_completion=False)
 
