@@ -38,7 +38,7 @@ def drawn(project, model, stop_at=None):
         if what == "samples" and done == stop_at:
             raise StopError
 
-    draw(project, [], model, update, None, "cpu")
+    draw(project, [], model, update, None)
     return project.samples()
 
 
@@ -87,7 +87,7 @@ def test_a_draw_goes_on_where_more_may_be_dropped(project):
     def update(what, done, total, remark):
         seen.append((what, done))
 
-    draw(lenient, [], model(lenient), update, None, "cpu")
+    draw(lenient, [], model(lenient), update, None)
     assert seen[0] == ("samples", 4)
 
 
@@ -189,7 +189,7 @@ def test_a_plan_of_which_nothing_was_drawn_yields_to_another_model(project):
         first["done"] |= what == "samples"
 
     with pytest.raises(ZeroDivisionError):
-        draw(project, [], model(project, wrenches=fails_when_sampled), update, None, "cpu")
+        draw(project, [], model(project, wrenches=fails_when_sampled), update, None)
     assert partial_folder(project.samples_path).is_dir()
     assert len(drawn(project, model(project, 1.5))) == sum(COUNTS.values())
 
