@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 import casadi_contact
 from casadi_contact.cli import app
 from casadi_contact.commands.examples import _EXAMPLES
-from casadi_contact.terminal import new_app, progress_bars, run_app
+from casadi_contact.terminal import new_app, progress_bars, run_app, run_program
 from tests.support.interrupted import Interrupted, interrupts_remembered
 
 ROOT = Path(__file__).parents[1]
@@ -129,11 +129,11 @@ def test_every_mistake_is_told_without_a_traceback_and_exits_non_zero(arguments,
     ],
 )
 def test_a_mistake_in_the_options_of_a_problem_ends_as_one_of_casadi_contact_does(arguments, said, monkeypatch):
-    from problems.squat.__main__ import main
+    from problems import squat
 
     monkeypatch.setattr("sys.argv", ["squat", *arguments])
     with pytest.raises(SystemExit) as ended:
-        main()
+        run_program(squat.main)
     assert str(ended.value.code).startswith(said)
     assert len(str(ended.value.code).splitlines()) == 1
 

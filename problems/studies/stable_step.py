@@ -24,8 +24,7 @@ from casadi_contact.structures import load_surrogate
 from casadi_contact.terminal import PlainConsole, numbers
 from problems import knee_simulator
 from problems.common.command import new_app, run_command
-from problems.knee_simulator import KneeSimulator, start_state
-from problems.knee_simulator.waveforms import Waveforms
+from problems.knee_simulator import KneeSimulator, constant, start_state
 
 SCHEMES = ("explicit_euler", "rk4", "implicit_euler", "implicit_midpoint")
 STEPS_TAKEN = 1000
@@ -100,7 +99,7 @@ def contact_stiffness(simulator: KneeSimulator, rest: Array) -> float:
     """dFy/dty [N/mm] of the contact force on the fixed body at a state (10,): above zero where it presses."""
     pose = ca.MX.sym("pose", 6)
     slope = ca.Function("slope", [pose], [ca.jacobian(simulator.contact(pose), pose)])
-    return float(slope(simulator.poses(rest[None], np.zeros(1))[0])[1, 1])
+    return float(slope(simulator.pose(rest[:5], 0.0))[1, 1])
 
 
 def fastest_rate(simulator: KneeSimulator, rest: Array) -> float:
@@ -131,7 +130,7 @@ def run(
     ):
         table.add_column(column, justify="right")
     for force in forces:
-        simulator = knee_simulator.build(model, Waveforms.constant(flexion_deg, force))
+        simulator = knee_simulator.build(model, constant(flexion_deg, force))
         rest = start_state(simulator)
         cells: list[Any] = [f"{force:g}", f"{contact_stiffness(simulator, rest):.0f}"]
         cells.append(f"{fastest_rate(simulator, rest):.0f}")

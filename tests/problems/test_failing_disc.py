@@ -19,7 +19,7 @@ SOLVED = {  # by name: with options that make them short
     "static_equilibrium": ["--flexions", "15", "--starts", "0"],
     "pose_estimation": [],
 }
-BEGUN = {**SOLVED, "optimal_control": [], "muscle_contact": [], "knee_simulator": [], "studies.stability": []}
+BEGUN = {**SOLVED, "muscle_contact": [], "studies.stability": []}
 
 RUN = """
 import importlib, json, os, resource, sys

@@ -15,12 +15,9 @@ from casadi_contact.optimisation.muscle_walk import example_walk
 from problems import (
     calibration,
     design,
-    knee_simulator,
     muscle_contact,
     muscle_driven,
-    optimal_control,
     pose_estimation,
-    squat,
     static_equilibrium,
 )
 from problems.calibration.measurement import synthetic_measurement
@@ -145,12 +142,6 @@ def test_joints_pressed_in_one_settle_from_out_of_contact(model, free, loads):
     [
         (lambda knee: static_equilibrium.build(knee, np.ones(6), free=("ty", "ry")), "free: ry is tied to tx"),
         (lambda knee: static_equilibrium.build(knee, np.ones(6), rest=np.zeros(6), free=("ty",)), "rest: tz is locked"),
-        (
-            lambda knee: knee_simulator.build(knee),
-            "simulator moves all six .* but tz is locked at 0.3, ry is tied",
-        ),
-        (lambda knee: squat.build(knee), "squat moves all six"),
-        (lambda knee: optimal_control.build(knee, None), "optimal control moves all six"),
         (lambda knee: calibration.build(knee, None), "calibration moves all six"),
         (lambda knee: synthetic_measurement(knee, {}), "a made-up measurement moves all six"),
         (lambda knee: muscle_contact.build(knee, example_walk(5)), "a muscle problem moves all six"),
@@ -175,13 +166,12 @@ def test_what_moves_all_six_parameters_names_those_that_are_held(knee, build, sa
 @pytest.mark.parametrize(
     ("build", "needed"),
     [
-        (squat.build, "Fy_med, Fy_lat, Fx, Fz, Tx, Ty, Tz"),
         (lambda model: muscle_contact.build(model, example_walk(5)), "Fy_med, Fy_lat, Fx, Fz, Tx, Ty, Tz"),
         (lambda model: muscle_driven.build(model, None, None), "Fy_med, Fy_lat, Fx, Fz, Tx, Ty, Tz"),
         (lambda model: load_extensor("knee_with_patella", model), "Fy_med, Fy_lat, Fx, Fz, Tx, Ty, Tz"),
         (lambda model: synthetic_measurement(model, {}), "Fy_med, Fy_lat"),
     ],
-    ids=["squat", "muscle_contact", "muscle_driven", "patella", "calibration"],
+    ids=["muscle_contact", "muscle_driven", "patella", "calibration"],
 )
 def test_what_needs_a_knee_with_two_sides_names_the_loads_that_it_got_and_wants(scene, build, needed):
     model = cc.foundation(scene)

@@ -15,7 +15,6 @@ from casadi_contact.verification import judge
 from problems import muscle_contact
 from problems.common.learned_range import beyond_learned, held_beyond, reasons
 from problems.common.outcome import print_reasons, rows_in_words
-from problems.knee_simulator import __main__ as simulator_command
 from problems.muscle_contact.compared import Compared
 from problems.muscle_contact.diagnosis import diagnose
 from problems.muscle_contact.picture import draw
@@ -128,18 +127,6 @@ def test_loads_beyond_the_samples_are_refused_a_verdict_and_the_table_says_why(t
     assert capsys.readouterr().out.splitlines()[0].startswith("0 of 1 solved and verified on EF 320×160; 1 solved but")
     (row,) = csv.DictReader((tmp_path / "static_equilibrium.csv").open())
     assert "outside the learned range (med load by" in row["reason"]
-
-
-def test_a_simulated_motion_under_too_much_load_says_where_it_left_what_was_learned(tmp_path, monkeypatch, capsys):
-    arguments = ["--load-scale", "12", "--cycles", "0.02", "--repeats", "1", "--out", tmp_path]
-    assert ended(monkeypatch, simulator_command.main, *arguments) == 3
-    lines = capsys.readouterr().out.splitlines()
-    assert "solved but differ" in lines[0]
-    assert any(line.startswith("frame") and "outside the learned range" in line for line in lines)
-    rows = list(csv.DictReader((tmp_path / "knee_simulator.csv").open()))
-    outside = [row["verdict"] for row in rows if "outside the learned range" in row["reason"]]
-    assert outside
-    assert "solved and verified" not in outside
 
 
 def test_neighbouring_rows_are_told_by_their_ends():

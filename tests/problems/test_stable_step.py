@@ -8,15 +8,14 @@ import pytest
 
 import casadi_contact as cc
 from problems import knee_simulator
-from problems.knee_simulator import start_state
-from problems.knee_simulator.waveforms import Waveforms
+from problems.knee_simulator import constant, start_state
 from problems.studies import stable_step
 from tests.support.command import ended
 
 
 @pytest.fixture(scope="module")
 def loaded():
-    simulator = knee_simulator.build(cc.load_surrogate("knee"), Waveforms.constant(20.0, 800.0))
+    simulator = knee_simulator.build(cc.load_surrogate("knee"), constant(20.0, 800.0))
     return simulator, start_state(simulator)
 
 
@@ -62,7 +61,7 @@ def test_a_step_multiplies_what_decays_by_the_amplification_of_its_scheme(scheme
 
 
 def test_stiffer_contact_allows_shorter_explicit_steps(loaded):
-    light = knee_simulator.build(loaded[0].model, Waveforms.constant(20.0, 50.0))
+    light = knee_simulator.build(loaded[0].model, constant(20.0, 50.0))
     rest = start_state(light)
     assert stable_step.contact_stiffness(light, rest) < 0.5 * stable_step.contact_stiffness(*loaded)
     assert stable_step.fastest_rate(light, rest) < stable_step.fastest_rate(*loaded)

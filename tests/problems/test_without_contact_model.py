@@ -16,9 +16,7 @@ GONE = ("geometry", "material", "grids")
 COMMANDS = {
     "pose_estimation": ("--cycle", "walk.csv"),
     "static_equilibrium": ("--flexions", "0,30", "--starts", "0"),
-    "optimal_control": ("--intervals", "20"),
     "muscle_contact": (),
-    "knee_simulator": ("--repeats", "1"),
 }
 
 
@@ -69,12 +67,3 @@ def test_results_are_written_unchecked(surrogates, tmp_path, monkeypatch, capsys
     assert "EF" not in json.dumps(summary.get("errors", {}))
     assert not [key for key in summary if key.startswith(("ef_grids", "largest_share"))]
     assert not (tmp_path / "pressures.sto").exists()
-
-
-@pytest.mark.parametrize("surrogate", ["own_model", "mesh"])
-def test_wear_needs_elements_and_says_so_before_it_simulates(surrogates, tmp_path, monkeypatch, surrogate):
-    wear = import_module("problems.wear.__main__")
-    monkeypatch.setattr(wear, "simulated_poses", lambda *given: pytest.fail("it simulates"))
-    said = exit_status(monkeypatch, surrogates, "wear", surrogate, tmp_path)
-    assert said.startswith("wear: the scene knee has no contact model at hand")
-    assert "expected elements, which wear, from a surrogate or --scene that has them" in said

@@ -13,8 +13,7 @@ from scipy.optimize import root
 from casadi_contact.conventions import Array
 from casadi_contact.optimisation import KNEE_STEPS
 from problems import knee_simulator
-from problems.knee_simulator import KneeSimulator, start_state
-from problems.knee_simulator.waveforms import Waveforms
+from problems.knee_simulator import KneeSimulator, constant, start_state
 from problems.studies.stability.methods import PATCH, Bench
 from problems.studies.stability.table import Line
 from problems.studies.stable_step import LONGEST_STEP_S, SCHEMES, contact_stiffness, largest_stable_step
@@ -52,7 +51,7 @@ def measure(
     lines: list[Line] = []
     curves: dict[str, dict[str, list[float]]] = {m: {key: [] for key in ("stiffness", *schemes)} for m in bench.models}
     for axial in axial_n:
-        waveforms = Waveforms.constant(FLEXION_DEG, axial)
+        waveforms = constant(FLEXION_DEG, axial)
         near = start_state(knee_simulator.build(bench.models[PATCH], waveforms))
         cells: dict[str, dict[str, float | str]] = {key: {} for key in ("stiffness", *schemes)}
         no_rest: dict[str, str] = {}

@@ -1,0 +1,207 @@
+"""A load-driven knee simulator in the manner of ISO 14243-1: forward simulation of a walking cycle.
+
+    states      q = (tx, ty, tz, rx, ry) [mm, rad] and v = q̇; the flexion rz(t) is prescribed
+    given       axial force 5 mm medially of the moving origin, anterior-posterior force, internal-external torque
+    equations   M·v̇ = Q(q; given(t)) - Q(q; contact(q)) - k·q - c·v
+
+Q are generalised forces (`generalised_forces`), k springs that stand for soft tissue. The energy balance checks the
+integrator:
+
+    work of given loads + work of the flexion drive = Δkinetic + Δsprings + dissipation + work against contact
+
+The same equations run on the surrogate and on elements of its foundation, by CVODES with the exact Jacobian.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+import casadi_contact as cc
+from casadi_contact.command_line import run_program
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.conventions import POSE_NAMES, Array
+from casadi_contact.motion.pose_file import write_poses
+from casadi_contact.optimisation import KNEE_STEPS, generalised_forces, press_together, wrench_function
+from casadi_contact.page import new_page, save_page
+from casadi_contact.verification import judge
+
+
+@dataclass(frozen=True)
+class Rig:
+    """Diagonals of M [t, t·mm²], c [N·s/mm, N·mm·s/rad] and k [N/mm, N·mm/rad] for (tx, ty, tz, rx, ry)."""
+
+    inertia: tuple[float, ...] = (5e-3, 5e-3, 5e-3, 20.0, 20.0)  # 5 kg, 0.02 kg·m²
+    damping: tuple[float, ...] = (1.0, 5.0, 1.0, 5000.0, 1000.0)
+    stiffness: tuple[float, ...] = (30.0, 0.0, 0.0, 0.0, np.degrees(600.0))
+    axial_offset_mm: float = 5.0
+    period_s: float = 1.0
+
+
+def walking(share: Any, load_scale: float) -> tuple[Any, Any, Any, Any]:
+    """Flexion [deg], axial and anterior-posterior force [N], torque [N·mm] at a share of the cycle.
+
+    Sums of smooth periodic bumps (height, centre, width) with the magnitudes of ISO 14243-1.
+    """
+
+    def bumps(*parts: tuple[float, float, float]) -> Any:
+        return sum(h * ca.exp((ca.cos(2.0 * np.pi * (share - c)) - 1.0) / (2.0 * np.pi * w) ** 2) for h, c, w in parts)
+
+    flexion = 0.5 + bumps((14.5, 0.15, 0.055), (3.0, 0.37, 0.08), (57.0, 0.72, 0.085))
+    axial = 168.0 + bumps((2150.0, 0.13, 0.05), (700.0, 0.27, 0.08), (2310.0, 0.45, 0.065))
+    ap = bumps((110.0, 0.05, 0.03), (-160.0, 0.16, 0.05), (-265.0, 0.5, 0.07))
+    ie = bumps((1000.0, 0.12, 0.05), (-6000.0, 0.47, 0.075))
+    return flexion, load_scale * axial, load_scale * ap, load_scale * ie
+
+
+def constant(flexion_deg: float, axial_n: float, ap_n: float = 0.0, ie_nmm: float = 0.0) -> Any:
+    """Waveforms of a knee held at one flexion under constant loads."""
+    return lambda share, load_scale: tuple(0.0 * share + value for value in (flexion_deg, axial_n, ap_n, ie_nmm))
+
+
+@dataclass(frozen=True)
+class KneeSimulator:
+    """CasADi functions. pose: (q, t) -> pose (6); contact: pose -> wrench on the insert (6); rate: (x, t) -> ẋ (10);
+    powers: (x, t) -> powers [N·mm/s] of given loads with flexion drive, of the damper, against contact; x = (q, v)."""
+
+    model: ContactModel
+    rig: Rig
+    pose: ca.Function
+    contact: ca.Function
+    rate: ca.Function
+    powers: ca.Function
+    given: ca.Function
+
+
+def build(
+    model: ContactModel, waveforms: Any = walking, load_scale: float = 0.8, rig: Rig | None = None
+) -> KneeSimulator:
+    """Equations of motion on any contact model whose bodies are pressed together along -Fy.
+
+    waveforms: (share of the cycle, load_scale) -> flexion [deg], axial force, anterior-posterior force [N], torque
+    [N·mm]. At full load (1.0) the lateral side would bear more than the surrogate `knee` has learned.
+    """
+    rig = rig or Rig()
+    if any((normal.component, normal.sign) != ("Fy", -1.0) for normal in model.scene.normal_loads):
+        raise ValueError(f"scene {model.scene.name} is not pressed along -Fy, expected a knee or one like it")
+    q, v, t, wrench = (ca.SX.sym(name, rows) for name, rows in (("q", 5), ("v", 5), ("t", 1), ("wrench", 6)))
+    flexion, axial, ap, ie = waveforms(t / rig.period_s, load_scale)
+    pose = ca.vertcat(q, -np.pi / 180.0 * flexion)
+    given = ca.vertcat(ap, -axial, 0, rig.axial_offset_mm * axial, ie, 0)
+    by_given, by_contact = generalised_forces(pose, given, about="moving"), -generalised_forces(pose, wrench)
+    damper = ca.DM(rig.damping) * v
+    forces = (by_given + by_contact)[:5] - ca.DM(rig.stiffness) * q - damper
+    speed = ca.vertcat(v, ca.jacobian(pose[5], t))
+    drive = -(by_given + by_contact)[5] * speed[5]
+    powers = ca.vertcat(ca.dot(by_given, speed) + drive, ca.dot(v, damper), -ca.dot(by_contact, speed))
+    pose_of = ca.Function("pose", [q, t], [pose])
+    moved = ca.Function("moved", [q, v, t, wrench], [ca.vertcat(v, forces / ca.DM(rig.inertia)), powers])
+    contact = wrench_function(model)
+    x, at = ca.MX.sym("x", 10), ca.MX.sym("t")
+    rate, power = moved(x[:5], x[5:], at, contact(pose_of(x[:5], at)))
+    return KneeSimulator(
+        model,
+        rig,
+        pose_of,
+        contact,
+        ca.Function("rate", [x, at], [rate]),
+        ca.Function("powers", [x, at], [power]),
+        ca.Function("given", [t], [given]),
+    )
+
+
+def start_state(simulator: KneeSimulator) -> Array:
+    """State (10,) at rest under the loads at t = 0: Newton's method on v̇ = 0, from where the sides carry them."""
+    rest = np.asarray(simulator.pose(np.zeros(5), 0.0)).T
+    rest[:, 1] = simulator.model.scene.start_pose[1]
+    pressed = press_together(simulator.model, rest, rest, np.asarray(simulator.given(0.0)).T, POSE_NAMES[:5])
+    q = ca.MX.sym("q", 5)
+    acceleration = simulator.rate(ca.vertcat(ca.DM(KNEE_STEPS[:5]) * q, ca.DM.zeros(5)), 0.0)[5:]
+    scaled = ca.Function("left", [q], [ca.DM(simulator.rig.inertia) / np.array([1, 1, 1, 25, 25]) * acceleration])
+    found = ca.rootfinder("rest", "newton", scaled, {"abstol": 1e-9})(pressed[0, :5] / KNEE_STEPS[:5])
+    return np.append(np.asarray(found)[:, 0] * KNEE_STEPS[:5], np.zeros(5))
+
+
+@dataclass(frozen=True)
+class Motion:
+    """time_s (n,), states (n, 10), poses (n, 6), wrenches on the insert (n, 6), work (n, 3) of `KneeSimulator.powers`
+    since the start [N·mm]; steps and seconds of the integrator."""
+
+    time_s: Array
+    states: Array
+    poses: Array
+    wrenches: Array
+    work: Array
+    steps: int
+    seconds: float
+
+    def energy_error(self, rig: Rig) -> Array:
+        """Energy (n,) [N·mm] that the integrator made or lost."""
+        q, v = np.split(self.states, 2, axis=1)
+        stored = 0.5 * v**2 @ np.array(rig.inertia) + 0.5 * q**2 @ np.array(rig.stiffness)
+        return self.work @ [1.0, -1.0, -1.0] - (stored - stored[0])
+
+
+def simulate(
+    simulator: KneeSimulator, start: Array, *, cycles: float = 1.0, frames: int = 101, tolerance: float = 1e-6
+) -> Motion:
+    """Integrate from a state (10,) with CVODES; tolerance: relative and absolute [mm, rad, mm/s, rad/s]."""
+    time_s = np.linspace(0.0, cycles * simulator.rig.period_s, frames)
+    x, t = ca.MX.sym("x", 10), ca.MX.sym("t")
+    dae = {"x": x, "t": t, "ode": simulator.rate(x, t), "quad": simulator.powers(x, t)}
+    options = {"abstol": tolerance, "reltol": tolerance, "max_num_steps": 100_000}
+    integrate = ca.integrator("cycle", "cvodes", dae, 0.0, time_s[1:].tolist(), options)
+    began = time.perf_counter()
+    answer = integrate(x0=start)
+    seconds = time.perf_counter() - began
+    states = np.vstack([start, np.asarray(answer["xf"]).T])
+    poses = np.asarray(simulator.pose.map(frames)(states[:, :5].T, time_s[None])).T
+    wrenches = np.asarray(simulator.contact.map(frames)(poses.T)).T
+    work = np.vstack([np.zeros(3), np.asarray(answer["qf"]).T])
+    return Motion(time_s, states, poses, wrenches, work, int(integrate.stats()["nsteps"]), seconds)
+
+
+def main(
+    surrogate: str = "knee", load_scale: float = 0.8, cycles: float = 1.0, out: Path = Path("results/knee_simulator")
+) -> None:
+    """Simulate cycles on a surrogate and on the elements of its scene; compare times and poses."""
+    model = cc.load_surrogate(surrogate)
+    elements = cc.ElasticFoundation(model.scene, model.scene.grids["fine"])
+    simulators = {"surrogate": build(model, load_scale=load_scale), "elements": build(elements, load_scale=load_scale)}
+    start = start_state(simulators["surrogate"])
+    motions = {name: simulate(one, start, cycles=cycles, tolerance=1e-4) for name, one in simulators.items()}
+    exact = simulate(simulators["surrogate"], start, cycles=cycles, tolerance=1e-8)
+
+    print("contact    steps  seconds a cycle  largest difference from the surrogate at 1e-8")
+    for name, motion in motions.items():
+        off = np.abs(motion.poses - exact.poses)
+        apart = f"{off[:, :3].max():.4f} mm, {np.degrees(off[:, 3:].max()):.4f}°"
+        print(f"{name:10s} {motion.steps:5d}  {motion.seconds / cycles:15.3f}  {apart}")
+    print(judge(model, exact.poses, np.ones(len(exact.poses), dtype=bool), elements))
+    lost = np.abs(exact.energy_error(simulators["surrogate"].rig)).max()
+    print(f"energy brought in {np.abs(exact.work[:, 0]).max():.4g} N·mm, not accounted for {lost:.2g} N·mm")
+
+    out.mkdir(parents=True, exist_ok=True)
+    write_poses(exact.time_s, exact.poses, out / "knee_simulator.csv")
+    page = new_page(11.0, 6.0)
+    axes = page.subplots(2, 3).ravel()
+    axes[0].plot(exact.time_s, -exact.wrenches[:, 1])
+    axes[0].set_ylabel("compression [N]")
+    for axis, column in zip(axes[1:], range(5), strict=True):
+        unit = np.degrees if column > 2 else np.asarray
+        axis.plot(exact.time_s, unit(exact.poses[:, column]), label="surrogate")
+        axis.plot(exact.time_s, unit(motions["elements"].poses[:, column]), "--", label="elements")
+        axis.set_ylabel(f"{POSE_NAMES[column]} [{'degrees' if column > 2 else 'mm'}]")
+    axes[1].legend()
+    for axis in axes:
+        axis.set_xlabel("time [s]")
+    save_page(page, out / "knee_simulator.png")
+
+
+if __name__ == "__main__":
+    run_program(main)
