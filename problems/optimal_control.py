@@ -33,12 +33,12 @@ from casadi_contact.optimisation import (
     press_together,
     total_selection,
 )
+from casadi_contact.optimisation.collocation import Collocation
 from casadi_contact.page import new_page, save_page
 from casadi_contact.quantities import newton_scales
 from casadi_contact.statics import settle
 from casadi_contact.verification import judge, own_model
 from problems import knee_simulator
-from problems.common.collocation import Collocation
 from problems.knee_simulator import Rig
 
 INERTIA = np.append(Rig().inertia, 20.0)  # t, t·mm²; the last of flexion, which moves as freely as the rest
@@ -101,9 +101,9 @@ def solve(model: SymbolicContact, wanted: Wanted, intervals: int = 50, smoothing
         return ca.diag(ca.DM(unit)) @ matrix
 
     forces, loads = acceleration_forces(model).map(points)(scaled(q, step), scaled(v, step_v), scaled(u, step_u))
-    opti.subject_to(grid.slopes(node_q, q) == 20.0 * grid.step_s * v)
+    opti.subject_to(grid.derivatives(node_q, q) == 20.0 * grid.step_s * v)
     opti.subject_to(
-        scaled(grid.slopes(node_v, v), INERTIA * step_v / step_u / grid.step_s) == scaled(forces, 1.0 / step_u)
+        scaled(grid.derivatives(node_v, v), INERTIA * step_v / step_u / grid.step_s) == scaled(forces, 1.0 / step_u)
     )
     opti.subject_to(grid.jumps(node_q, q) == 0.0)
     opti.subject_to(grid.jumps(node_v, v) == 0.0)

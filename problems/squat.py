@@ -40,17 +40,17 @@ from casadi_contact.optimisation import (
     settle_in_range,
     total_selection,
 )
-from casadi_contact.page import new_page, save_page
-from casadi_contact.verification import judge, own_model
-from problems.common.collocation import Collocation
-from problems.common.knee_scene import SIDES, check_knee
-from problems.knee_simulator import Rig
-from problems.muscle_contact.muscle import (
+from casadi_contact.optimisation.collocation import Collocation
+from casadi_contact.optimisation.knee import SIDES, check_knee
+from casadi_contact.optimisation.muscle import (
     MAX_FIBRE_SPEED_PER_S,
     active_force_length,
     force_velocity,
     passive_force_length,
 )
+from casadi_contact.page import new_page, save_page
+from casadi_contact.verification import judge, own_model
+from problems.knee_simulator import Rig
 
 # Greatest force [N], optimal fibre, tendon, length at zero angles [m]; arms [m]: hip flexion, knee extension,
 # dorsiflexion, adduction of the femur; and along which line it pulls where it crosses the knee.
@@ -187,10 +187,10 @@ def build(
     pose = ca.vertcat(moved[0, :], moved[1, :], zero, moved[2, :], zero, phi[1, :] - phi[0, :])
     loads = model.function(compiled=True).map(points)(pose)
     wrench = ca.DM(total_selection(model.load_names, model.patch_names)) @ loads
-    bend = grid.slopes(node_rates, rates) / grid.step_s
+    bend = grid.derivatives(node_rates, rates) / grid.step_s
     motion, across, room = leg(body).map(points)(phi, rates, bend, a, pose, wrench)
 
-    opti.subject_to(grid.slopes(node_phi, phi) == grid.step_s * rates)
+    opti.subject_to(grid.derivatives(node_phi, phi) == grid.step_s * rates)
     opti.subject_to(grid.jumps(node_phi, phi) == 0.0)
     opti.subject_to(grid.jumps(node_rates, rates) == 0.0)
     opti.subject_to(motion / 100.0 == 0.0)

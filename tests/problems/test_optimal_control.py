@@ -2,11 +2,13 @@
 
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
 import casadi_contact as cc
+from casadi_contact.optimisation.collocation import Collocation
 from problems import knee_simulator, optimal_control
 
 
@@ -45,6 +47,16 @@ def test_the_controls_drive_the_knee_through_the_found_motion(knee, control):
     pushed = replace(control, actuators=1.1 * control.actuators)
     loads = knee(optimal_control.forward(knee, pushed))
     assert loads[:, :2].sum() == pytest.approx(1.1 * control.loads[:, :2].sum(), rel=0.02)
+
+
+@pytest.mark.parametrize("scheme", ["radau", "legendre"])
+def test_collocation_is_exact_for_polynomials_of_its_degree(scheme):
+    grid, curve = Collocation(4, 3, 2.0, scheme), np.polynomial.Polynomial([1.0, -2.0, 0.5, 0.3])
+    nodes, points = ca.MX(curve(np.linspace(0.0, 2.0, 5))[None]), ca.MX(curve(grid.times_s)[None])
+    rates = np.array(ca.evalf(grid.derivatives(nodes, points) / grid.step_s))[0]
+    np.testing.assert_allclose(rates, curve.deriv()(grid.times_s), atol=1e-12)
+    np.testing.assert_allclose(np.array(ca.evalf(grid.jumps(nodes, points))), 0.0, atol=1e-12)
+    assert grid.weights @ curve(grid.times_s) == pytest.approx(curve.integ()(2.0) / 2.0, rel=1e-12)
 
 
 def test_motion_along_and_about_every_axis_is_damped(knee):
