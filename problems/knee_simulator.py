@@ -23,12 +23,12 @@ import casadi as ca
 import numpy as np
 
 import casadi_contact as cc
-from casadi_contact.command_line import run_program
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.conventions import POSE_NAMES, Array
 from casadi_contact.motion.pose_file import write_poses
 from casadi_contact.optimisation import KNEE_STEPS, generalised_forces, press_together, wrench_function
 from casadi_contact.page import new_page, save_page
+from casadi_contact.terminal import run_program
 from casadi_contact.verification import judge
 
 

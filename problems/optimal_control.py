@@ -22,7 +22,6 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import casadi_contact as cc
-from casadi_contact.command_line import run_program
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES, WRENCH_NAMES, Array
 from casadi_contact.motion.pose_file import write_poses
@@ -37,6 +36,7 @@ from casadi_contact.optimisation.collocation import Collocation
 from casadi_contact.page import new_page, save_page
 from casadi_contact.quantities import newton_scales
 from casadi_contact.statics import settle
+from casadi_contact.terminal import run_program
 from casadi_contact.verification import judge, own_model
 from problems import knee_simulator
 from problems.knee_simulator import Rig

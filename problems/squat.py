@@ -28,7 +28,6 @@ import casadi as ca
 import numpy as np
 
 import casadi_contact as cc
-from casadi_contact.command_line import numbers, run_program
 from casadi_contact.contact import SymbolicContact
 from casadi_contact.conventions import Array
 from casadi_contact.motion.columns import write_columns
@@ -49,6 +48,7 @@ from casadi_contact.optimisation.muscle import (
     passive_force_length,
 )
 from casadi_contact.page import new_page, save_page
+from casadi_contact.terminal import numbers, run_program
 from casadi_contact.verification import judge, own_model
 from problems.knee_simulator import Rig
 

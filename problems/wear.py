@@ -19,7 +19,6 @@ from pathlib import Path
 import numpy as np
 
 import casadi_contact as cc
-from casadi_contact.command_line import run_program
 from casadi_contact.contact import ElasticFoundation
 from casadi_contact.conventions import Array, as_poses, rotation
 from casadi_contact.motion.columns import write_columns
@@ -27,6 +26,7 @@ from casadi_contact.motion.pose_file import read_poses
 from casadi_contact.page import new_page, save_page
 from casadi_contact.show import view_of
 from casadi_contact.show.figure import name_axes
+from casadi_contact.terminal import run_program
 from problems import knee_simulator
 
 
