@@ -34,42 +34,54 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from casadi_contact.assembly import Assembly, load_assembly
-    from casadi_contact.benchmark import choose
-    from casadi_contact.contact import (
-        CallableModel,
-        CellFoundation,
-        CupFoundation,
-        ElasticFoundation,
-        PolarFoundation,
-        RayCastFoundation,
-        foundation,
-    )
-    from casadi_contact.optimisation import ContactFrames, ContactInOpti
-    from casadi_contact.pipeline import build
-    from casadi_contact.scenes import Scene, load_scene
-    from casadi_contact.statics import relax, sensitive_directions, settle
-    from casadi_contact.structures import load_surrogate
-    from casadi_contact.verification import refine, verify
+    from casadi_contact.cli.pipeline import build
+    from casadi_contact.contact.callable_model import CallableModel
+    from casadi_contact.contact.cells.foundation import CellFoundation
+    from casadi_contact.contact.choice import foundation
+    from casadi_contact.contact.cup.foundation import CupFoundation
+    from casadi_contact.contact.elements.foundation import ElasticFoundation
+    from casadi_contact.contact.polar.foundation import PolarFoundation
+    from casadi_contact.contact.ray_cast import RayCastFoundation
+    from casadi_contact.contact.relax import relax
+    from casadi_contact.contact.sensitive import sensitive_directions
+    from casadi_contact.contact.settle import settle
+    from casadi_contact.optimisation.assembly.assembly import Assembly
+    from casadi_contact.optimisation.assembly.file import load_assembly
+    from casadi_contact.optimisation.contact_frames import ContactFrames
+    from casadi_contact.optimisation.contact_in_opti import ContactInOpti
+    from casadi_contact.optimisation.verification.verify import verify
+    from casadi_contact.scenes.loading import load_scene
+    from casadi_contact.scenes.scene import Scene
+    from casadi_contact.surrogate.load import load_surrogate
+    from casadi_contact.workflow.benchmark.choose import choose
+    from casadi_contact.workflow.refine import refine
 else:
-    _NAMES = {
-        "assembly": ("Assembly", "load_assembly"),
-        "benchmark": ("choose",),
-        "contact": (
-            *("CallableModel", "CellFoundation", "CupFoundation", "ElasticFoundation", "PolarFoundation"),
-            *("RayCastFoundation", "foundation"),
-        ),
-        "optimisation": ("ContactFrames", "ContactInOpti"),
-        "pipeline": ("build",),
-        "scenes": ("Scene", "load_scene"),
-        "statics": ("relax", "sensitive_directions", "settle"),
-        "structures": ("load_surrogate",),
-        "verification": ("refine", "verify"),
+    _HOME = {
+        "Assembly": "optimisation.assembly.assembly",
+        "CallableModel": "contact.callable_model",
+        "CellFoundation": "contact.cells.foundation",
+        "ContactFrames": "optimisation.contact_frames",
+        "ContactInOpti": "optimisation.contact_in_opti",
+        "CupFoundation": "contact.cup.foundation",
+        "ElasticFoundation": "contact.elements.foundation",
+        "PolarFoundation": "contact.polar.foundation",
+        "RayCastFoundation": "contact.ray_cast",
+        "Scene": "scenes.scene",
+        "build": "cli.pipeline",
+        "choose": "workflow.benchmark.choose",
+        "foundation": "contact.choice",
+        "load_assembly": "optimisation.assembly.file",
+        "load_scene": "scenes.loading",
+        "load_surrogate": "surrogate.load",
+        "refine": "workflow.refine",
+        "relax": "contact.relax",
+        "sensitive_directions": "contact.sensitive",
+        "settle": "contact.settle",
+        "verify": "optimisation.verification.verify",
     }
-    _HOME = {name: home for home, names in _NAMES.items() for name in names}
 
     def __getattr__(name: str) -> object:
-        """Import a public name from its subpackage, once (PEP 562)."""
+        """Import a public name from its module, once (PEP 562)."""
         from importlib import import_module
 
         if name not in _HOME:

@@ -7,7 +7,7 @@ from tempfile import TemporaryDirectory
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
-from casadi_contact.live import write_joint_page
+from casadi_contact.pictures.live.joint_page import write_joint_page
 
 PAGE = "how-to/knee.html"
 

@@ -6,7 +6,7 @@ problem.py builds it as plain data, solve.py solves it, report.py draws and writ
 
 import sys
 
-from casadi_contact.interrupts import end_on_interrupt
+from casadi_contact.core.interrupts import end_on_interrupt
 
 if sys.argv[:1] == ["-m"]:  # Python's word for a command whose modules it still imports
     end_on_interrupt()

@@ -24,12 +24,13 @@ import numpy as np
 
 import casadi_contact as cc
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.conventions import POSE_NAMES, Array
-from casadi_contact.motion.pose_file import write_poses
-from casadi_contact.optimisation import KNEE_STEPS, generalised_forces, press_together, wrench_function
-from casadi_contact.page import new_page, save_page
-from casadi_contact.terminal import run_program
-from casadi_contact.verification import judge
+from casadi_contact.core.conventions import POSE_NAMES, Array
+from casadi_contact.core.terminal import run_program
+from casadi_contact.optimisation.joint_mechanics import generalised_forces, wrench_function
+from casadi_contact.optimisation.starts import KNEE_STEPS, press_together
+from casadi_contact.optimisation.verification.verdict import judge
+from casadi_contact.pictures.page import new_page, save_page
+from casadi_contact.scenes.pose_file import write_poses
 
 
 @dataclass(frozen=True)

@@ -22,22 +22,17 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import casadi_contact as cc
-from casadi_contact.contact import SymbolicContact
-from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES, WRENCH_NAMES, Array
-from casadi_contact.motion.pose_file import write_poses
-from casadi_contact.optimisation import (
-    generalised_forces,
-    pose_bounds,
-    pose_steps,
-    press_together,
-    total_selection,
-)
+from casadi_contact.contact.settle import settle
+from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, WRENCH_NAMES, Array
+from casadi_contact.core.quantities import newton_scales
+from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.collocation import Collocation
-from casadi_contact.page import new_page, save_page
-from casadi_contact.quantities import newton_scales
-from casadi_contact.statics import settle
-from casadi_contact.terminal import run_program
-from casadi_contact.verification import judge, own_model
+from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection
+from casadi_contact.optimisation.starts import pose_bounds, pose_steps, press_together
+from casadi_contact.optimisation.verification.verdict import judge, own_model
+from casadi_contact.pictures.page import new_page, save_page
+from casadi_contact.scenes.pose_file import write_poses
 from problems import knee_simulator
 from problems.knee_simulator import Rig
 

@@ -28,18 +28,12 @@ import casadi as ca
 import numpy as np
 
 import casadi_contact as cc
-from casadi_contact.contact import SymbolicContact
-from casadi_contact.conventions import Array
-from casadi_contact.motion.columns import write_columns
-from casadi_contact.optimisation import (
-    KNEE_STEPS,
-    generalised_forces,
-    ipopt_options,
-    middle_pose,
-    settle_in_range,
-    total_selection,
-)
+from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.core.conventions import Array
+from casadi_contact.core.terminal import numbers, run_program
 from casadi_contact.optimisation.collocation import Collocation
+from casadi_contact.optimisation.ipopt import ipopt_options
+from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection
 from casadi_contact.optimisation.knee import SIDES, check_knee
 from casadi_contact.optimisation.muscle import (
     MAX_FIBRE_SPEED_PER_S,
@@ -47,9 +41,10 @@ from casadi_contact.optimisation.muscle import (
     force_velocity,
     passive_force_length,
 )
-from casadi_contact.page import new_page, save_page
-from casadi_contact.terminal import numbers, run_program
-from casadi_contact.verification import judge, own_model
+from casadi_contact.optimisation.starts import KNEE_STEPS, middle_pose, settle_in_range
+from casadi_contact.optimisation.verification.verdict import judge, own_model
+from casadi_contact.pictures.page import new_page, save_page
+from casadi_contact.scenes.columns import write_columns
 from problems.knee_simulator import Rig
 
 # Greatest force [N], optimal fibre, tendon, length at zero angles [m]; arms [m]: hip flexion, knee extension,

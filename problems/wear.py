@@ -19,14 +19,14 @@ from pathlib import Path
 import numpy as np
 
 import casadi_contact as cc
-from casadi_contact.contact import ElasticFoundation
-from casadi_contact.conventions import Array, as_poses, rotation
-from casadi_contact.motion.columns import write_columns
-from casadi_contact.motion.pose_file import read_poses
-from casadi_contact.page import new_page, save_page
-from casadi_contact.show import view_of
-from casadi_contact.show.figure import name_axes
-from casadi_contact.terminal import run_program
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.core.conventions import Array, as_poses, rotation
+from casadi_contact.core.terminal import run_program
+from casadi_contact.pictures.figure import name_axes
+from casadi_contact.pictures.page import new_page, save_page
+from casadi_contact.pictures.view import view_of
+from casadi_contact.scenes.columns import write_columns
+from casadi_contact.scenes.pose_file import read_poses
 from problems import knee_simulator
 
 

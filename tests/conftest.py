@@ -14,7 +14,8 @@ import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
 import casadi_contact as cc  # noqa: E402
-from tests.support.compiler import CFLAGS_VARIABLE, QUICK, flags_of_the_library  # noqa: E402
+from casadi_contact.core.compiler import CFLAGS_VARIABLE  # noqa: E402
+from tests.support.compiler import QUICK, flags_of_the_library  # noqa: E402
 
 # The same examples every time, however long the machine takes for one.
 settings.register_profile("reproducible", derandomize=True, deadline=None)

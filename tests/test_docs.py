@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from typer.main import get_command
 
-from casadi_contact.cli import app
+from casadi_contact.cli.main import app
 from problems.studies.pages.__main__ import pages
 from problems.studies.pages.headline import BEGIN, END, headline
 from tests.support.stored_results import RESULTS

@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact import pipeline
-from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.project import project_surrogates
-from casadi_contact.project.presets import PRESETS, Effort, Preset
-from casadi_contact.report import evaluation_tables, read_evaluation
-from casadi_contact.verification.fitness import fitness
+from casadi_contact.cli import pipeline
+from casadi_contact.optimisation.verification.fitness import fitness
+from casadi_contact.pictures.report.tables import evaluation_tables, read_evaluation
+from casadi_contact.scenes.walking import reference_cycle
+from casadi_contact.workflow.presets import PRESETS, Effort, Preset
+from casadi_contact.workflow.project import project_surrogates
 from problems import pose_estimation
 
 SMALL = Preset(
@@ -47,7 +47,7 @@ def project(tmp_path_factory, warned):
     try:
         made = pipeline.Project.open(folder / "knee.toml", "small", folder / "out")
         pipeline.sample(made)
-        log, handler = logging.getLogger("casadi_contact.project.fitting"), logging.Handler(logging.WARNING)
+        log, handler = logging.getLogger("casadi_contact.workflow.fitting"), logging.Handler(logging.WARNING)
         handler.emit = lambda record: warned.append(record.getMessage())
         log.addHandler(handler)
         pipeline.train(made)
@@ -151,7 +151,7 @@ def test_samples_of_another_scene_are_refused(project, tmp_path):
 
 def cli(*arguments):
     return subprocess.run(
-        [sys.executable, "-m", "casadi_contact.cli", *map(str, arguments)],
+        [sys.executable, "-m", "casadi_contact.cli.main", *map(str, arguments)],
         capture_output=True,
         text=True,
         check=False,

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact import pipeline
-from casadi_contact.motion.load_cycle import write_cycle
-from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.project import walks
-from casadi_contact.project.presets import PRESETS, Effort, Preset
-from casadi_contact.report import evaluation_tables, read_evaluation
-from casadi_contact.scenes import Scene
-from casadi_contact.structures import PatchSurrogate
+from casadi_contact.cli import pipeline
+from casadi_contact.pictures.report.tables import evaluation_tables, read_evaluation
+from casadi_contact.scenes.load_cycle import write_cycle
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.walking import reference_cycle
+from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
+from casadi_contact.workflow.presets import PRESETS, Effort, Preset
+from casadi_contact.workflow.project import walks
 from tests.support.two_spheres import TwoSpheres
 
 TINY = Preset(0.02, {"patch": {"": Effort(((8, 8),), 3.0)}})

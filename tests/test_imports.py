@@ -1,4 +1,4 @@
-"""Imports flow one way, from the foundations up; torch is for `training`, a bridge and `benchmark.peers`."""
+"""Imports flow one way, from the ground floor up; torch is for its bridge and for the peers of the benchmark."""
 
 import ast
 import importlib
@@ -14,14 +14,9 @@ import casadi_contact
 
 PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 PROBLEMS = PACKAGE.parent / "problems"
-SUBPACKAGES = [
-    *("machine", "compilation", "files", "page", "workers", "interrupts", "terminal"),
-    *("quantities", "conventions", "pressure_laws"),
-    *("network", "transcription", "geometry", "shapes", "scenes", "motion"),
-    *("contact", "statics", "dataset", "sampling", "training", "structures", "bridges"),
-    *("project", "verification", "optimisation", "assembly"),
-    *("benchmark", "show", "report", "live", "proposal", "pipeline", "tolerance"),
-    *("commands", "cli", "__main__"),
+ROOMS = [
+    *("core", "geometry", "networks", "scenes", "contact", "samples", "surrogate", "optimisation"),
+    *("workflow", "export", "pictures", "cli", "__main__"),
 ]
 
 
@@ -37,8 +32,8 @@ def running_nodes(path: Path) -> list[ast.AST]:
     return [node for node in ast.walk(tree) if id(node) not in only_types]
 
 
-def imported_subpackages(path: Path) -> set[str]:
-    """Subpackages (and modules) of casadi_contact that a file imports, anywhere in it, type checking aside."""
+def imported_rooms(path: Path) -> set[str]:
+    """Rooms of casadi_contact that a file imports, anywhere in it, type checking aside."""
     found = set()
     for node in running_nodes(path):
         if isinstance(node, ast.Import):
@@ -55,25 +50,25 @@ def imported_subpackages(path: Path) -> set[str]:
     return found
 
 
-def subpackage_of(path: Path) -> str:
+def room_of(path: Path) -> str:
     return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
 
 
-def test_every_file_belongs_to_a_subpackage_and_imports_only_those_before_it():
+def test_every_file_belongs_to_a_room_and_imports_only_rooms_below_it():
     for path in PACKAGE.rglob("*.py"):
-        own = subpackage_of(path)
+        own = room_of(path)
         if own == "__init__":
             continue
-        assert own in SUBPACKAGES, f"{path} is in no subpackage"
-        later = {other for other in imported_subpackages(path) if SUBPACKAGES.index(other) > SUBPACKAGES.index(own)}
+        assert own in ROOMS, f"{path} is in no room"
+        later = {other for other in imported_rooms(path) if ROOMS.index(other) > ROOMS.index(own)}
         assert not later, f"{path} imports from {later}, which comes after {own}"
 
 
-def test_the_table_of_subpackages_in_the_docs_is_in_the_order_of_imports():
+def test_the_table_of_rooms_in_the_docs_is_in_the_order_of_imports():
     page = (PACKAGE.parent / "docs/architecture.md").read_text("utf-8")
     first_cells = (line.split("|")[1] for line in page.splitlines() if line.startswith("| `"))
     told = [name.strip(" `") for cell in first_cells for name in cell.split(",")]
-    assert told == [name for name in SUBPACKAGES if name != "__main__"]
+    assert told == [name for name in ROOMS if name != "__main__"]
 
 
 def module_imports(folder: Path) -> dict[str, set[str]]:
@@ -124,7 +119,7 @@ def test_only_training_and_its_bridge_import_torch_and_peers_inside_functions():
         if "peers" in path.parts:
             top = [ast.unparse(node).split() for node in ast.parse(text).body]
             assert not any(w[0] in ("import", "from") and w[1].split(".")[0] == "torch" for w in top), path
-        elif subpackage_of(path) not in ("training", "bridges"):
+        elif room_of(path) != "export":
             assert "import torch" not in text, path
             assert "import jax" not in text, path
 
@@ -143,7 +138,7 @@ def test_reading_a_scene_needs_neither_numba_nor_a_solver():
     assert out.stdout.strip() == "set()"
 
 
-def test_every_public_name_comes_from_its_subpackage_and_type_checkers_see_it():
+def test_every_public_name_comes_from_its_module_and_type_checkers_see_it():
     tree = ast.parse((PACKAGE / "__init__.py").read_text("utf-8"))
     (checked,) = (node for node in tree.body if isinstance(node, ast.If))
     seen = {a.name: n.module for n in checked.body if isinstance(n, ast.ImportFrom) for a in n.names}
@@ -157,7 +152,7 @@ def test_every_public_name_comes_from_its_subpackage_and_type_checkers_see_it():
 
 def test_using_the_library_does_not_load_torch_matplotlib_or_sklearn():
     code = (
-        "import sys, casadi_contact, casadi_contact.benchmark.peers, problems.pose_estimation\n"
+        "import sys, casadi_contact, casadi_contact.workflow.benchmark.peers, problems.pose_estimation\n"
         "print([m for m in ('torch', 'jax', 'matplotlib', 'sklearn') if m in sys.modules])"
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PACKAGE.parent)

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.dataset import read_sample_table, read_samples, write_samples
-from casadi_contact.files import read_npz, write_npz
+from casadi_contact.core.files.containers import read_npz, write_npz
 from casadi_contact.geometry.mesh import load_mesh
-from casadi_contact.motion.load_cycle import read_cycle, write_cycle
-from casadi_contact.motion.opensim import poses_table, read_opensim_table, write_table
-from casadi_contact.motion.pose_file import read_poses, write_poses
-from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.samples.samples import read_samples, write_samples
+from casadi_contact.samples.table import read_sample_table
+from casadi_contact.scenes.load_cycle import read_cycle, write_cycle
+from casadi_contact.scenes.opensim.mapping import poses_table
+from casadi_contact.scenes.opensim.table import read_opensim_table, write_table
+from casadi_contact.scenes.pose_file import read_poses, write_poses
+from casadi_contact.scenes.walking import reference_cycle
 from tests.support.own_contact import SCENE, table_rows, write_csv
 from tests.support.random_surrogates import random_poses, random_surrogate
 from tests.support.smooth_samples import smooth_samples

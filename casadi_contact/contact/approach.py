@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.conventions import Array, rotation
+from casadi_contact.core.conventions import Array, rotation
 
 _ABOVE_MM = 1000.0
 

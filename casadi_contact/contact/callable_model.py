@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.contact.approach import first_crossing
 from casadi_contact.contact.model import ContactModel, overlaps_without_load, signed_roots
-from casadi_contact.conventions import (
+from casadi_contact.core.conventions import (
     Array,
     angular_velocity_map,
     check_above_zero,
@@ -20,8 +20,8 @@ from casadi_contact.conventions import (
     pose_text,
     rotation,
 )
-from casadi_contact.scenes import Scene
 from casadi_contact.scenes.normal_load import normal_forces
+from casadi_contact.scenes.scene import Scene
 
 
 class CallableModel(ContactModel):

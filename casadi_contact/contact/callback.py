@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.conventions import Array
-from casadi_contact.transcription.names import check_name
+from casadi_contact.core.conventions import Array
+from casadi_contact.networks.names import check_name
 
 Output = tuple[str, int, Callable[[Array], tuple[Array, Array]]]  # name, rows m, poses -> (n, m), (n, m, 6)
 _KEPT: list[ca.Callback] = []  # CasADi does not keep the Python side of a callback alive

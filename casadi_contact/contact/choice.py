@@ -10,13 +10,14 @@ from typing import NamedTuple
 from casadi_contact.contact.cells.choice import cell_foundation, cell_ladder, recorded_cells
 from casadi_contact.contact.cells.patches import CELL_SHAPES
 from casadi_contact.contact.choice_cache import keep_record, kept_record
-from casadi_contact.contact.compiled import CompiledFoundation
+from casadi_contact.contact.compiled.foundation import CompiledFoundation
 from casadi_contact.contact.compiled.source import C_LAWS
 from casadi_contact.contact.cup.choice import cup_foundation, cup_ladder, recorded_cup
 from casadi_contact.contact.cup.cup import CUP_SHAPE
 from casadi_contact.contact.polar.choice import polar_foundation, polar_ladder, recorded_rays
 from casadi_contact.contact.polar.patches import POLAR_SHAPES
-from casadi_contact.scenes import Scene, load_scene
+from casadi_contact.scenes.loading import load_scene
+from casadi_contact.scenes.scene import Scene
 
 
 class _Kind(NamedTuple):

@@ -15,9 +15,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from casadi_contact.files import write_bytes
-from casadi_contact.scenes import Scene
-from casadi_contact.transcription.kernel.compiler import cache_folder, check_private, is_private
+from casadi_contact.core.compiler import cache_folder, check_private, is_private
+from casadi_contact.core.files.writing import write_bytes
+from casadi_contact.scenes.scene import Scene
 
 _MOST_BYTES = 100_000
 _PACKAGE = Path(__file__).parents[1]

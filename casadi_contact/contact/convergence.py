@@ -8,10 +8,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from casadi_contact.contact.compiled import CompiledFoundation
-from casadi_contact.conventions import Array, load_unit
-from casadi_contact.quantities import beside
-from casadi_contact.scenes import Scene
+from casadi_contact.contact.compiled.foundation import CompiledFoundation
+from casadi_contact.core.conventions import Array, load_unit
+from casadi_contact.core.quantities import beside
+from casadi_contact.scenes.scene import Scene
 
 LARGEST_LOAD = 2.5  # of the scene's reference load, per patch
 WORST = 3.0  # times the tolerance that a single pose may be wrong by

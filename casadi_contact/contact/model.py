@@ -7,9 +7,9 @@ from typing import Protocol
 
 import numpy as np
 
-from casadi_contact.conventions import Array, load_jacobian, load_selection, possible_loads
-from casadi_contact.scenes import Scene
+from casadi_contact.core.conventions import Array, load_jacobian, load_selection, possible_loads
 from casadi_contact.scenes.normal_load import normal_forces, normal_slopes
+from casadi_contact.scenes.scene import Scene
 
 LARGEST_OVERLAP_MM = 0.1  # of a patch without load: cells of a mesh miss overlaps of 0.08 mm that its triangles see
 

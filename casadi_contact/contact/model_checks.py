@@ -16,8 +16,8 @@ import numpy as np
 
 from casadi_contact.contact.approach import loading_directions, press_until
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.conventions import Array, angular_velocity_map, evenly, pose_text
-from casadi_contact.quantities import FORCE, of_kind, two_digits
+from casadi_contact.core.conventions import Array, angular_velocity_map, evenly, pose_text
+from casadi_contact.core.quantities import FORCE, of_kind, two_digits
 
 TORQUE_REMEDIES: Mapping[tuple[float, bool], str] = {
     (1000.0, True): "in N·m, expected N·mm: return 1000 times the torques",

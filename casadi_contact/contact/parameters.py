@@ -14,9 +14,9 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.pressure.law import layer_modulus
-from casadi_contact.conventions import POSE_NAMES, Array
-from casadi_contact.scenes import Material
-from casadi_contact.transcription.frames import relative_pose, rotation
+from casadi_contact.core.conventions import POSE_NAMES, Array
+from casadi_contact.networks.frames import relative_pose, rotation
+from casadi_contact.scenes.material import Material
 
 PLACEMENT = tuple(f"fixed_{name}" for name in POSE_NAMES)
 PARAMETERS = ("youngs_modulus", "poissons_ratio", "thickness", *PLACEMENT)

@@ -14,11 +14,11 @@ import numpy as np
 from casadi_contact.contact.callable_model import CallableModel
 from casadi_contact.contact.pressure.law import law_of, pressures
 from casadi_contact.contact.pressure.summary import PressedElements, PressureSummary
-from casadi_contact.conventions import Array, as_poses, rotation
+from casadi_contact.core.conventions import Array, as_poses, rotation
 from casadi_contact.geometry.rays import RayCaster
-from casadi_contact.scenes import Scene
-from casadi_contact.shapes.mesh_bodies import body_mesh
-from casadi_contact.shapes.mesh_patches import patch_mesh
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.shapes.mesh_bodies import body_mesh
+from casadi_contact.scenes.shapes.mesh_patches import patch_mesh
 
 LARGEST_DEPTH_MM = 20.0
 

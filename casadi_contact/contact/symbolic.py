@@ -10,8 +10,8 @@ import numpy as np
 
 from casadi_contact.contact.callback import model_callback
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.conventions import Array, check_loads, pose_or_poses
-from casadi_contact.transcription.functions import ContactFunctions
+from casadi_contact.core.conventions import Array, check_loads, pose_or_poses
+from casadi_contact.networks.functions import ContactFunctions
 
 
 class SymbolicContact(ContactModel, Protocol):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.conventions import Array, angular_velocity_map
+from casadi_contact.core.conventions import Array, angular_velocity_map
 
 
 def twist(force: Array, arm: Array) -> Array:

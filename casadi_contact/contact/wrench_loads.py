@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from casadi_contact.contact.model import ContactModel, signed_roots
-from casadi_contact.conventions import Array, check_loads, load_jacobian, pose_or_poses
+from casadi_contact.core.conventions import Array, check_loads, load_jacobian, pose_or_poses
 
 
 class WrenchLoads(ContactModel):

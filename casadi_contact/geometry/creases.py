@@ -7,7 +7,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.triangle_mesh import TriangleMesh, directed_edges
 
 _LEAST_COS = np.cos(np.deg2rad(40.0))  # between the normals of two triangles: beyond, their edge is a crease

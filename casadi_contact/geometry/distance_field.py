@@ -23,8 +23,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from casadi_contact.compilation import njit
-from casadi_contact.conventions import Array
+from casadi_contact.core.compilation import njit
+from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.smooth_surface import SmoothSurface
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 BLOCK_SIDE = 4  # elements per block edge: measured faster than 8 on grids from 40×30 to 320×160
 EVERYWHERE = (-np.inf, np.inf)

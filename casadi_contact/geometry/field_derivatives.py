@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.compilation import njit
-from casadi_contact.conventions import Array
+from casadi_contact.core.compilation import njit
+from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.distance_field import field_distances, field_hessian
 from casadi_contact.geometry.moving_surface import CYLINDER, HALF_SPACE, MESH_FIELD, MovingSurface
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.elements import Cells
 
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from casadi_contact.conventions import Array
-from casadi_contact.files import existing_file
+from casadi_contact.core.conventions import Array
+from casadi_contact.core.files.reading import existing_file
 from casadi_contact.geometry.mesh_checks import (
     Box,
     check_apart,

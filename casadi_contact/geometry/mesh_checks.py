@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.rays import RayCaster
 from casadi_contact.geometry.triangle_mesh import TriangleMesh, directed_edges, point_words, undirected_edges
 

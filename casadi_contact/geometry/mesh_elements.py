@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.creases import beside_creases
 from casadi_contact.geometry.distance_field import DistanceField, field_parts
 from casadi_contact.geometry.elements import Cells

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.conventions import Array
-from casadi_contact.files import MOST_MESH, checked_size, one_line
+from casadi_contact.core.conventions import Array
+from casadi_contact.core.files.reading import MOST_MESH, checked_size, one_line
 
 _RELATIVE = re.compile(rb"^[ \t]*f[ \t](?:[^\n]*[ \t])?(?:-|0+(?:[/\s]|$))", re.MULTILINE)  # or 0
 

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 SWEPT_ARCS, CYLINDER, HALF_SPACE, MESH_FIELD = 0, 1, 2, 3
 NUMBERS_PER_ARC = 5  # of swept arcs: axis x, y; tube offset R - r_f; end tangent x, y

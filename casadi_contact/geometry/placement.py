@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.conventions import Array, rotation
+from casadi_contact.core.conventions import Array, rotation
 
 MIRRORS = ("x", "y", "z")
 

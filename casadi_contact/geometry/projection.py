@@ -15,7 +15,7 @@ from typing import Protocol
 
 import numpy as np
 
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 
 DOWN = (0.0, -1.0, 0.0)

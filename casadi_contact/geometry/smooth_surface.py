@@ -16,7 +16,7 @@ from functools import partial
 import numpy as np
 from scipy import sparse
 
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.creases import split_at_creases
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 

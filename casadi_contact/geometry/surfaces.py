@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.compilation import njit
+from casadi_contact.core.compilation import njit
 from casadi_contact.geometry.distance_field import field_distance, field_value
 from casadi_contact.geometry.moving_surface import CYLINDER, MESH_FIELD, NUMBERS_PER_ARC, SWEPT_ARCS
 

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,8 +13,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from casadi_contact.conventions import Array
-from casadi_contact.files import MOST_MESH, MOST_UNPACKED, checked_size, one_line
+from casadi_contact.core.conventions import Array
+from casadi_contact.core.files.reading import MOST_MESH, MOST_UNPACKED, checked_size, one_line
 
 _TYPES = {
     **{f"{sign}Int{bits}": f"{letter}{bits // 8}" for sign, letter in (("", "i"), ("U", "u")) for bits in (32, 64)},

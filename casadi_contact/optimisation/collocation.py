@@ -11,7 +11,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 SCHEMES = ("radau", "legendre")
 

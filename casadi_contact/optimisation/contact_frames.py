@@ -9,8 +9,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.contact import ContactModel, symbolic
-from casadi_contact.conventions import (
+from casadi_contact.contact.approach import rotate_about_anchors
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.contact.symbolic import symbolic
+from casadi_contact.core.conventions import (
     LEVER_MM,
     POSE_NAMES,
     Array,
@@ -20,8 +22,8 @@ from casadi_contact.conventions import (
     pose_index,
     whole_number,
 )
-from casadi_contact.files import short
-from casadi_contact.motion.checks import check_radians
+from casadi_contact.core.files.reading import short
+from casadi_contact.core.quantities import newton_scales
 from casadi_contact.optimisation.starts import (
     LEAST_START_N,
     middle_pose,
@@ -30,11 +32,10 @@ from casadi_contact.optimisation.starts import (
     settle_in_range,
     touching,
 )
-from casadi_contact.quantities import newton_scales
 from casadi_contact.scenes.centre_of_pressure import centre_of_pressure
+from casadi_contact.scenes.checks import check_radians
 from casadi_contact.scenes.normal_load import NormalLoad
 from casadi_contact.scenes.pose_space import PoseSpace
-from casadi_contact.statics import rotate_about_anchors
 
 COP_LEVER_MM = 10.0  # a centre of pressure off by this counts as much as the force itself
 

@@ -9,8 +9,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.contact import ContactModel, SymbolicContact, symbolic
-from casadi_contact.conventions import Array, pose_index
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.contact.symbolic import SymbolicContact, symbolic
+from casadi_contact.core.conventions import Array, pose_index
 from casadi_contact.optimisation.contact_frames import ContactFrames, checked_locked
 from casadi_contact.optimisation.ipopt import ipopt_options
 from casadi_contact.optimisation.starts import pose_bounds

@@ -7,7 +7,7 @@ from typing import Any
 
 import casadi as ca
 
-from casadi_contact.interrupts import was_interrupted
+from casadi_contact.core.interrupts import was_interrupted
 
 SOLVED = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 _INTERRUPTED = "User_Requested_Stop"  # what becomes of Ctrl-C in CasADi's IPOPT,

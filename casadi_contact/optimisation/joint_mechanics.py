@@ -16,10 +16,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from casadi_contact.contact import ContactModel, symbolic
-from casadi_contact.conventions import LEVER_MM, WRENCH_NAMES, Array, loads_of_total
-from casadi_contact.quantities import TORQUE, quantity
-from casadi_contact.scenes import Scene
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.contact.symbolic import symbolic
+from casadi_contact.core.conventions import LEVER_MM, WRENCH_NAMES, Array, loads_of_total
+from casadi_contact.core.quantities import TORQUE, quantity
+from casadi_contact.scenes.scene import Scene
 
 
 def angular_velocity_map(angles: Any) -> Any:

@@ -15,14 +15,14 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from casadi_contact.contact import SymbolicContact
-from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array, angular_velocity_map
+from casadi_contact.contact.leaps import leaps
+from casadi_contact.contact.settle import settle
+from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.core.conventions import LEVER_MM, POSE_NAMES, Array, angular_velocity_map
+from casadi_contact.core.quantities import two_digits
 from casadi_contact.optimisation.joint_mechanics import generalised_forces
 from casadi_contact.optimisation.starts import middle_pose, pose_bounds
-from casadi_contact.quantities import two_digits
-from casadi_contact.scenes import Scene
-from casadi_contact.statics import settle
-from casadi_contact.statics.leaps import leaps
+from casadi_contact.scenes.scene import Scene
 
 SHEAR_FREE_LOAD_N = 500.0
 _FOLLOWED = 5  # frames that poses without shear are followed from, in turn

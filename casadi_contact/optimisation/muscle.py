@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 MAX_FIBRE_SPEED_PER_S = 10.0  # optimal lengths per second
 LONGEST_FIBRE = 1.2  # of optimal length, in level walking: beyond it passive force sets in, here 7 % of the greatest

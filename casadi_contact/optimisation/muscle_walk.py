@@ -12,16 +12,17 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from casadi_contact.conventions import Array
-from casadi_contact.motion.checks import check_radians, check_rising
-from casadi_contact.motion.columns import TextColumns, read_columns
-from casadi_contact.motion.load_cycle import OverTime
-from casadi_contact.motion.opensim import ColumnMap, Table, mapped_curves, read_opensim_table
-from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.core.conventions import Array
 from casadi_contact.optimisation.knee import COORDINATES, coordinate_unit, is_translation
 from casadi_contact.optimisation.muscle import MuscleParameters
+from casadi_contact.scenes.checks import check_radians, check_rising
+from casadi_contact.scenes.columns import TextColumns, read_columns
+from casadi_contact.scenes.load_cycle import OverTime
+from casadi_contact.scenes.opensim.mapping import ColumnMap, mapped_curves
+from casadi_contact.scenes.opensim.table import Table, read_opensim_table
+from casadi_contact.scenes.walking import reference_cycle
 
-# How the rotations stand in the measured cycles' files (`casadi_contact.motion.load_cycle`).
+# How the rotations stand in the measured cycles' files (`casadi_contact.scenes.load_cycle`).
 ROTATION_MAPS = (ColumnMap("flexion_rz_rad", "rz", unit="rad"), ColumnMap("rotation_ry_rad", "ry", unit="rad"))
 PARAMETER_COLUMNS = ("max_isometric_force_N", "optimal_fibre_length_m", "tendon_slack_length_m", "pennation_rad")
 

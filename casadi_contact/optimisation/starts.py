@@ -10,11 +10,11 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.contact import SymbolicContact
-from casadi_contact.contact.approach import touching_start
-from casadi_contact.conventions import LEVER_MM, POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
-from casadi_contact.scenes import Scene
-from casadi_contact.statics import advance_to_contact, settle
+from casadi_contact.contact.approach import advance_to_contact, touching_start
+from casadi_contact.contact.settle import settle
+from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.core.conventions import LEVER_MM, POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
+from casadi_contact.scenes.scene import Scene
 
 LEAST_START_N = 20.0  # of each patch, so that a start is in contact
 _SETTLED_N = 1.0  # how near a start comes to the wanted normal loads

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from casadi_contact.shapes.checks import fail
+from casadi_contact.scenes.shapes.checks import fail
 
 
 def completed(tables: Mapping[str, Any], ready: Callable[[str], Mapping[str, Any]]) -> Mapping[str, Any]:

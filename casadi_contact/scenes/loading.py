@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from casadi_contact.files import toml_text
+from casadi_contact.core.files.reading import toml_text
 from casadi_contact.scenes.ready_files import ready_text
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.shapes import shape_named
+from casadi_contact.scenes.shapes.registry import shape_named
 
 
 def load_scene(name_or_path: str | Path, /, **overrides: Any) -> Scene:

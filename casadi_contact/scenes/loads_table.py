@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from casadi_contact.conventions import load_selection, pose_index
+from casadi_contact.core.conventions import load_selection, pose_index
 from casadi_contact.scenes.normal_load import NormalLoad, normal_loads
 from casadi_contact.scenes.pose_space import PoseSpace
-from casadi_contact.shapes.checks import distinct_names, fail, identifier, number, table_of
+from casadi_contact.scenes.shapes.checks import distinct_names, fail, identifier, number, table_of
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from casadi_contact.pressure_laws import LAWS
-from casadi_contact.shapes.checks import fail, number, table_of
+from casadi_contact.scenes.pressure_laws import LAWS
+from casadi_contact.scenes.shapes.checks import fail, number, table_of
 
 
 @dataclass(frozen=True)

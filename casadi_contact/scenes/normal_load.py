@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.conventions import WRENCH_NAMES, Array
+from casadi_contact.core.conventions import WRENCH_NAMES, Array
 
 FORCE_NAMES = WRENCH_NAMES[:3]
 

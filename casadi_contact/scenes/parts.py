@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 from casadi_contact.scenes.normal_load import FORCE_NAMES, NormalLoad
 
 

@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.conventions import POSE_NAMES, REFLECTION, Array, pose_index
-from casadi_contact.shapes.checks import fail, number, table_of
+from casadi_contact.core.conventions import POSE_NAMES, REFLECTION, Array, pose_index
+from casadi_contact.scenes.shapes.checks import fail, number, table_of
 
 OFF_SPACE = 1e-3  # [mm, rad] off its locked or tied value: so far a pose parameter counts as there
 

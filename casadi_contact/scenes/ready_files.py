@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from importlib import resources
 from typing import Any
 
-from casadi_contact.files import toml_tables
+from casadi_contact.core.files.reading import toml_tables
 
 
 def ready_scenes() -> list[str]:

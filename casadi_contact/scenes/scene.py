@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import tomli_w
 
-from casadi_contact.conventions import POSE_NAMES, Array, load_selection
-from casadi_contact.files import toml_tables
-from casadi_contact.geometry import ElementGrid, MovingSurface
-from casadi_contact.geometry.elements import EVERYWHERE
+from casadi_contact.core.conventions import POSE_NAMES, Array, load_selection
+from casadi_contact.core.files.reading import toml_tables
+from casadi_contact.geometry.elements import EVERYWHERE, ElementGrid
+from casadi_contact.geometry.moving_surface import MovingSurface
 from casadi_contact.scenes.like import completed
 from casadi_contact.scenes.loads_table import LoadsTable
 from casadi_contact.scenes.material import Material
@@ -26,8 +26,7 @@ from casadi_contact.scenes.normal_load import NormalLoad, in_sum
 from casadi_contact.scenes.parts import Part, parts_of, tables_by_parts
 from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.scenes.ready_files import ready_tables
-from casadi_contact.shapes import shape_named
-from casadi_contact.shapes.checks import (
+from casadi_contact.scenes.shapes.checks import (
     distinct_names,
     fail,
     grid_size,
@@ -36,6 +35,7 @@ from casadi_contact.shapes.checks import (
     scene_name,
     table_of,
 )
+from casadi_contact.scenes.shapes.registry import shape_named
 
 FORMAT = 1
 _KEYS = (

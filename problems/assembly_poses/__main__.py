@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from casadi_contact.assembly import load_assembly
-from casadi_contact.files import writable_folder
+from casadi_contact.core.files.writing import writable_folder
+from casadi_contact.optimisation.assembly.file import load_assembly
 from problems.assembly_poses.check import corrected, verdicts_of
 from problems.assembly_poses.cycle import read_assembly_cycle
 from problems.assembly_poses.own_cycle import own_cycle

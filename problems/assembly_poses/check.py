@@ -9,9 +9,10 @@ from typing import cast
 
 import numpy as np
 
-from casadi_contact.assembly import load_assembly
-from casadi_contact.contact import ContactModel, symbolic
-from casadi_contact.verification import Verdict, judge, own_model
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.contact.symbolic import symbolic
+from casadi_contact.optimisation.assembly.file import load_assembly
+from casadi_contact.optimisation.verification.verdict import Verdict, judge, own_model
 from problems.assembly_poses.cycle import two_or_more
 from problems.assembly_poses.problem import AssemblyPoses, build
 from problems.assembly_poses.solve import AssemblyResult, solve

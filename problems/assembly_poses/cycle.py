@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from casadi_contact.assembly import Assembly
-from casadi_contact.conventions import POSE_NAMES, Array
-from casadi_contact.motion.checks import check_radians, check_rising
-from casadi_contact.motion.columns import TextColumns
-from casadi_contact.motion.load_cycle import OverTime
-from casadi_contact.quantities import quantity
+from casadi_contact.core.conventions import POSE_NAMES, Array
+from casadi_contact.core.quantities import quantity
+from casadi_contact.optimisation.assembly.assembly import Assembly
+from casadi_contact.scenes.checks import check_radians, check_rising
+from casadi_contact.scenes.columns import TextColumns
+from casadi_contact.scenes.load_cycle import OverTime
 
 FORCES = ("Fx", "Fy", "Fz")
 _TWOFOLD = "twofold"  # what a column tells that has two meanings

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 import casadi_contact as cc
-from casadi_contact.assembly import Assembly
-from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.optimisation.assembly.assembly import Assembly
 from casadi_contact.optimisation.muscle_walk import example_walk
+from casadi_contact.scenes.walking import reference_cycle
 from problems import muscle_contact
 from problems.assembly_poses.cycle import AssemblyCycle
 

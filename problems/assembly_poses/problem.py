@@ -17,9 +17,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from casadi_contact.assembly import Assembly
-from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES, Array, pose_index
-from casadi_contact.motion.joint_cycle import JointCycle
+from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, Array, pose_index
+from casadi_contact.optimisation.assembly.assembly import Assembly
+from casadi_contact.scenes.joint_cycle import JointCycle
 from problems import pose_estimation
 from problems.assembly_poses.cycle import FORCES, AssemblyCycle
 

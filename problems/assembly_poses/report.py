@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from casadi_contact.conventions import POSE_NAMES
-from casadi_contact.motion.columns import write_columns
-from casadi_contact.page import frame, new_page, panels, save_page
-from casadi_contact.quantities import FORCE
-from casadi_contact.terminal import PlainConsole
-from casadi_contact.verification import Verdict
+from casadi_contact.core.conventions import POSE_NAMES
+from casadi_contact.core.quantities import FORCE
+from casadi_contact.core.terminal import PlainConsole
+from casadi_contact.optimisation.verification.verdict import Verdict
+from casadi_contact.pictures.page import frame, new_page, panels, save_page
+from casadi_contact.scenes.columns import write_columns
 from problems.assembly_poses.problem import AssemblyPoses
 from problems.assembly_poses.solve import AssemblyResult
 from problems.common.outcome import print_outcome, solver_record

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from casadi_contact.assembly import Settling
-from casadi_contact.conventions import POSE_IN_MM, Array, pose_index
-from casadi_contact.optimisation import IpoptOutcome, ipopt_options
-from casadi_contact.quantities import three_digits
+from casadi_contact.core.conventions import POSE_IN_MM, Array, pose_index
+from casadi_contact.core.quantities import three_digits
+from casadi_contact.optimisation.assembly.settle import Settling
+from casadi_contact.optimisation.ipopt import IpoptOutcome, ipopt_options
 from problems.assembly_poses.cycle import two_or_more
 from problems.assembly_poses.problem import AssemblyPoses, build
 from problems.patella.follow import outwards

@@ -7,9 +7,9 @@ from concurrent.futures import as_completed
 import numpy as np
 from rich.progress import track
 
-from casadi_contact.assembly import load_assembly
-from casadi_contact.conventions import Array, pose_index
-from casadi_contact.workers import worker_pool
+from casadi_contact.core.conventions import Array, pose_index
+from casadi_contact.core.workers import worker_pool
+from casadi_contact.optimisation.assembly.file import load_assembly
 from problems.assembly_poses.cycle import AssemblyCycle
 from problems.assembly_poses.problem import AssemblyPoses, build
 from problems.assembly_poses.solve import AssemblyResult, solve

@@ -11,8 +11,8 @@ import typer
 
 import casadi_contact as cc
 from casadi_contact.contact.parameters import check_parameters
-from casadi_contact.files import writable_folder
-from casadi_contact.motion.columns import write_columns
+from casadi_contact.core.files.writing import writable_folder
+from casadi_contact.scenes.columns import write_columns
 from problems.calibration.measurement import TRUTH, read_measurement, synthetic_measurement
 from problems.calibration.problem import DEFAULT, build
 from problems.calibration.report import report, report_starts, rivals

@@ -9,16 +9,16 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from casadi_contact.contact import SymbolicContact
-from casadi_contact.contact.compiled import CompiledFoundation
+from casadi_contact.contact.compiled.foundation import CompiledFoundation
 from casadi_contact.contact.parameters import PLACEMENT
-from casadi_contact.conventions import POSE_NAMES, Array, as_poses
-from casadi_contact.motion.columns import read_columns
-from casadi_contact.motion.pose_file import poses_from_curves
-from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.optimisation import settle_in_range
+from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.core.conventions import POSE_NAMES, Array, as_poses
+from casadi_contact.networks.frames import placed, pose_of, relative_pose
 from casadi_contact.optimisation.knee import SIDES, check_knee
-from casadi_contact.transcription.frames import placed, pose_of, relative_pose
+from casadi_contact.optimisation.starts import settle_in_range
+from casadi_contact.scenes.columns import read_columns
+from casadi_contact.scenes.pose_file import poses_from_curves
+from casadi_contact.scenes.walking import reference_cycle
 from problems.common.records import load_columns, pose_columns
 
 TRUTH = {  # of the made-up measurement

@@ -19,10 +19,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from casadi_contact.contact.compiled import CompiledFoundation
+from casadi_contact.contact.compiled.foundation import CompiledFoundation
 from casadi_contact.contact.parameters import PLACEMENT, check_parameters
-from casadi_contact.conventions import POSE_IN_MM, Array
-from casadi_contact.quantities import three_digits
+from casadi_contact.core.conventions import POSE_IN_MM, Array
+from casadi_contact.core.quantities import three_digits
 from problems.calibration.measurement import Measurement
 
 DEFAULT = ("youngs_modulus", "fixed_tx", "fixed_ty", "fixed_tz", "fixed_rx", "fixed_ry")

@@ -10,12 +10,12 @@ import numpy as np
 from rich.table import Table
 
 from casadi_contact.contact.parameters import PLACEMENT
-from casadi_contact.conventions import load_unit
-from casadi_contact.motion.columns import write_columns
-from casadi_contact.page import COLOURS, frame, new_page, save_page
-from casadi_contact.quantities import quantity
-from casadi_contact.terminal import PlainConsole
-from casadi_contact.verification import Verdict, judge, own_model
+from casadi_contact.core.conventions import load_unit
+from casadi_contact.core.quantities import quantity
+from casadi_contact.core.terminal import PlainConsole
+from casadi_contact.optimisation.verification.verdict import Verdict, judge, own_model
+from casadi_contact.pictures.page import COLOURS, frame, new_page, save_page
+from casadi_contact.scenes.columns import write_columns
 from problems.calibration.measurement import in_fixed_body
 from problems.calibration.problem import Calibration
 from problems.calibration.solve import CalibrationResult

@@ -10,8 +10,9 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.parameters import PLACEMENT
-from casadi_contact.conventions import POSE_NAMES, Array
-from casadi_contact.optimisation import IpoptOutcome, ipopt_options, settle_in_range
+from casadi_contact.core.conventions import POSE_NAMES, Array
+from casadi_contact.optimisation.ipopt import IpoptOutcome, ipopt_options
+from casadi_contact.optimisation.starts import settle_in_range
 from problems.calibration.measurement import in_fixed_body, in_scene_frame
 from problems.calibration.problem import Calibration
 from problems.calibration.uncertainty import Uncertainty, degrees_of_freedom, largest_misfit, uncertainty

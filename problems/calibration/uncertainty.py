@@ -25,7 +25,7 @@ import casadi as ca
 import numpy as np
 from scipy.stats import chi2
 
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 from problems.calibration.problem import Calibration
 
 _LEAST_EIGENVALUE = 1.0

@@ -9,8 +9,8 @@ from typing import NoReturn
 
 import typer
 
-from casadi_contact import terminal
-from casadi_contact.verification import Verdict
+from casadi_contact.core import terminal
+from casadi_contact.optimisation.verification.verdict import Verdict
 from problems.common.outcome import rows_in_words
 
 RESULTS = Path("results")  # each problem writes into a folder of its own name in it

@@ -10,13 +10,15 @@ from typing import Annotated
 import typer
 
 import casadi_contact as cc
-from casadi_contact.contact import ElasticFoundation, NotGoodEnoughError, SymbolicContact, grid_text, symbolic
-from casadi_contact.optimisation import whole_wrench
-from casadi_contact.project import reference_motion_cycles
-from casadi_contact.sampling import found_sensitive_pose
-from casadi_contact.scenes import Scene
-from casadi_contact.transcription.kernel.compiler import warn_once
-from casadi_contact.verification import own_model
+from casadi_contact.contact.convergence import NotGoodEnoughError
+from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
+from casadi_contact.contact.symbolic import SymbolicContact, symbolic
+from casadi_contact.core.compiler import warn_once
+from casadi_contact.optimisation.joint_mechanics import whole_wrench
+from casadi_contact.optimisation.verification.verdict import own_model
+from casadi_contact.samples.sensitive_pose import found_sensitive_pose
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.workflow.project import reference_motion_cycles
 
 SurrogateOption = Annotated[
     str | None, typer.Option("--surrogate", help="a ready surrogate or the path of a .h5 file; knee if left out")

@@ -6,13 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from casadi_contact.contact import ContactModel, SymbolicContact
-from casadi_contact.conventions import POSE_NAMES, POSE_UNITS, Array
-from casadi_contact.optimisation import pose_bounds
-from casadi_contact.quantities import two_digits
-from casadi_contact.structures import Surrogate
-from casadi_contact.structures.trust import VALID
-from casadi_contact.verification import Verdict
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.core.conventions import POSE_NAMES, POSE_UNITS, Array
+from casadi_contact.core.quantities import two_digits
+from casadi_contact.optimisation.starts import pose_bounds
+from casadi_contact.optimisation.verification.verdict import Verdict
+from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.surrogate.trust import VALID
 
 _ROUNDED = 1e-6  # mm, rad: IPOPT lets bounds slip by a hundredth of that
 

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from rich.console import Console
 
-from casadi_contact.verification import Verdict
+from casadi_contact.optimisation.verification.verdict import Verdict
 
 _DETAILS, _NUMBER = re.compile("[:(]"), re.compile(r"\d\S*")
 

@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from casadi_contact.contact import PressureSummary
-from casadi_contact.conventions import Array
-from casadi_contact.motion.opensim import Table, loads_table
-from casadi_contact.quantities import quantity
+from casadi_contact.contact.pressure.summary import PressureSummary
+from casadi_contact.core.conventions import Array
+from casadi_contact.core.quantities import quantity
+from casadi_contact.scenes.opensim.mapping import loads_table
+from casadi_contact.scenes.opensim.table import Table
 
 
 def pressure_columns(pressed: PressureSummary, patch_names: Sequence[str]) -> dict[str, Array]:

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.conventions import POSE_NAMES, Array
-from casadi_contact.files import replacing
-from casadi_contact.machine import machine_record
-from casadi_contact.quantities import Kind, quantity, two_digits
+from casadi_contact.core.conventions import POSE_NAMES, Array
+from casadi_contact.core.files.writing import replacing
+from casadi_contact.core.machine import machine_record
+from casadi_contact.core.quantities import Kind, quantity, two_digits
 
 DIGITS = 9  # of numbers in result tables
 

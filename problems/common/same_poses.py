@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.conventions import POSE_IN_MM, Array
+from casadi_contact.core.conventions import POSE_IN_MM, Array
 
 _SAME_MM = 0.01  # rotations over 25 mm
 

@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from casadi_contact.files import writable_folder
-from casadi_contact.scenes import load_scene
-from casadi_contact.terminal import numbers
+from casadi_contact.core.files.writing import writable_folder
+from casadi_contact.core.terminal import numbers
+from casadi_contact.scenes.loading import load_scene
 from problems.common.command import RESULTS, new_app, run_command
 from problems.design.dish import DishContact
 from problems.design.problem import Bounds, build

@@ -21,11 +21,11 @@ import numpy as np
 
 from casadi_contact.contact.polar.dish_slopes import RADII
 from casadi_contact.contact.pressure.law import layer_modulus
-from casadi_contact.conventions import POSE_NAMES, Array, pose_index
-from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.optimisation import KNEE_STEPS
+from casadi_contact.core.conventions import POSE_NAMES, Array, pose_index
 from casadi_contact.optimisation.knee import SIDES, check_knee
-from casadi_contact.scenes import Scene
+from casadi_contact.optimisation.starts import KNEE_STEPS
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.walking import reference_cycle
 from problems.design.dish import DishContact
 
 FREE = ("tx", "ty", "tz", "rx")

@@ -10,11 +10,11 @@ import numpy as np
 from rich.table import Table
 
 from casadi_contact.contact.polar.dish_slopes import RADII
-from casadi_contact.conventions import ANATOMY, Array
-from casadi_contact.files import writable_folder
-from casadi_contact.motion.columns import write_columns
-from casadi_contact.page import COLOURS, frame, new_page, save_page
-from casadi_contact.terminal import PlainConsole
+from casadi_contact.core.conventions import ANATOMY, Array
+from casadi_contact.core.files.writing import writable_folder
+from casadi_contact.core.terminal import PlainConsole
+from casadi_contact.pictures.page import COLOURS, frame, new_page, save_page
+from casadi_contact.scenes.columns import write_columns
 from problems.common.outcome import solver_record
 from problems.common.records import DIGITS, write_summary
 from problems.design.problem import LAXITY_PUSHES, Design, at_bounds

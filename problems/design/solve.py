@@ -8,10 +8,12 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from casadi_contact.contact import ElasticFoundation, PolarFoundation
-from casadi_contact.conventions import Array, pose_index
-from casadi_contact.optimisation import IpoptOutcome, ipopt_options, settle_in_range
-from casadi_contact.statics import settle
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.polar.foundation import PolarFoundation
+from casadi_contact.contact.settle import settle
+from casadi_contact.core.conventions import Array, pose_index
+from casadi_contact.optimisation.ipopt import IpoptOutcome, ipopt_options
+from casadi_contact.optimisation.starts import settle_in_range
 from problems.design.problem import BALANCED, FREE, LAXITY_PUSHES, Design, variables
 
 _TOLERANCE_N = 0.01

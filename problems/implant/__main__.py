@@ -14,16 +14,18 @@ from typing import Annotated
 
 import typer
 
-from casadi_contact.commands.build import build as build_surrogates
-from casadi_contact.commands.propose import name_of_mesh
-from casadi_contact.contact import NotGoodEnoughError, foundation
-from casadi_contact.files import writable_folder
-from casadi_contact.project import Project, reference_motion_cycles
-from casadi_contact.project.presets import PRESETS
-from casadi_contact.project.train import structures_for_scene
-from casadi_contact.scenes import Scene, load_scene
-from casadi_contact.transcription.kernel.compiler import warn_once
-from casadi_contact.verification import own_model
+from casadi_contact.cli.build import build as build_surrogates
+from casadi_contact.cli.propose import name_of_mesh
+from casadi_contact.contact.choice import foundation
+from casadi_contact.contact.convergence import NotGoodEnoughError
+from casadi_contact.core.compiler import warn_once
+from casadi_contact.core.files.writing import writable_folder
+from casadi_contact.optimisation.verification.verdict import own_model
+from casadi_contact.scenes.loading import load_scene
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.workflow.presets import PRESETS
+from casadi_contact.workflow.project import Project, reference_motion_cycles
+from casadi_contact.workflow.train import structures_for_scene
 from problems.common.command import RESULTS, new_app, run_command
 from problems.common.contact import ContactSource
 from problems.implant.from_meshes import fixed_and_cycles, is_mesh, scene_of_meshes

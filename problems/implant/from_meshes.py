@@ -7,11 +7,12 @@ from pathlib import Path
 
 import typer
 
-from casadi_contact.commands.propose import name_of_mesh
-from casadi_contact.commands.propose import scene as propose_scene
-from casadi_contact.files import existing_file, writable_folder
+from casadi_contact.cli.propose import name_of_mesh
+from casadi_contact.cli.propose import scene as propose_scene
+from casadi_contact.core.files.reading import existing_file
+from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.geometry.mesh import FORMATS
-from casadi_contact.scenes import load_scene
+from casadi_contact.scenes.loading import load_scene
 
 
 def is_mesh(path: Path) -> bool:

@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from casadi_contact.files import writable_folder
+from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.optimisation.knee import COORDINATES, KNEE_LOADS
-from casadi_contact.verification import judge, own_model
+from casadi_contact.optimisation.verification.verdict import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command, worst
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption
 from problems.muscle_contact.cocontraction import SHANK_M

@@ -15,8 +15,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from casadi_contact.contact import SymbolicContact
-from casadi_contact.conventions import Array
+from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.core.conventions import Array
 from casadi_contact.optimisation.muscle_walk import MuscleWalk
 
 SHANK_M = 0.41  # knee to ankle of the usual adult: 0.246 of 1.67 m of height

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.conventions import Array
-from casadi_contact.motion.load_cycle import LoadCycle
+from casadi_contact.core.conventions import Array
 from casadi_contact.optimisation.knee import KNEE_LOADS, SIDES
 from casadi_contact.optimisation.muscle_walk import at_times
+from casadi_contact.scenes.load_cycle import LoadCycle
 from problems.common.contact import grids_in_words, models_on_grids
 from problems.common.records import rms_and_largest
 from problems.muscle_contact.problem import MuscleContact

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from casadi_contact.conventions import Array
-from casadi_contact.optimisation import ContactFrames
+from casadi_contact.core.conventions import Array
+from casadi_contact.optimisation.contact_frames import ContactFrames
 from casadi_contact.optimisation.knee import COORDINATES, KNEE_LOADS, contact_expression, in_newtons
 from casadi_contact.optimisation.muscle import MuscleParameters
 from casadi_contact.optimisation.muscle_walk import MuscleWalk

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from casadi_contact.core.quantities import two_digits
 from casadi_contact.optimisation.knee import coordinate_unit
-from casadi_contact.quantities import two_digits
-from casadi_contact.verification import Verdict
+from casadi_contact.optimisation.verification.verdict import Verdict
 from problems.common.learned_range import reasons
 from problems.muscle_contact.problem import RESERVE_SIZES, MuscleContact
 from problems.muscle_contact.proof import SidesApart, least_overload

@@ -19,7 +19,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 from casadi_contact.optimisation.muscle import (
     MAX_FIBRE_SPEED_PER_S,
     MuscleParameters,

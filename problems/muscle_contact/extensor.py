@@ -19,12 +19,16 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from casadi_contact.assembly import Assembly, Contact, load_assembly
-from casadi_contact.contact import SymbolicContact, foundation
-from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array
-from casadi_contact.optimisation import pose_steps, whole_wrench
+from casadi_contact.contact.choice import foundation
+from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.core.conventions import LEVER_MM, POSE_NAMES, Array
+from casadi_contact.networks.frames import placed, relative_pose
+from casadi_contact.optimisation.assembly.assembly import Assembly
+from casadi_contact.optimisation.assembly.connections import Contact
+from casadi_contact.optimisation.assembly.file import load_assembly
+from casadi_contact.optimisation.joint_mechanics import whole_wrench
 from casadi_contact.optimisation.knee import COORDINATES, check_knee
-from casadi_contact.transcription.frames import placed, relative_pose
+from casadi_contact.optimisation.starts import pose_steps
 from problems.patella.follow import follow
 
 FEMUR, PATELLA = "femur", "patella"

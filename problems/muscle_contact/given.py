@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from casadi_contact.motion.load_cycle import LoadCycle, read_cycle
-from casadi_contact.motion.opensim import ColumnMap
 from casadi_contact.optimisation.muscle_walk import ROTATION_MAPS, MuscleWalk, example_walk, read_walk
+from casadi_contact.scenes.load_cycle import LoadCycle, read_cycle
+from casadi_contact.scenes.opensim.mapping import ColumnMap
 
 InverseDynamicsOption = Annotated[Path | None, typer.Option(help="CSV or .sto; the built-in walk if left out")]
 MusclesOption = Annotated[Path | None, typer.Option(help="CSV, or folder of a MuscleAnalysis: lengths and arms")]

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.optimisation import total_selection
+from casadi_contact.optimisation.joint_mechanics import total_selection
 from casadi_contact.optimisation.knee import SIDES
-from casadi_contact.page import (
+from casadi_contact.optimisation.verification.verdict import Verdict
+from casadi_contact.pictures.page import (
     COLOURS,
     FAILED,
     FOUNDATION,
@@ -21,7 +22,6 @@ from casadi_contact.page import (
     panels,
     save_page,
 )
-from casadi_contact.verification import Verdict
 from problems.muscle_contact.compared import Compared
 from problems.muscle_contact.extensor import PATELLA, quadriceps
 from problems.muscle_contact.problem import MuscleContact

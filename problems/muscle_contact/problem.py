@@ -26,10 +26,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from casadi_contact.contact import SymbolicContact
-from casadi_contact.conventions import POSE_NAMES, Array
-from casadi_contact.optimisation import ContactFrames, shear_free_poses
-from casadi_contact.optimisation.knee import COORDINATES, KNEE_LOADS, check_knee
+from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.core.conventions import POSE_NAMES, Array
+from casadi_contact.optimisation.contact_frames import ContactFrames
+from casadi_contact.optimisation.knee import COORDINATES, KNEE_LOADS, check_knee, shear_free_poses
 from casadi_contact.optimisation.muscle import ForceCapacity, MuscleParameters, force_capacity
 from casadi_contact.optimisation.muscle_walk import MuscleWalk
 from problems.muscle_contact.cocontraction import SHANK_M

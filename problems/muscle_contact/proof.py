@@ -16,9 +16,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from scipy.optimize import linprog
 
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 from casadi_contact.optimisation.knee import contact_on_femur
-from casadi_contact.scenes import Scene
+from casadi_contact.scenes.scene import Scene
 from problems.muscle_contact.problem import RESERVE_SIZES, MuscleContact
 
 _LEAST_N = 1.0  # a side that carries less has no line of its own: it pushes upright at its place

@@ -9,15 +9,16 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from casadi_contact.files import writable_folder
-from casadi_contact.motion.columns import write_columns
-from casadi_contact.motion.load_cycle import LoadCycle
-from casadi_contact.motion.opensim import loads_table, poses_table, write_table
-from casadi_contact.optimisation import leaps_in_words
+from casadi_contact.contact.leaps import leaps_in_words
+from casadi_contact.core.files.writing import writable_folder
+from casadi_contact.core.quantities import FORCE, Kind, two_digits
+from casadi_contact.core.terminal import PlainConsole
 from casadi_contact.optimisation.knee import KNEE_LOADS, SIDES, coordinate_unit
-from casadi_contact.quantities import FORCE, Kind, two_digits
-from casadi_contact.terminal import PlainConsole
-from casadi_contact.verification import Verdict
+from casadi_contact.optimisation.verification.verdict import Verdict
+from casadi_contact.scenes.columns import write_columns
+from casadi_contact.scenes.load_cycle import LoadCycle
+from casadi_contact.scenes.opensim.mapping import loads_table, poses_table
+from casadi_contact.scenes.opensim.table import write_table
 from problems.common.outcome import print_outcome, print_verdict, solver_record
 from problems.common.records import (
     DIGITS,

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from casadi_contact.conventions import Array
-from casadi_contact.optimisation import IpoptOutcome, ipopt_options
+from casadi_contact.core.conventions import Array
+from casadi_contact.core.quantities import three_digits
+from casadi_contact.optimisation.ipopt import IpoptOutcome, ipopt_options
 from casadi_contact.optimisation.knee import KNEE_LOADS, contact_on_femur, in_newtons
-from casadi_contact.quantities import three_digits
 from problems.muscle_contact.extensor import PatellaResult, quadriceps
 from problems.muscle_contact.problem import RESERVE_SIZES, MuscleContact
 

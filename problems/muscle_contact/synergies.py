@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import nnls
 
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 from problems.muscle_contact.problem import MuscleContact
 from problems.muscle_contact.solve import solve
 

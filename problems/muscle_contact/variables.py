@@ -9,8 +9,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from casadi_contact.conventions import Array
-from casadi_contact.optimisation import ContactFrames
+from casadi_contact.core.conventions import Array
+from casadi_contact.optimisation.contact_frames import ContactFrames
 from casadi_contact.optimisation.muscle import ForceCapacity, MuscleParameters
 from problems.muscle_contact.dynamics import tension_bounds
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from casadi_contact.contact import SymbolicContact
-from casadi_contact.optimisation import shear_free_poses
+from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.optimisation.knee import shear_free_poses
 from casadi_contact.optimisation.muscle_walk import MuscleWalk
-from casadi_contact.verification import Verdict, judge, own_model
+from casadi_contact.optimisation.verification.verdict import Verdict, judge, own_model
 from problems.muscle_contact.extensor import Extensor, quadriceps
 from problems.muscle_contact.problem import MuscleContact, build
 from problems.muscle_contact.solve import MuscleContactResult

@@ -11,10 +11,11 @@ import numpy as np
 import typer
 
 import casadi_contact as cc
-from casadi_contact.contact import ContactModel, ElasticFoundation
-from casadi_contact.files import writable_folder
-from casadi_contact.quantities import two_digits
-from casadi_contact.verification import judge, own_model
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.core.files.writing import writable_folder
+from casadi_contact.core.quantities import two_digits
+from casadi_contact.optimisation.verification.verdict import judge, own_model
 from problems import muscle_contact
 from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption

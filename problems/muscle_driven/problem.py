@@ -21,9 +21,10 @@ import casadi as ca
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from casadi_contact.contact import ContactModel
-from casadi_contact.conventions import Array
-from casadi_contact.optimisation import generalised_forces, wrench_function
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.core.conventions import Array
+from casadi_contact.core.quantities import two_digits
+from casadi_contact.optimisation.joint_mechanics import generalised_forces, wrench_function
 from casadi_contact.optimisation.knee import check_knee
 from casadi_contact.optimisation.muscle import (
     MAX_FIBRE_SPEED_PER_S,
@@ -33,7 +34,6 @@ from casadi_contact.optimisation.muscle import (
     force_velocity,
     passive_force_length,
 )
-from casadi_contact.quantities import two_digits
 from problems.common.outcome import rows_in_words
 from problems.muscle_contact.problem import BALANCED, MuscleContact
 from problems.muscle_contact.solve import MuscleContactResult

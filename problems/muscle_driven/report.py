@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from casadi_contact.conventions import WRENCH_NAMES, Array
-from casadi_contact.motion.columns import write_columns
+from casadi_contact.core.conventions import WRENCH_NAMES, Array
+from casadi_contact.core.terminal import PlainConsole
 from casadi_contact.optimisation.knee import SIDES
-from casadi_contact.page import COLOURS, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
-from casadi_contact.terminal import PlainConsole
-from casadi_contact.verification import Verdict
+from casadi_contact.optimisation.verification.verdict import Verdict
+from casadi_contact.pictures.page import COLOURS, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
+from casadi_contact.scenes.columns import write_columns
 from problems.common.outcome import print_verdict
 from problems.common.records import DIGITS, load_columns, pose_columns, write_summary
 from problems.muscle_driven.problem import POWERS, MuscleDriven

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from casadi_contact.conventions import Array
-from casadi_contact.interrupts import raise_if_interrupted
+from casadi_contact.core.conventions import Array
+from casadi_contact.core.interrupts import raise_if_interrupted
 from problems.muscle_driven.problem import POWERS, MuscleDriven
 
 LARGEST_ENERGY_LOST = 1e-3  # of the muscles' work: beyond it a motion is the integrator's, not the muscles'

@@ -8,9 +8,9 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from casadi_contact.files import writable_folder
-from casadi_contact.structures import load_surrogate
-from casadi_contact.verification import judge, own_model
+from casadi_contact.core.files.writing import writable_folder
+from casadi_contact.optimisation.verification.verdict import judge, own_model
+from casadi_contact.surrogate.load import load_surrogate
 from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.opensim_drop.compare import compare
 from problems.opensim_drop.problem import Drop

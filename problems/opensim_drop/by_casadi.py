@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 from casadi_contact.optimisation.joint_mechanics import angular_velocity_map, total_selection
 from problems.opensim_drop.problem import Drop
 

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from casadi_contact.conventions import Array
-from casadi_contact.transcription.kernel.compiler import shared_library
+from casadi_contact.core.compiler import shared_library
+from casadi_contact.core.conventions import Array
 from problems.opensim_drop import by_casadi
 from problems.opensim_drop.problem import Drop
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from casadi_contact.conventions import Array
-from casadi_contact.optimisation import total_selection
-from casadi_contact.structures import Surrogate
+from casadi_contact.core.conventions import Array
+from casadi_contact.optimisation.joint_mechanics import total_selection
+from casadi_contact.surrogate.base import Surrogate
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from casadi_contact.conventions import POSE_NAMES, POSE_UNITS
-from casadi_contact.files import writable_folder
-from casadi_contact.motion.columns import write_columns
-from casadi_contact.page import SURROGATE, WANTED, new_page, panels, save_page
-from casadi_contact.terminal import PlainConsole
-from casadi_contact.verification import Verdict
+from casadi_contact.core.conventions import POSE_NAMES, POSE_UNITS
+from casadi_contact.core.files.writing import writable_folder
+from casadi_contact.core.terminal import PlainConsole
+from casadi_contact.optimisation.verification.verdict import Verdict
+from casadi_contact.pictures.page import SURROGATE, WANTED, new_page, panels, save_page
+from casadi_contact.scenes.columns import write_columns
 from problems.common.learned_range import reasons
 from problems.common.outcome import print_reasons, print_verdict
 from problems.common.records import DIGITS, pose_columns, write_summary

@@ -9,11 +9,11 @@ import numpy as np
 import typer
 
 import casadi_contact as cc
-from casadi_contact.files import writable_folder
-from casadi_contact.motion.columns import write_columns
+from casadi_contact.core.files.writing import writable_folder
+from casadi_contact.core.terminal import PlainConsole
 from casadi_contact.optimisation.knee import KNEE_LOADS
-from casadi_contact.terminal import PlainConsole
-from casadi_contact.verification import judge, own_model
+from casadi_contact.optimisation.verification.verdict import judge, own_model
+from casadi_contact.scenes.columns import write_columns
 from problems import muscle_contact
 from problems.common.command import RESULTS, end_with, new_app, run_command, worst
 from problems.common.outcome import print_reasons, rows_in_words

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.assembly import Assembly, Settling
-from casadi_contact.conventions import LEVER_MM, POSE_NAMES, Array, as_poses
-from casadi_contact.quantities import TORQUE
-from casadi_contact.verification import Verdict, judge, own_model
+from casadi_contact.core.conventions import LEVER_MM, POSE_NAMES, Array, as_poses
+from casadi_contact.core.quantities import TORQUE
+from casadi_contact.optimisation.assembly.assembly import Assembly
+from casadi_contact.optimisation.assembly.settle import Settling
+from casadi_contact.optimisation.verification.verdict import Verdict, judge, own_model
 
 TOLERANCE_N = 1e-4
 LEAST_TENSION_N = 1.0  # of the quadriceps: nothing says where a patella stands that they do not hold

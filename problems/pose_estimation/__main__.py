@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-from casadi_contact.files import writable_folder
-from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.project import reference_motion_cycles, walks
-from casadi_contact.scenes import Scene
-from casadi_contact.verification import own_model
+from casadi_contact.core.files.writing import writable_folder
+from casadi_contact.optimisation.verification.verdict import own_model
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.walking import reference_cycle
+from casadi_contact.workflow.project import reference_motion_cycles, walks
 from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption, warm_model
 from problems.pose_estimation.estimate import cycle_warnings, estimated

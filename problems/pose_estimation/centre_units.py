@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.contact import ContactModel, ElasticFoundation
-from casadi_contact.quantities import LENGTH, of_kind
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.core.quantities import LENGTH, of_kind
 from problems.pose_estimation.wanted import WantedLoads
 
 _SHARE = 0.01  # of the patches' extent

@@ -16,11 +16,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from casadi_contact.contact import ContactModel, ElasticFoundation
-from casadi_contact.conventions import Array
-from casadi_contact.verification import judge
-from casadi_contact.verification.verdict import DIFFERS
-from casadi_contact.verification.verify import loads_on
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.core.conventions import Array
+from casadi_contact.optimisation.verification.verdict import DIFFERS, judge
+from casadi_contact.optimisation.verification.verify import loads_on
 from problems.common.learned_range import beyond_learned
 from problems.pose_estimation.problem import PoseEstimation
 from problems.pose_estimation.reach import beyond_reach_mm

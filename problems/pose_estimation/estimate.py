@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from casadi_contact.contact import ContactModel
-from casadi_contact.conventions import Array
-from casadi_contact.scenes import Scene
-from casadi_contact.verification import Verdict, judge, own_model
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.core.conventions import Array
+from casadi_contact.optimisation.verification.verdict import Verdict, judge, own_model
+from casadi_contact.scenes.scene import Scene
 from problems.common.learned_range import reasons
 from problems.pose_estimation.centre_units import centre_warnings
 from problems.pose_estimation.completion import solve_and_complete

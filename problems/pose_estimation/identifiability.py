@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.conventions import POSE_IN_MM, Array
+from casadi_contact.core.conventions import POSE_IN_MM, Array
 from problems.common.outcome import rows_in_words
 from problems.pose_estimation.problem import PoseEstimation
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from casadi_contact.conventions import Array
-from casadi_contact.optimisation import IpoptOutcome
+from casadi_contact.core.conventions import Array
+from casadi_contact.optimisation.ipopt import IpoptOutcome
 
 SOLVED_N = 0.01  # norm of the residuals of a solved frame
 

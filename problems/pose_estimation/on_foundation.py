@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from casadi_contact.contact import PressureSummary
-from casadi_contact.conventions import Array
-from casadi_contact.verification import uncertain_load_shares, uncertain_load_words
+from casadi_contact.contact.pressure.summary import PressureSummary
+from casadi_contact.core.conventions import Array
+from casadi_contact.optimisation.verification.uncertain_load import uncertain_load_shares, uncertain_load_words
 from problems.common.contact import grids_in_words, models_on_grids
 from problems.pose_estimation.problem import PoseEstimation
 from problems.pose_estimation.solve import PoseResult

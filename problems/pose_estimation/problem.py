@@ -25,11 +25,12 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
-from casadi_contact.contact import SymbolicContact
-from casadi_contact.conventions import POSE_IN_MM, Array
-from casadi_contact.optimisation import ContactFrames, pose_steps
-from casadi_contact.sampling import reference
-from casadi_contact.scenes import Scene
+from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.core.conventions import POSE_IN_MM, Array
+from casadi_contact.optimisation.contact_frames import ContactFrames
+from casadi_contact.optimisation.starts import pose_steps
+from casadi_contact.samples import reference
+from casadi_contact.scenes.scene import Scene
 from problems.pose_estimation.wanted import WantedLoads
 
 

@@ -14,8 +14,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.contact import ContactModel, ElasticFoundation
-from casadi_contact.conventions import Array
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.core.conventions import Array
 from problems.pose_estimation.wanted import WantedLoads
 
 _DIRECTIONS = 64

@@ -9,15 +9,26 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from casadi_contact.conventions import POSE_NAMES, Array
-from casadi_contact.files import writable_folder
-from casadi_contact.motion.columns import write_columns
-from casadi_contact.motion.opensim import poses_table, write_table
-from casadi_contact.page import COLOURS, FAILED, FOUNDATION, SURROGATE, WANTED, frame, new_page, panels, save_page
-from casadi_contact.quantities import LENGTH, quantity
-from casadi_contact.structures import Surrogate
-from casadi_contact.terminal import PlainConsole
-from casadi_contact.verification import Verdict
+from casadi_contact.core.conventions import POSE_NAMES, Array
+from casadi_contact.core.files.writing import writable_folder
+from casadi_contact.core.quantities import LENGTH, quantity
+from casadi_contact.core.terminal import PlainConsole
+from casadi_contact.optimisation.verification.verdict import Verdict
+from casadi_contact.pictures.page import (
+    COLOURS,
+    FAILED,
+    FOUNDATION,
+    SURROGATE,
+    WANTED,
+    frame,
+    new_page,
+    panels,
+    save_page,
+)
+from casadi_contact.scenes.columns import write_columns
+from casadi_contact.scenes.opensim.mapping import poses_table
+from casadi_contact.scenes.opensim.table import write_table
+from casadi_contact.surrogate.base import Surrogate
 from problems.common.outcome import print_outcome, print_verdict, rows_in_words, solver_record
 from problems.common.pressures import pressure_columns, pressures_table
 from problems.common.records import (

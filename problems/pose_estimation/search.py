@@ -12,9 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.contact import ContactModel
-from casadi_contact.conventions import Array, pose_index
-from casadi_contact.statics import follow, settle
+from casadi_contact.contact.continuity import follow
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.contact.settle import settle
+from casadi_contact.core.conventions import Array, pose_index
 from problems.pose_estimation.problem import PoseEstimation
 from problems.pose_estimation.wanted import ROUGHLY_N
 

@@ -6,10 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from casadi_contact.conventions import POSE_IN_MM, Array, pose_index
-from casadi_contact.statics import leaps_in_words, settle
-from casadi_contact.structures import Surrogate
-from casadi_contact.structures.trust import VALID
+from casadi_contact.contact.leaps import leaps_in_words
+from casadi_contact.contact.settle import settle
+from casadi_contact.core.conventions import POSE_IN_MM, Array, pose_index
+from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.surrogate.trust import VALID
 from problems.common.outcome import rows_in_words
 from problems.pose_estimation.problem import PoseEstimation
 from problems.pose_estimation.solve import PoseResult, motion_of

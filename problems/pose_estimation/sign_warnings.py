@@ -6,8 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from casadi_contact.contact import ContactModel, ElasticFoundation
-from casadi_contact.conventions import Array
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.core.conventions import Array
 from problems.pose_estimation.wanted import WantedLoads
 
 _HYPEREXTENDED_RAD = 0.35  # 20 degrees: no knee that walks goes farther

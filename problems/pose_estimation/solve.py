@@ -11,9 +11,11 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.approach import loading_directions
-from casadi_contact.conventions import POSE_NAMES, Array, pose_index
-from casadi_contact.optimisation import IpoptOutcome, ipopt_options, pose_bounds, start_or_default, touching
-from casadi_contact.statics import Motion, settle
+from casadi_contact.contact.continuity import Motion
+from casadi_contact.contact.settle import settle
+from casadi_contact.core.conventions import POSE_NAMES, Array, pose_index
+from casadi_contact.optimisation.ipopt import IpoptOutcome, ipopt_options
+from casadi_contact.optimisation.starts import pose_bounds, start_or_default, touching
 from problems.pose_estimation.march import FrameSolver, march
 from problems.pose_estimation.problem import PoseEstimation
 from problems.pose_estimation.wanted import NO_LOAD, off_by

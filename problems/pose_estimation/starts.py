@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from rich.progress import track
 
-from casadi_contact.conventions import Array, pose_index
-from casadi_contact.motion.pose_file import read_poses
-from casadi_contact.workers import worker_pool
+from casadi_contact.core.conventions import Array, pose_index
+from casadi_contact.core.workers import worker_pool
+from casadi_contact.scenes.pose_file import read_poses
 from problems.common.contact import ContactSource
 from problems.common.same_poses import same_poses
 from problems.pose_estimation.completion import solve_and_complete

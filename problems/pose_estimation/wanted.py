@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.conventions import LEVER_MM, Array, loads_of_total
-from casadi_contact.quantities import FORCE, LENGTH, TORQUE, quantity
-from casadi_contact.scenes import Scene
+from casadi_contact.core.conventions import LEVER_MM, Array, loads_of_total
+from casadi_contact.core.quantities import FORCE, LENGTH, TORQUE, quantity
 from casadi_contact.scenes.centre_of_pressure import CentreOfPressure, centre_of_pressure
+from casadi_contact.scenes.scene import Scene
 
 FORCE_TOLERANCE_N = 1.0
 COP_TOLERANCE_MM = 0.1

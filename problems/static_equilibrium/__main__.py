@@ -9,12 +9,12 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from casadi_contact.contact import SymbolicContact
-from casadi_contact.conventions import POSE_NAMES, pose_index
-from casadi_contact.files import writable_folder
-from casadi_contact.optimisation import middle_pose
-from casadi_contact.terminal import numbers
-from casadi_contact.verification import judge, own_model
+from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.core.conventions import POSE_NAMES, pose_index
+from casadi_contact.core.files.writing import writable_folder
+from casadi_contact.core.terminal import numbers
+from casadi_contact.optimisation.starts import middle_pose
+from casadi_contact.optimisation.verification.verdict import judge, own_model
 from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption, warm_model
 from problems.common.learned_range import reasons

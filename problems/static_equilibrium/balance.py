@@ -8,8 +8,9 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.conventions import Array
-from casadi_contact.optimisation import KNEE_STEPS, wrench_function
+from casadi_contact.core.conventions import Array
+from casadi_contact.optimisation.joint_mechanics import wrench_function
+from casadi_contact.optimisation.starts import KNEE_STEPS
 from problems.static_equilibrium.problem import StaticEquilibrium, residual_function
 
 HELD = 1e-6  # share of the stiffest direction's stiffness below which one counts as held by nothing

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from casadi_contact.contact import ContactModel
+from casadi_contact.contact.model import ContactModel
 from problems.common.learned_range import beyond_learned
 from problems.static_equilibrium.on_model import on_model
 from problems.static_equilibrium.problem import StaticEquilibrium

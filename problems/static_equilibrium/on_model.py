@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import root
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 from problems.static_equilibrium.balance import HELD, Balance
 from problems.static_equilibrium.problem import StaticEquilibrium
 from problems.static_equilibrium.solve import EquilibriumResult

@@ -30,16 +30,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.contact import SymbolicContact
-from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
-from casadi_contact.optimisation import (
-    KNEE_STEPS,
-    generalised_forces,
-    middle_pose,
-    pose_bounds,
-    pose_in_space,
-    wrench_function,
-)
+from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
+from casadi_contact.optimisation.contact_frames import pose_in_space
+from casadi_contact.optimisation.joint_mechanics import generalised_forces, wrench_function
+from casadi_contact.optimisation.starts import KNEE_STEPS, middle_pose, pose_bounds
 from casadi_contact.scenes.pose_space import PoseSpace
 
 FREE = ("tx", "ty", "tz", "rx", "ry")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array
+from casadi_contact.core.conventions import POSE_NAMES, WRENCH_NAMES, Array
+from casadi_contact.core.quantities import three_digits
 from casadi_contact.optimisation.starts import shares
-from casadi_contact.quantities import three_digits
 from problems.static_equilibrium.problem import StaticEquilibrium
 
 

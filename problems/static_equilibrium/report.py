@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, Array
-from casadi_contact.files import writable_folder
-from casadi_contact.motion.columns import write_columns
-from casadi_contact.optimisation import total_selection
-from casadi_contact.page import COLOURS, frame, new_page, save_page
-from casadi_contact.quantities import two_digits
-from casadi_contact.terminal import PlainConsole
-from casadi_contact.verification import Verdict
+from casadi_contact.core.conventions import POSE_NAMES, WRENCH_NAMES, Array
+from casadi_contact.core.files.writing import writable_folder
+from casadi_contact.core.quantities import two_digits
+from casadi_contact.core.terminal import PlainConsole
+from casadi_contact.optimisation.joint_mechanics import total_selection
+from casadi_contact.optimisation.verification.verdict import Verdict
+from casadi_contact.pictures.page import COLOURS, frame, new_page, save_page
+from casadi_contact.scenes.columns import write_columns
 from problems.common.contact import grids_in_words, models_on_grids
 from problems.common.outcome import print_outcome, print_verdict, solver_record
 from problems.common.records import DIGITS, add_to_summary, load_columns, pose_columns, write_summary

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from casadi_contact.conventions import POSE_IN_MM, Array
-from casadi_contact.optimisation import press_together
+from casadi_contact.core.conventions import POSE_IN_MM, Array
+from casadi_contact.optimisation.starts import press_together
 from problems.common.learned_range import held_beyond
 from problems.static_equilibrium.balance import Balance
 from problems.static_equilibrium.problem import StaticEquilibrium

@@ -9,15 +9,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.conventions import LEVER_MM, Array
-from casadi_contact.optimisation import (
-    IpoptOutcome,
-    ipopt_options,
-    press_together,
-    start_or_default,
-    total_selection,
-)
-from casadi_contact.quantities import three_digits
+from casadi_contact.core.conventions import LEVER_MM, Array
+from casadi_contact.core.quantities import three_digits
+from casadi_contact.optimisation.ipopt import IpoptOutcome, ipopt_options
+from casadi_contact.optimisation.joint_mechanics import total_selection
+from casadi_contact.optimisation.starts import press_together, start_or_default
 from problems.common.learned_range import held_beyond
 from problems.static_equilibrium.balance import Balance
 from problems.static_equilibrium.problem import StaticEquilibrium

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 from problems.common.same_poses import same_poses
 from problems.static_equilibrium.balance import Balance
 from problems.static_equilibrium.problem import StaticEquilibrium

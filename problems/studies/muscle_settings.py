@@ -17,12 +17,12 @@ import typer
 from rich.table import Table
 
 from casadi_contact import load_surrogate
-from casadi_contact.contact import SymbolicContact
-from casadi_contact.files import writable_folder, write_text
-from casadi_contact.motion.load_cycle import read_cycle
+from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.core.files.writing import writable_folder, write_text
+from casadi_contact.core.terminal import PlainConsole
 from casadi_contact.optimisation.knee import COORDINATES, SIDES
 from casadi_contact.optimisation.muscle_walk import MuscleWalk, at_times, read_walk
-from casadi_contact.terminal import PlainConsole
+from casadi_contact.scenes.load_cycle import read_cycle
 from problems import muscle_contact
 from problems.common.command import RESULTS, new_app, run_command
 from problems.muscle_contact.problem import LEAST_SQUARES

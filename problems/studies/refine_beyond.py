@@ -18,18 +18,23 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from casadi_contact.contact import ElasticFoundation
-from casadi_contact.conventions import Array
-from casadi_contact.dataset import Samples, read_samples
-from casadi_contact.files import writable_folder
-from casadi_contact.motion.columns import write_columns
-from casadi_contact.motion.load_cycle import LoadCycle
-from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.structures import PatchSurrogate, Surrogate, load_surrogate, with_trust
-from casadi_contact.structures.info import samples_record
-from casadi_contact.training import TrainingSettings, fit_all
-from casadi_contact.verification import Refinement, Solve, judge, refine
-from casadi_contact.workers import worker_pool
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.core.conventions import Array
+from casadi_contact.core.files.writing import writable_folder
+from casadi_contact.core.workers import worker_pool
+from casadi_contact.networks.training.settings import TrainingSettings
+from casadi_contact.networks.training.side_by_side import fit_all
+from casadi_contact.optimisation.verification.verdict import judge
+from casadi_contact.samples.samples import Samples, read_samples
+from casadi_contact.scenes.columns import write_columns
+from casadi_contact.scenes.load_cycle import LoadCycle
+from casadi_contact.scenes.walking import reference_cycle
+from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.surrogate.calibration import with_trust
+from casadi_contact.surrogate.info import samples_record
+from casadi_contact.surrogate.load import load_surrogate
+from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
+from casadi_contact.workflow.refine import Refinement, Solve, refine
 from problems import pose_estimation
 from problems.common.command import RESULTS, new_app, run_command
 from problems.common.records import pose_columns

@@ -20,12 +20,12 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from casadi_contact.benchmark.front_file import SIZE
-from casadi_contact.benchmark.sizes import Sized, chart_surrogates, train_sizes
-from casadi_contact.dataset.errors import domain_errors, rms_by_kind
-from casadi_contact.project import Project
-from casadi_contact.structures import load_surrogate
-from casadi_contact.terminal import PlainConsole, progress_bars
+from casadi_contact.core.terminal import PlainConsole, progress_bars
+from casadi_contact.samples.errors import domain_errors, rms_by_kind
+from casadi_contact.surrogate.load import load_surrogate
+from casadi_contact.workflow.benchmark.front_file import SIZE
+from casadi_contact.workflow.benchmark.sizes import Sized, chart_surrogates, train_sizes
+from casadi_contact.workflow.project import Project
 from problems.common.command import new_app, run_command
 from problems.common.records import write_summary
 

@@ -15,10 +15,10 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from casadi_contact.contact import SymbolicContact
-from casadi_contact.conventions import pose_index
-from casadi_contact.project import reference_motion_cycles
-from casadi_contact.statics import settle
+from casadi_contact.contact.settle import settle
+from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.core.conventions import pose_index
+from casadi_contact.workflow.project import reference_motion_cycles
 from problems.common.command import new_app, run_command
 from problems.common.contact import ContactSource
 from problems.common.same_poses import same_poses

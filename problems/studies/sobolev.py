@@ -24,15 +24,16 @@ import typer
 from rich.progress import track
 from rich.table import Table
 
-from casadi_contact.contact import ContactModel, foundation
-from casadi_contact.conventions import Array
-from casadi_contact.files import writable_folder
-from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.scenes import load_scene
-from casadi_contact.structures import load_surrogate
-from casadi_contact.terminal import PlainConsole
-from casadi_contact.training.levenberg_marquardt import next_damping
-from casadi_contact.training.weights import flatten, initial_network, layer_shapes
+from casadi_contact.contact.choice import foundation
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.core.conventions import Array
+from casadi_contact.core.files.writing import writable_folder
+from casadi_contact.core.terminal import PlainConsole
+from casadi_contact.networks.training.levenberg_marquardt import next_damping
+from casadi_contact.networks.training.weights import flatten, initial_network, layer_shapes
+from casadi_contact.scenes.loading import load_scene
+from casadi_contact.scenes.walking import reference_cycle
+from casadi_contact.surrogate.load import load_surrogate
 from problems import pose_estimation
 from problems.common.command import RESULTS, new_app, run_command
 from problems.common.records import write_summary

@@ -16,20 +16,23 @@ from typing import Annotated, Any, cast
 import typer
 from rich.table import Table
 
-from casadi_contact.benchmark.candidate import Candidate
-from casadi_contact.benchmark.candidates import surrogate_candidates, untrained_candidates
-from casadi_contact.benchmark.evaluate import converged_elements
-from casadi_contact.benchmark.front_file import Front, Point, write_front
-from casadi_contact.benchmark.timing import compare, one_thread
-from casadi_contact.contact import ContactModel, ElasticFoundation, SymbolicContact, grid_text, symbolic
-from casadi_contact.dataset.errors import load_errors
-from casadi_contact.files import writable_folder
-from casadi_contact.machine import machine_record
-from casadi_contact.project import reference_motion_cycles, shipped_surrogates
-from casadi_contact.report.figure import save
-from casadi_contact.report.scatter import draw_speed_accuracy
-from casadi_contact.scenes import Scene, load_scene
-from casadi_contact.terminal import PlainConsole
+from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.contact.symbolic import SymbolicContact, symbolic
+from casadi_contact.core.files.writing import writable_folder
+from casadi_contact.core.machine import machine_record
+from casadi_contact.core.terminal import PlainConsole
+from casadi_contact.pictures.report.figure import save
+from casadi_contact.pictures.report.scatter import draw_speed_accuracy
+from casadi_contact.samples.errors import load_errors
+from casadi_contact.scenes.loading import load_scene
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.workflow.benchmark.candidate import Candidate
+from casadi_contact.workflow.benchmark.candidates import surrogate_candidates, untrained_candidates
+from casadi_contact.workflow.benchmark.evaluate import converged_elements
+from casadi_contact.workflow.benchmark.front_file import Front, Point, write_front
+from casadi_contact.workflow.benchmark.timing import compare, one_thread
+from casadi_contact.workflow.project import reference_motion_cycles, shipped_surrogates
 from problems.common.command import RESULTS, new_app, run_command
 from problems.pose_estimation.problem import Cycle, build
 from problems.pose_estimation.solve import solve

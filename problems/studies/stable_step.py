@@ -18,10 +18,10 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from casadi_contact.conventions import Array
-from casadi_contact.optimisation import KNEE_STEPS
-from casadi_contact.structures import load_surrogate
-from casadi_contact.terminal import PlainConsole, numbers
+from casadi_contact.core.conventions import Array
+from casadi_contact.core.terminal import PlainConsole, numbers
+from casadi_contact.optimisation.starts import KNEE_STEPS
+from casadi_contact.surrogate.load import load_surrogate
 from problems import knee_simulator
 from problems.common.command import new_app, run_command
 from problems.knee_simulator import KneeSimulator, constant, start_state

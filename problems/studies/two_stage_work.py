@@ -21,21 +21,22 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from casadi_contact.benchmark.candidate import Candidate
-from casadi_contact.benchmark.candidates import surrogate_candidates, untrained_candidates
-from casadi_contact.benchmark.front_file import SECONDS, Front, Point, write_front
-from casadi_contact.benchmark.measure import measure
-from casadi_contact.benchmark.sizes import on_disk
-from casadi_contact.benchmark.walking import unseen_walking
-from casadi_contact.contact import ElasticFoundation
-from casadi_contact.conventions import Update
-from casadi_contact.network import size_text
-from casadi_contact.project import Project, alone, read_motion, shipped_surrogates
-from casadi_contact.project.fitting import Fitting, fit_surrogate
-from casadi_contact.project.train import structures_for_scene
-from casadi_contact.structures import Surrogate, TwoStageSurrogate
-from casadi_contact.terminal import PlainConsole, progress_bars
-from casadi_contact.workers import worker_pool
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.core.conventions import Update
+from casadi_contact.core.terminal import PlainConsole, progress_bars
+from casadi_contact.core.workers import worker_pool
+from casadi_contact.networks.network import size_text
+from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.surrogate.two_stage.surrogate import TwoStageSurrogate
+from casadi_contact.workflow.benchmark.candidate import Candidate
+from casadi_contact.workflow.benchmark.candidates import surrogate_candidates, untrained_candidates
+from casadi_contact.workflow.benchmark.front_file import SECONDS, Front, Point, write_front
+from casadi_contact.workflow.benchmark.measure import measure
+from casadi_contact.workflow.benchmark.sizes import on_disk
+from casadi_contact.workflow.benchmark.walking import unseen_walking
+from casadi_contact.workflow.fitting import Fitting, fit_surrogate
+from casadi_contact.workflow.project import Project, alone, read_motion, shipped_surrogates
+from casadi_contact.workflow.train import structures_for_scene
 from problems.common.command import new_app, run_command
 
 NAME = "two_stage_work"

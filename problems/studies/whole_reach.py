@@ -33,18 +33,18 @@ import typer
 from rich.table import Table
 
 import casadi_contact as cc
-from casadi_contact.benchmark.timing import compare, one_thread, time_single_calls
-from casadi_contact.conventions import load_unit
-from casadi_contact.dataset import DOMAINS, TRAIN, Samples, read_samples
-from casadi_contact.dataset.errors import load_errors
-from casadi_contact.files import writable_folder
-from casadi_contact.sampling.chunk import WrenchModel
-from casadi_contact.sampling.in_range import samples_in_range
-from casadi_contact.sampling.led_to import samples_led_to
-from casadi_contact.structures import Surrogate
-from casadi_contact.structures.coverage import trust_coverage
-from casadi_contact.structures.wrong_poses import WRONG
-from casadi_contact.terminal import PlainConsole
+from casadi_contact.core.conventions import load_unit
+from casadi_contact.core.files.writing import writable_folder
+from casadi_contact.core.terminal import PlainConsole
+from casadi_contact.samples.chunk import WrenchModel
+from casadi_contact.samples.errors import load_errors
+from casadi_contact.samples.in_range import samples_in_range
+from casadi_contact.samples.led_to import samples_led_to
+from casadi_contact.samples.samples import DOMAINS, TRAIN, Samples, read_samples
+from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.surrogate.coverage import trust_coverage
+from casadi_contact.surrogate.wrong_poses import WRONG
+from casadi_contact.workflow.benchmark.timing import compare, one_thread, time_single_calls
 from problems.common.command import RESULTS, new_app, run_command
 from problems.common.records import write_summary
 from problems.studies.stability.out_of_range import VALID

@@ -19,12 +19,12 @@ import numpy as np
 import typer
 
 import casadi_contact as cc
-from casadi_contact.benchmark.kernel_speed import jacobian_of, lagrangian_hessian
-from casadi_contact.benchmark.timing import compare, one_thread, time_batch, time_single_calls
-from casadi_contact.contact import Cells
-from casadi_contact.dataset import read_samples
-from casadi_contact.machine import machine_record
-from casadi_contact.transcription.kernel.compiler import FLAGS, machine_flags
+from casadi_contact.contact.cells.basis import Cells
+from casadi_contact.core.compiler import FLAGS, machine_flags
+from casadi_contact.core.machine import machine_record
+from casadi_contact.samples.samples import read_samples
+from casadi_contact.workflow.benchmark.kernel_speed import jacobian_of, lagrangian_hessian
+from casadi_contact.workflow.benchmark.timing import compare, one_thread, time_batch, time_single_calls
 from problems.implant import SCENE
 from tests.benchmarks.bench_foundation import roughness
 

@@ -16,11 +16,13 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.project import reference_motion_cycles
-from casadi_contact.project.presets import PRESETS
-from casadi_contact.sampling import PAPER_COUNTS, SamplingSettings, draw_samples, reference_motion
-from casadi_contact.sampling.chunk import plan_chunks
-from casadi_contact.workers import cluster_workers
+from casadi_contact.core.workers import cluster_workers
+from casadi_contact.samples.chunk import plan_chunks
+from casadi_contact.samples.draw import draw_samples
+from casadi_contact.samples.reference import reference_motion
+from casadi_contact.samples.settings import PAPER_COUNTS, SamplingSettings
+from casadi_contact.workflow.presets import PRESETS
+from casadi_contact.workflow.project import reference_motion_cycles
 
 distributed = pytest.importorskip("distributed", reason="extra cluster is not installed")
 

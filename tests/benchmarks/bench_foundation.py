@@ -11,10 +11,10 @@ from functools import partial
 import numpy as np
 
 import casadi_contact as cc
-from casadi_contact.benchmark.kernel_speed import jacobian_of, lagrangian_hessian
-from casadi_contact.benchmark.timing import compare, one_thread, time_batch, time_single_calls
-from casadi_contact.contact import Rays
-from casadi_contact.machine import machine_record
+from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.core.machine import machine_record
+from casadi_contact.workflow.benchmark.kernel_speed import jacobian_of, lagrangian_hessian
+from casadi_contact.workflow.benchmark.timing import compare, one_thread, time_batch, time_single_calls
 
 POLAR = (Rays(8, 3), Rays(12, 3), Rays(16, 3), Rays(24, 3))
 GRIDS = ((40, 30), (80, 40))

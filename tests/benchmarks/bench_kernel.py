@@ -6,9 +6,10 @@ pip install -e ".[bench]"; python -m pytest tests/benchmarks/bench_kernel.py
 import numpy as np
 import pytest
 
-from casadi_contact.benchmark.kernel_speed import jacobian_of, lagrangian_hessian
-from casadi_contact.motion.walking import reference_cycle
-from problems.pose_estimation import build, solve
+from casadi_contact.scenes.walking import reference_cycle
+from casadi_contact.workflow.benchmark.kernel_speed import jacobian_of, lagrangian_hessian
+from problems.pose_estimation.problem import build
+from problems.pose_estimation.solve import solve
 
 FORMS = {"graph": False, "kernel": True}
 

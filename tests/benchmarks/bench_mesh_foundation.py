@@ -9,8 +9,8 @@ from statistics import median
 import numpy as np
 
 import casadi_contact as cc
-from casadi_contact.benchmark.timing import one_thread, time_batch
-from casadi_contact.machine import machine_record
+from casadi_contact.core.machine import machine_record
+from casadi_contact.workflow.benchmark.timing import one_thread, time_batch
 from problems.implant import SCENE
 from tests.support import meshes  # noqa: F401  (skips without the extra `mesh`)
 from tests.support.shared_data import shared_file

@@ -14,7 +14,7 @@ from statistics import median
 
 import pytest
 
-from casadi_contact.live import write_joint_page
+from casadi_contact.pictures.live.joint_page import write_joint_page
 from tests.support.browser import opened, until
 from tests.support.shared_data import shared_file
 

@@ -20,12 +20,12 @@ import casadi as ca
 import numpy as np
 
 import casadi_contact as cc
-from casadi_contact.benchmark.timing import compare, one_thread, time_single_calls
-from casadi_contact.conventions import Array
-from casadi_contact.machine import machine_record
-from casadi_contact.project import Project, motion_at_hand
-from casadi_contact.transcription.kernel.casadi_interface import casadi_interface
-from casadi_contact.transcription.kernel.compiler import machine_flags, shared_library
+from casadi_contact.core.compiler import machine_flags, shared_library
+from casadi_contact.core.conventions import Array
+from casadi_contact.core.machine import machine_record
+from casadi_contact.networks.kernel.casadi_interface import casadi_interface
+from casadi_contact.workflow.benchmark.timing import compare, one_thread, time_single_calls
+from casadi_contact.workflow.project import Project, motion_at_hand
 
 VERSION_0_1 = Path(__file__).with_name("knee_0_1.c")
 _LOOP = """

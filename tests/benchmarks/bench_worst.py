@@ -17,13 +17,14 @@ import numpy as np
 import typer
 
 import casadi_contact as cc
-from casadi_contact.contact import Cells, Rays
-from casadi_contact.contact.compiled import CompiledFoundation
+from casadi_contact.contact.cells.basis import Cells
+from casadi_contact.contact.compiled.foundation import CompiledFoundation
 from casadi_contact.contact.cup.choice import CONVERGED as MOST_POINTS
 from casadi_contact.contact.cup.foundation import CupFoundation
-from casadi_contact.conventions import Array
-from casadi_contact.project import reference_motion_cycles
-from casadi_contact.sampling.reference import reference_poses
+from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.core.conventions import Array
+from casadi_contact.samples.reference import reference_poses
+from casadi_contact.workflow.project import reference_motion_cycles
 
 BEYOND = np.array([4.0, 4.0, 4.0, 0.1, 0.1, 0.1])  # of the reference motion, to each side [mm, rad]
 FORCES_N = (5.0, 2500.0)

@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import casadi_contact as cc
-from casadi_contact.contact import CupFoundation, PolarFoundation
 from casadi_contact.contact.approach import advance_to_contact, first_crossing, press_until
+from casadi_contact.contact.cup.foundation import CupFoundation
+from casadi_contact.contact.polar.foundation import PolarFoundation
 
 
 def test_a_sphere_touches_a_plane_at_its_radius():

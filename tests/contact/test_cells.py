@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import Cells
-from casadi_contact.contact.cells.basis import hermite_functions, middles, ramp
+from casadi_contact.contact.cells.basis import Cells, hermite_functions, middles, ramp
 from casadi_contact.contact.cells.patches import BOXES
 from casadi_contact.contact.cells.quadrature import WIDTH_MM, touch_mm
 from casadi_contact.contact.elements.loops import point_distances
-from casadi_contact.conventions import rotation
+from casadi_contact.core.conventions import rotation
 from casadi_contact.geometry.projection import grid_frame
 from tests.support.derivative_checks import check_jacobian
 from tests.support.meshes import cap_mesh, scene_of, sheet_mesh

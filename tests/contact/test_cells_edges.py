@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import Cells
+from casadi_contact.contact.cells.basis import Cells
 from tests.support.compiler import needs_compiler
 from tests.support.derivative_checks import check_hessians, check_jacobian
 from tests.support.meshes import scene_of, sheet_mesh, wheel_mesh

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import Cells
+from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.grading import density, lay_lines
 from casadi_contact.contact.cells.patches import patch_charts
 from tests.support.meshes import cap_mesh, scene_of, sheet_mesh

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import Cells
+from casadi_contact.contact.cells.basis import Cells
 from tests.support.compiler import flags_of_the_library, needs_compiler
 from tests.support.derivative_checks import (
     check_hessians,

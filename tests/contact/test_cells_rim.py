@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import Cells
+from casadi_contact.contact.cells.basis import Cells
 from tests.support.meshes import STIFFNESS, cap_mesh, scene_of, sheet_mesh, slab_mesh
 
 RADIUS_MM, SIDE_MM, TURN = 12.0, 12.0, 0.4  # of the ball, of a square sheet, and its turn about y

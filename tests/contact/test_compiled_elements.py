@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.show import contact_pose
-from casadi_contact.transcription.kernel.compiler import CACHE_VARIABLE
+from casadi_contact.core.compiler import CACHE_VARIABLE
+from casadi_contact.pictures.contact_pose import contact_pose
 from tests.support.compiler import needs_compiler
 
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import Cells
+from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.geometry.creases import smooth_regions
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
-from casadi_contact.shapes.mesh_bodies import body_field
+from casadi_contact.scenes.shapes.mesh_bodies import body_field
 from tests.support.meshes import STIFFNESS, cap_mesh, scene_of, sheet_mesh, slab_mesh
 
 RADIUS_MM, OVERLAP_MM, TURN = 12.0, 0.2, 0.4  # of the ball; turn of the slab about y

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import Cells
+from casadi_contact.contact.cells.basis import Cells
 from tests.support.meshes import ELASTIC, ball_mesh, scene_of, shell_mesh
 
 POLE = np.array([0.36, 0.8, 0.48])

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import Rays
 from casadi_contact.contact.polar.dish_slopes import RADII, dish_slopes
 from casadi_contact.contact.polar.pressures import patch_moments
 from casadi_contact.contact.polar.quadrature import patch_loads
-from casadi_contact.conventions import rotation
+from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.core.conventions import rotation
 from tests.support.ready_poses import KNEE
 
 RAYS = Rays(48, 5)

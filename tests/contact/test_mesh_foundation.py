@@ -5,14 +5,7 @@ import pytest
 
 import casadi_contact as cc
 import casadi_contact.geometry.elements as elements
-from tests.support.meshes import (
-    STIFFNESS,
-    cap_mesh,
-    scene_of,
-    sheet_mesh,
-    slab_mesh,
-    torus_mesh,
-)
+from tests.support.meshes import STIFFNESS, cap_mesh, scene_of, sheet_mesh, slab_mesh, torus_mesh
 
 OVERLAP_MM = 0.1
 EDGE_MM, RADIUS_MM, RING_MM, TUBE_MM = 1.2, 30.0, 18.0, 12.0

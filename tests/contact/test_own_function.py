@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.contact.approach import advance_to_contact
 from casadi_contact.contact.model_checks import check_contact_model, wrong_torques
-from casadi_contact.project import reference_motion_cycles
-from casadi_contact.sampling import SamplingSettings, reference_motion
-from casadi_contact.statics import advance_to_contact
+from casadi_contact.samples.reference import reference_motion
+from casadi_contact.samples.settings import SamplingSettings
+from casadi_contact.workflow.project import reference_motion_cycles
 from tests.support import own_contact
 
 KNEE = cc.load_scene("knee")

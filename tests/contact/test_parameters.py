@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import Rays
-from casadi_contact.conventions import rotation
+from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.core.conventions import rotation
 from tests.support.compiler import needs_compiler
 from tests.support.ready_poses import KNEE
 

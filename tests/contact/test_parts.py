@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import CellFoundation, Cells
-from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
-from casadi_contact.sampling import SamplingSettings
-from casadi_contact.sampling.chunk import Chunk, draw_chunk
-from casadi_contact.structures import PatchSurrogate
-from casadi_contact.training import TrainingSettings, fit_all
+from casadi_contact.contact.cells.basis import Cells
+from casadi_contact.contact.cells.foundation import CellFoundation
+from casadi_contact.networks.training.settings import TrainingSettings
+from casadi_contact.networks.training.side_by_side import fit_all
+from casadi_contact.samples.chunk import Chunk, draw_chunk
+from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.samples.settings import SamplingSettings
+from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from tests.support.compiler import needs_compiler
 from tests.support.meshes import cap_mesh, scene_of, sheet_mesh
 

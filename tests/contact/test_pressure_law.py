@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from casadi_contact.contact.pressure.law import compile_laws, law_number, pressure, pressures
-from casadi_contact.pressure_laws import LAWS
-from casadi_contact.scenes import load_scene
+from casadi_contact.scenes.loading import load_scene
+from casadi_contact.scenes.pressure_laws import LAWS
 
 K, H = 2140.0, 8.0
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import symbolic
+from casadi_contact.contact.symbolic import symbolic
 
 POSE = np.array([0.3, 29.8, -0.2, 0.05, 0.1, -0.2])
 

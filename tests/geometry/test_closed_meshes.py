@@ -7,7 +7,7 @@ import pytest
 
 from casadi_contact.geometry.mesh import checked_mesh
 from casadi_contact.geometry.smooth_surface import SmoothSurface
-from casadi_contact.shapes.mesh_bodies import shell_thickness
+from casadi_contact.scenes.shapes.mesh_bodies import shell_thickness
 from tests.support.meshes import ball_mesh, cap_mesh, sheet_mesh, shell_mesh, wheel_mesh, with_slid_vertex
 
 

@@ -11,8 +11,8 @@ from casadi_contact.geometry.distance_field import build_field
 from casadi_contact.geometry.mesh import checked_mesh, load_mesh
 from casadi_contact.geometry.rays import RayCaster
 from casadi_contact.geometry.smooth_surface import SmoothSurface, fitted_normals
-from casadi_contact.scenes import load_scene
-from casadi_contact.shapes.mesh_bodies import body_mesh
+from casadi_contact.scenes.loading import load_scene
+from casadi_contact.scenes.shapes.mesh_bodies import body_mesh
 from tests.support.meshes import (
     ball_mesh,
     cap_mesh,

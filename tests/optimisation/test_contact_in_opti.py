@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.conventions import pose_index
-from casadi_contact.optimisation import ipopt_options, pose_bounds
+from casadi_contact.core.conventions import pose_index
+from casadi_contact.optimisation.ipopt import ipopt_options
+from casadi_contact.optimisation.starts import pose_bounds
 from tests.support.compiler import needs_compiler
 
 LOCKED = {"ry": 0.02, "rz": -0.5}

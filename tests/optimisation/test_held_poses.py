@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.optimisation import middle_pose, shear_free_poses
+from casadi_contact.optimisation.knee import shear_free_poses
+from casadi_contact.optimisation.starts import middle_pose
 from tests.support.compiler import needs_compiler
 from tests.support.held_scenes import AT_ZERO, LOCKED, SLOPE, held_ball, scene_held
 

@@ -3,7 +3,7 @@
 import casadi as ca
 import pytest
 
-from casadi_contact.optimisation import IpoptOutcome, ipopt_options
+from casadi_contact.optimisation.ipopt import IpoptOutcome, ipopt_options
 from tests.support.interrupted import Interrupted, interrupts_remembered
 
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.conventions import WRENCH_NAMES, rotation
-from casadi_contact.optimisation import generalised_forces, total_selection, wrench_function
+from casadi_contact.core.conventions import WRENCH_NAMES, rotation
+from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection, wrench_function
 
 POSE = np.array([0.7, 27.3, 0.1, 0.002, -0.04, -0.5])
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.conventions import POSE_NAMES, rotation
-from casadi_contact.optimisation import middle_pose, press_together
-from casadi_contact.optimisation.starts import shares
+from casadi_contact.core.conventions import POSE_NAMES, rotation
+from casadi_contact.optimisation.starts import middle_pose, press_together, shares
 
 SIDES = ("Fy_med", "Fy_lat")
 FREE = ("tx", "ty", "tz", "rx")

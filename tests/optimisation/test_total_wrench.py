@@ -5,9 +5,11 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import PolarFoundation, Rays
-from casadi_contact.conventions import WRENCH_NAMES
-from casadi_contact.optimisation import ContactFrames, total_selection, whole_wrench
+from casadi_contact.contact.polar.foundation import PolarFoundation
+from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.core.conventions import WRENCH_NAMES
+from casadi_contact.optimisation.contact_frames import ContactFrames
+from casadi_contact.optimisation.joint_mechanics import total_selection, whole_wrench
 from problems.pose_estimation.wanted import WantedLoads
 
 OTHERS = [name for name in WRENCH_NAMES if name != "Fy"]

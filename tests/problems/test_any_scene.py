@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import CupFoundation, PolarFoundation, Rays
-from casadi_contact.motion.joint_cycle import JointCycle, read_joint_cycle, scene_cycles
-from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.project import reference_motion_cycles
-from casadi_contact.verification import judge, own_model
-from casadi_contact.verification.verify import loads_on
+from casadi_contact.contact.cup.foundation import CupFoundation
+from casadi_contact.contact.polar.foundation import PolarFoundation
+from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.optimisation.verification.verdict import judge, own_model
+from casadi_contact.optimisation.verification.verify import loads_on
+from casadi_contact.scenes.joint_cycle import JointCycle, read_joint_cycle, scene_cycles
+from casadi_contact.scenes.walking import reference_cycle
+from casadi_contact.workflow.project import reference_motion_cycles
 from problems import pose_estimation, static_equilibrium
 from problems.common.contact import ContactSource
 from problems.pose_estimation import __main__, completion

@@ -7,16 +7,17 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.assembly import Assembly, Ligament, Pull
-from casadi_contact.contact import PolarFoundation, Rays
-from casadi_contact.conventions import POSE_IN_MM, POSE_NAMES
-from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.optimisation import ipopt_options
-from casadi_contact.verification import own_model
+from casadi_contact.contact.polar.foundation import PolarFoundation
+from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES
+from casadi_contact.optimisation.assembly.assembly import Assembly
+from casadi_contact.optimisation.assembly.connections import Ligament, Pull
+from casadi_contact.optimisation.ipopt import ipopt_options
+from casadi_contact.optimisation.verification.verdict import own_model
+from casadi_contact.scenes.walking import reference_cycle
 from problems import assembly_poses, patella
-from problems.assembly_poses import AssemblyCycle
 from problems.assembly_poses.check import corrected, verdicts_of
-from problems.assembly_poses.cycle import read_assembly_cycle
+from problems.assembly_poses.cycle import AssemblyCycle, read_assembly_cycle
 from problems.assembly_poses.solve import _beside_solved
 from problems.assembly_poses.starts import loaded_frames, random_start
 from problems.patella.follow import SAME_N, loads_apart_n

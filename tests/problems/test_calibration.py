@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.motion.columns import write_columns
-from casadi_contact.scenes import Scene
+from casadi_contact.scenes.columns import write_columns
+from casadi_contact.scenes.scene import Scene
 from problems import calibration
 from problems.calibration import __main__
 from problems.calibration.measurement import TRUTH, in_fixed_body, in_scene_frame

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.verification import own_model
+from casadi_contact.optimisation.verification.verdict import own_model
+from casadi_contact.scenes.walking import reference_cycle
 from problems.pose_estimation.centre_units import centre_warnings
 from problems.pose_estimation.wanted import WantedLoads
 from tests.support.asked import asked_before_solving

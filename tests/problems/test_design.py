@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.scenes import Scene
+from casadi_contact.scenes.scene import Scene
 from problems import design
 from problems.design import __main__
 from problems.design.problem import BALANCED, at_bounds, least_radii

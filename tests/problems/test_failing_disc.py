@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from casadi_contact.motion.load_cycle import write_cycle
-from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.scenes.load_cycle import write_cycle
+from casadi_contact.scenes.walking import reference_cycle
 from tests.support.readable import others_may_read
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="limits and rights as POSIX has them")

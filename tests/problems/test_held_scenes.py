@@ -5,25 +5,23 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.assembly import Assembly, Contact
-from casadi_contact.contact import ElasticFoundation, PolarFoundation, Rays, symbolic
-from casadi_contact.contact.cup import CupFoundation
-from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, pose_index
-from casadi_contact.motion.joint_cycle import JointCycle, scene_cycles
-from casadi_contact.optimisation import middle_pose, whole_wrench
+from casadi_contact.contact.cup.foundation import CupFoundation
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.polar.foundation import PolarFoundation
+from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.contact.symbolic import symbolic
+from casadi_contact.core.conventions import POSE_NAMES, WRENCH_NAMES, pose_index
+from casadi_contact.optimisation.assembly.assembly import Assembly
+from casadi_contact.optimisation.assembly.connections import Contact
+from casadi_contact.optimisation.joint_mechanics import whole_wrench
 from casadi_contact.optimisation.muscle_walk import example_walk
-from problems import (
-    calibration,
-    design,
-    muscle_contact,
-    muscle_driven,
-    pose_estimation,
-    static_equilibrium,
-)
+from casadi_contact.optimisation.starts import middle_pose
+from casadi_contact.scenes.joint_cycle import JointCycle, scene_cycles
+from problems import calibration, design, muscle_contact, muscle_driven, pose_estimation, static_equilibrium
 from problems.calibration.measurement import synthetic_measurement
 from problems.design.dish import DishContact
 from problems.design.problem import Bounds
-from problems.muscle_contact import load_extensor
+from problems.muscle_contact.extensor import load_extensor
 from problems.pose_estimation.completion import solve_and_complete
 from problems.pose_estimation.problem import measured_pose, wanted_loads
 from tests.support.compiler import needs_compiler

@@ -11,10 +11,10 @@ import pytest
 from typer.testing import CliRunner
 
 import casadi_contact as cc
-from casadi_contact.dataset import read_samples
-from casadi_contact.motion.load_cycle import write_cycle
-from casadi_contact.motion.walking import reference_cycle, reference_cycles
-from casadi_contact.project.presets import PRESETS, Effort, Preset
+from casadi_contact.samples.samples import read_samples
+from casadi_contact.scenes.load_cycle import write_cycle
+from casadi_contact.scenes.walking import reference_cycle, reference_cycles
+from casadi_contact.workflow.presets import PRESETS, Effort, Preset
 from problems.common.contact import ContactSource
 from problems.implant import SCENE, __main__, from_meshes
 from problems.implant.__main__ import app

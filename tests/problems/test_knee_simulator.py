@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.optimisation import generalised_forces
+from casadi_contact.optimisation.joint_mechanics import generalised_forces
 from problems import knee_simulator
 
 

@@ -10,16 +10,10 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.conventions import POSE_NAMES, angular_velocity_map
-from casadi_contact.motion.opensim import read_opensim_table
-from casadi_contact.optimisation.knee import (
-    COORDINATES,
-    KNEE_LOADS,
-    contact_expression,
-    contact_on_femur,
-    in_newtons,
-)
+from casadi_contact.core.conventions import POSE_NAMES, angular_velocity_map
+from casadi_contact.optimisation.knee import COORDINATES, KNEE_LOADS, contact_expression, contact_on_femur, in_newtons
 from casadi_contact.optimisation.muscle_walk import example_walk
+from casadi_contact.scenes.opensim.table import read_opensim_table
 from problems import muscle_contact
 from problems.muscle_contact import __main__
 from problems.muscle_contact.cocontraction import CALF_ARM_M, SOLEUS_N, ankle_moment

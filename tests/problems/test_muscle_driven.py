@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import PolarFoundation, Rays
+from casadi_contact.contact.polar.foundation import PolarFoundation
+from casadi_contact.contact.polar.rays import Rays
 from casadi_contact.optimisation.muscle_walk import example_walk
-from casadi_contact.verification import judge
+from casadi_contact.optimisation.verification.verdict import judge
 from problems import muscle_contact, muscle_driven
 from problems.muscle_driven import __main__
 from problems.muscle_driven.problem import POWERS

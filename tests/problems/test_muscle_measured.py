@@ -7,14 +7,9 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from casadi_contact.motion.load_cycle import read_cycle
-from casadi_contact.optimisation import shear_free_poses
-from casadi_contact.optimisation.knee import (
-    COORDINATES,
-    contact_on_femur,
-    in_newtons,
-)
+from casadi_contact.optimisation.knee import COORDINATES, contact_on_femur, in_newtons, shear_free_poses
 from casadi_contact.optimisation.muscle_walk import read_walk
+from casadi_contact.scenes.load_cycle import read_cycle
 from problems import muscle_contact
 from problems.muscle_contact.problem import BALANCED, LEAST_SQUARES
 from tests.support.shared_data import shared_file

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.assembly import load_assembly
-from casadi_contact.conventions import POSE_IN_MM
-from casadi_contact.optimisation import pose_steps, shear_free_poses
-from casadi_contact.optimisation.knee import in_newtons
+from casadi_contact.core.conventions import POSE_IN_MM
+from casadi_contact.optimisation.assembly.file import load_assembly
+from casadi_contact.optimisation.knee import in_newtons, shear_free_poses
 from casadi_contact.optimisation.muscle_walk import example_walk
-from casadi_contact.verification import judge, own_model
+from casadi_contact.optimisation.starts import pose_steps
+from casadi_contact.optimisation.verification.verdict import judge, own_model
 from problems import muscle_contact
 from problems.muscle_contact import __main__
 from problems.muscle_contact.compared import Compared

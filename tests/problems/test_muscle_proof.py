@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from casadi_contact.optimisation import shear_free_poses
+from casadi_contact.optimisation.knee import shear_free_poses
 from casadi_contact.optimisation.muscle_walk import example_walk
 from problems import muscle_contact
 from problems.muscle_contact.problem import RESERVE_SIZES

@@ -8,11 +8,12 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.foundation import CellFoundation
-from casadi_contact.motion.load_cycle import read_cycle
-from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.optimisation import shear_free_poses, whole_wrench
+from casadi_contact.optimisation.joint_mechanics import whole_wrench
+from casadi_contact.optimisation.knee import shear_free_poses
+from casadi_contact.scenes.load_cycle import read_cycle
+from casadi_contact.scenes.walking import reference_cycle
 from problems import assembly_poses, implant, static_equilibrium
-from problems.assembly_poses import AssemblyCycle
+from problems.assembly_poses.cycle import AssemblyCycle
 from problems.assembly_poses.own_cycle import own_cycle
 from tests.support import meshes  # noqa: F401  (skips without the extra `mesh`)
 from tests.support.compiler import needs_compiler

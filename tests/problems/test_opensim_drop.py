@@ -13,9 +13,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import casadi_contact as cc
-from casadi_contact.conventions import WRENCH_NAMES, rotation
+from casadi_contact.core.conventions import WRENCH_NAMES, rotation
+from casadi_contact.optimisation.verification.verdict import judge
 from casadi_contact.scenes.pose_space import PoseSpace
-from casadi_contact.verification import judge
 from problems.opensim_drop import by_casadi
 from problems.opensim_drop import compare as comparing
 from problems.opensim_drop.compare import Comparison, compare

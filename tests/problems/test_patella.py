@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.assembly import Assembly
-from casadi_contact.conventions import POSE_IN_MM
-from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.optimisation import shear_free_poses
+from casadi_contact.core.conventions import POSE_IN_MM
+from casadi_contact.optimisation.assembly.assembly import Assembly
+from casadi_contact.optimisation.knee import shear_free_poses
 from casadi_contact.optimisation.muscle_walk import example_walk
+from casadi_contact.scenes.walking import reference_cycle
 from problems import muscle_contact, patella
 from problems.patella import __main__
 from problems.patella.follow import LEAST_TENSION_N, SAME_N

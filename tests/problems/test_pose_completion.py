@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.statics import settle
-from casadi_contact.verification import judge
+from casadi_contact.contact.settle import settle
+from casadi_contact.optimisation.verification.verdict import judge
+from casadi_contact.scenes.walking import reference_cycle
 from problems import pose_estimation
 from problems.common.contact import ContactSource
 from problems.pose_estimation.completion import complete, solve_and_complete

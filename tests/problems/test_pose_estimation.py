@@ -9,21 +9,16 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.conventions import POSE_NAMES
-from casadi_contact.motion.joint_cycle import JointCycle
-from casadi_contact.motion.load_cycle import read_cycle, write_cycle
-from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.project import reference_motion_cycles
-from casadi_contact.verification import judge
+from casadi_contact.core.conventions import POSE_NAMES
+from casadi_contact.optimisation.verification.verdict import judge
+from casadi_contact.scenes.joint_cycle import JointCycle
+from casadi_contact.scenes.load_cycle import read_cycle, write_cycle
+from casadi_contact.scenes.walking import reference_cycle
+from casadi_contact.workflow.project import reference_motion_cycles
 from problems import pose_estimation
 from problems.common.contact import ContactSource
 from problems.pose_estimation.report import Tracked, draw
-from problems.pose_estimation.starts import (
-    RandomStarts,
-    StartOutcome,
-    one_start,
-    solve_from_random_starts,
-)
+from problems.pose_estimation.starts import RandomStarts, StartOutcome, one_start, solve_from_random_starts
 from tests.support.compiler import needs_compiler
 from tests.support.shared_data import shared_file
 

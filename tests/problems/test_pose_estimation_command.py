@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.motion.load_cycle import write_cycle
-from casadi_contact.motion.opensim import read_opensim_table
-from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.scenes.load_cycle import write_cycle
+from casadi_contact.scenes.opensim.table import read_opensim_table
+from casadi_contact.scenes.walking import reference_cycle
 from problems import pose_estimation
 from problems.pose_estimation import __main__
 from problems.pose_estimation.on_foundation import OnFoundation

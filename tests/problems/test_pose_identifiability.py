@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import PolarFoundation, Rays
-from casadi_contact.motion.joint_cycle import JointCycle
-from casadi_contact.verification import own_model
+from casadi_contact.contact.polar.foundation import PolarFoundation
+from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.optimisation.verification.verdict import own_model
+from casadi_contact.scenes.joint_cycle import JointCycle
 from problems import pose_estimation
 from problems.pose_estimation.estimate import estimated
 from problems.pose_estimation.identifiability import (

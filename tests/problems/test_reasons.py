@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 import casadi_contact as cc
-from casadi_contact.optimisation import pose_bounds
+from casadi_contact.core.quantities import two_digits
+from casadi_contact.core.terminal import PlainConsole
 from casadi_contact.optimisation.muscle_walk import example_walk
-from casadi_contact.quantities import two_digits
-from casadi_contact.terminal import PlainConsole
-from casadi_contact.verification import judge
+from casadi_contact.optimisation.starts import pose_bounds
+from casadi_contact.optimisation.verification.verdict import judge
 from problems import muscle_contact
 from problems.common.learned_range import beyond_learned, held_beyond, reasons
 from problems.common.outcome import print_reasons, rows_in_words

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.dataset import Samples, write_samples
-from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.samples.samples import Samples, write_samples
+from casadi_contact.scenes.walking import reference_cycle
 from problems import pose_estimation
 from problems.studies import refine_beyond
 from tests.support.command import ran

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.motion.load_cycle import write_cycle
-from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.scenes.load_cycle import write_cycle
+from casadi_contact.scenes.walking import reference_cycle
 from problems.studies.settling import main, settled_starts
 from tests.support.command import ended
 

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import CallableModel, symbolic
-from casadi_contact.conventions import POSE_NAMES
-from casadi_contact.motion.joint_cycle import JointCycle
-from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.contact.callable_model import CallableModel
+from casadi_contact.contact.symbolic import symbolic
+from casadi_contact.core.conventions import POSE_NAMES
+from casadi_contact.scenes.joint_cycle import JointCycle
+from casadi_contact.scenes.walking import reference_cycle
 from problems import pose_estimation
 from problems.pose_estimation.estimate import estimated
 from problems.pose_estimation.several_poses import elsewhere_mm, several_poses_in_words, unstable_frames

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.motion.joint_cycle import scene_cycles
-from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.verification import own_model
+from casadi_contact.optimisation.verification.verdict import own_model
+from casadi_contact.scenes.joint_cycle import scene_cycles
+from casadi_contact.scenes.walking import reference_cycle
 from problems.pose_estimation.problem import measured_pose, wanted_loads
 from problems.pose_estimation.sign_warnings import sign_warnings
 from tests.support.asked import asked_before_solving

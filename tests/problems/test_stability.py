@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from casadi_contact.contact import ContactModel, ElasticFoundation
-from casadi_contact.network import Regression
-from casadi_contact.optimisation import pose_bounds
-from casadi_contact.training import TrainingSettings
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.networks.network import Regression
+from casadi_contact.networks.training.settings import TrainingSettings
+from casadi_contact.optimisation.starts import pose_bounds
 from problems.studies.stability import (
     __main__,
     bad_training_data,

@@ -6,14 +6,9 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import ElasticFoundation
-from casadi_contact.project import built_in_motion
-from problems.studies.stability import (
-    __main__,
-    methods,
-    out_of_range,
-    settling_starts,
-)
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.workflow.project import built_in_motion
+from problems.studies.stability import __main__, methods, out_of_range, settling_starts
 from problems.studies.stability.methods import EF_ANALYTIC, FOUNDATION
 from problems.studies.stability.normals import normal_of
 from problems.studies.stability.peers import PeerModel

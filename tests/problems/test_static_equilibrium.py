@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import PolarFoundation, Rays
-from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES, angular_velocity_map
-from casadi_contact.optimisation import whole_wrench
-from casadi_contact.verification import own_model
+from casadi_contact.contact.polar.foundation import PolarFoundation
+from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.core.conventions import POSE_NAMES, WRENCH_NAMES, angular_velocity_map
+from casadi_contact.optimisation.joint_mechanics import whole_wrench
+from casadi_contact.optimisation.verification.verdict import own_model
 from problems import static_equilibrium
 from problems.static_equilibrium.balance import Balance
 from problems.static_equilibrium.diagnosis import diagnose

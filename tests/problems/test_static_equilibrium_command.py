@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from casadi_contact.conventions import POSE_NAMES, angular_velocity_map
+from casadi_contact.core.conventions import POSE_NAMES, angular_velocity_map
 from problems.static_equilibrium import __main__
 from tests.support.command import ended
 from tests.support.compiler import needs_compiler

@@ -5,7 +5,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact.pressure.law import layer_modulus
-from casadi_contact.motion.pose_file import write_poses
+from casadi_contact.scenes.pose_file import write_poses
 from problems import wear
 
 DEPTH_MM, SIDE_MM = 0.1, 10.0

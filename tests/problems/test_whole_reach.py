@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 import casadi_contact as cc
-from casadi_contact.dataset import TEST, Samples, write_samples
+from casadi_contact.samples.samples import TEST, Samples, write_samples
 from problems.studies import whole_reach
 from problems.studies.whole_reach import app, reach_record
 

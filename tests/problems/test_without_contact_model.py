@@ -8,9 +8,9 @@ from importlib import import_module
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.motion.load_cycle import write_cycle
-from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.scenes import Scene
+from casadi_contact.scenes.load_cycle import write_cycle
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.walking import reference_cycle
 
 GONE = ("geometry", "material", "grids")
 COMMANDS = {

@@ -5,10 +5,10 @@ import re
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.motion.joint_cycle import MOST_CYCLES, scene_cycles
-from casadi_contact.sampling.settings import SamplingSettings
-from casadi_contact.scenes import Scene
-from casadi_contact.shapes.checks import LONGEST_NAME, MOST_ELEMENTS
+from casadi_contact.samples.settings import SamplingSettings
+from casadi_contact.scenes.joint_cycle import MOST_CYCLES, scene_cycles
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.shapes.checks import LONGEST_NAME, MOST_ELEMENTS
 from tests.support.own_contact import SCENE
 
 NAMES = [

@@ -72,7 +72,7 @@ def test_the_shipped_surrogates_still_belong_to_the_ready_knee():
 
 
 def test_two_stage_says_which_scenes_it_cannot_stand_for():
-    from casadi_contact.structures import TwoStageSurrogate
+    from casadi_contact.surrogate.two_stage.surrogate import TwoStageSurrogate
 
     assert TwoStageSurrogate.fits(cc.load_scene("knee"))
     for name in ("hip", "patellofemoral", "glenohumeral"):

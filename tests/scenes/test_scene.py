@@ -3,7 +3,8 @@
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.scenes import Scene, ready_scenes
+from casadi_contact.scenes.ready_files import ready_scenes
+from casadi_contact.scenes.scene import Scene
 
 
 @pytest.mark.parametrize("name", ready_scenes())

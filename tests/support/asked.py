@@ -2,7 +2,7 @@
 
 import sys
 
-from casadi_contact.motion.load_cycle import write_cycle
+from casadi_contact.scenes.load_cycle import write_cycle
 from problems.pose_estimation import __main__, estimate
 from tests.support.command import ended
 

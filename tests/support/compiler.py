@@ -4,7 +4,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from casadi_contact.transcription.kernel.compiler import CFLAGS_VARIABLE, CompilerError, compiler_command
+from casadi_contact.core.compiler import CFLAGS_VARIABLE, CompilerError, compiler_command
 
 # At -O3 gcc takes half of the time of all tests. Formulas are the same at -Og, which takes a third of that; some tests
 # of every kind of kernel have the library's flags.

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from casadi_contact.contact import CellFoundation, CupFoundation
+from casadi_contact.contact.cells.foundation import CellFoundation
+from casadi_contact.contact.cup.foundation import CupFoundation
 from casadi_contact.contact.polar.ends import ray_ends
-from casadi_contact.conventions import rotation
+from casadi_contact.core.conventions import rotation
 from casadi_contact.geometry.field_derivatives import distance_slopes
 
 

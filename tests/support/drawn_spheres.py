@@ -2,7 +2,9 @@
 
 from functools import cache
 
-from casadi_contact.sampling import ReferenceMotion, SamplingSettings, draw_samples, reference_motion
+from casadi_contact.samples.draw import draw_samples
+from casadi_contact.samples.reference import ReferenceMotion, reference_motion
+from casadi_contact.samples.settings import SamplingSettings
 from tests.support import two_spheres
 from tests.support.two_spheres import TwoSpheres, knee
 

@@ -17,17 +17,20 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import casadi_contact as cc
-from casadi_contact.benchmark.front_file import read_front, write_front
-from casadi_contact.dataset import write_samples
-from casadi_contact.files import write_npz, write_text
-from casadi_contact.motion.load_cycle import write_cycle
-from casadi_contact.motion.opensim import poses_table, write_table
-from casadi_contact.motion.pose_file import write_poses
-from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.report import figure as report_figure
-from casadi_contact.show import figure as show_figure
-from casadi_contact.training import checkpoint, fit
-from casadi_contact.transcription.function_file import save_function
+from casadi_contact.core.files.containers import write_npz
+from casadi_contact.core.files.writing import write_text
+from casadi_contact.networks.function_file import save_function
+from casadi_contact.networks.training import checkpoint
+from casadi_contact.networks.training.fit import fit
+from casadi_contact.pictures import figure as show_figure
+from casadi_contact.pictures.report import figure as report_figure
+from casadi_contact.samples.samples import write_samples
+from casadi_contact.scenes.load_cycle import write_cycle
+from casadi_contact.scenes.opensim.mapping import poses_table
+from casadi_contact.scenes.opensim.table import write_table
+from casadi_contact.scenes.pose_file import write_poses
+from casadi_contact.scenes.walking import reference_cycle
+from casadi_contact.workflow.benchmark.front_file import read_front, write_front
 from tests.support.drawn_spheres import draw
 from tests.support.own_contact import SCENE
 from tests.support.random_surrogates import random_poses, random_surrogate

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import h5py
 
-from casadi_contact.files import sealed
-from casadi_contact.files.containers import BLOCK
+from casadi_contact.core.files.containers import BLOCK, sealed
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import casadi_contact as cc
-from casadi_contact.scenes import Scene
+from casadi_contact.scenes.scene import Scene
 
 SLOPE, AT_ZERO, LOCKED = 0.5, 0.2, 0.05  # tz = 0.2 + 0.5·tx [mm], rx = 0.05 rad
 BALL_POSE = {"locked": {"rx": LOCKED, "ry": 0.0}, "tied": {"tz": {"to": "tx", "slope": SLOPE, "at_zero": AT_ZERO}}}

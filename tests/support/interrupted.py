@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 import casadi as ca
 
-from casadi_contact import interrupts
+from casadi_contact.core import interrupts
 
 
 class Interrupted(ca.Callback):

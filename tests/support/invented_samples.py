@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from casadi_contact.dataset import TEST, TRAIN, VALIDATION, Samples
-from casadi_contact.scenes import load_scene
+from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.scenes.loading import load_scene
 from tests.support.random_surrogates import random_poses
 
 KNEE = load_scene("knee")

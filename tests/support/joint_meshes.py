@@ -4,8 +4,8 @@ import numpy as np
 import trimesh
 
 from casadi_contact.geometry.mesh import checked_mesh
-from casadi_contact.proposal.frame import frame_of
-from casadi_contact.proposal.sight import sight_of
+from casadi_contact.workflow.proposal.frame import frame_of
+from casadi_contact.workflow.proposal.sight import sight_of
 from tests.support.meshes import ball_mesh, cap_mesh, groove, sheet_mesh, shell_mesh, unit
 
 POLE, DOWN = unit(np.array([0.2, 0.8, 0.5])), np.array([0.0, -1.0, 0.0])

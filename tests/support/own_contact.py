@@ -9,8 +9,8 @@ import h5py
 import numpy as np
 
 import casadi_contact as cc
-from casadi_contact.conventions import POSE_NAMES, WRENCH_NAMES
-from casadi_contact.scenes import Scene
+from casadi_contact.core.conventions import POSE_NAMES, WRENCH_NAMES
+from casadi_contact.scenes.scene import Scene
 
 CLEARANCE_MM, STIFFNESS = 0.4, 2.0e5  # N/mm²
 CENTRE_MM = np.array([5.0, -3.0, 2.0])

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.structures.cubic_logistic import cubic_terms
-from casadi_contact.structures.distrust import Border, Box, Confirmation
-from casadi_contact.structures.error_classifier import ErrorClassifier
-from casadi_contact.structures.states import States
-from casadi_contact.structures.trust import Trust
+from casadi_contact.surrogate.cubic_logistic import cubic_terms
+from casadi_contact.surrogate.distrust import Border, Box, Confirmation
+from casadi_contact.surrogate.error_classifier import ErrorClassifier
+from casadi_contact.surrogate.states import States
+from casadi_contact.surrogate.trust import Trust
 from tests.support.random_surrogates import POSE_CENTRE, POSE_SPREAD
 
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from casadi_contact.network import Regression
-from casadi_contact.training import TrainingSettings
+from casadi_contact.networks.network import Regression
+from casadi_contact.networks.training.settings import TrainingSettings
 
 FIXED = TrainingSettings(sizes=((6, 5),), max_iterations=40)  # ends by iterations, the same on any machine
 

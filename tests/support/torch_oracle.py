@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from casadi_contact.conventions import WRENCH_NAMES, load_selection
-from casadi_contact.network import Network
-from casadi_contact.structures import Surrogate
-from casadi_contact.structures.patch.targets import ratio_outputs
+from casadi_contact.core.conventions import WRENCH_NAMES, load_selection
+from casadi_contact.networks.network import Network
+from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.surrogate.patch.targets import ratio_outputs
 
 torch.set_default_dtype(torch.float64)
 

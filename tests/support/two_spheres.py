@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.contact import ContactModel
-from casadi_contact.conventions import angular_velocity_map, as_poses, load_selection, rotation
-from casadi_contact.scenes import load_scene
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.core.conventions import angular_velocity_map, as_poses, load_selection, rotation
+from casadi_contact.scenes.loading import load_scene
 
 RADIUS_MM = 27.0
 STIFFNESS = 8.0e4  # N/mm²

@@ -12,15 +12,9 @@ from typing import Protocol
 
 import numpy as np
 
-from casadi_contact.conventions import Array
-from casadi_contact.geometry.projection import (
-    DOWN,
-    CentralProjection,
-    Lines,
-    ParallelProjection,
-    grid_frame,
-)
-from casadi_contact.scenes import Scene
+from casadi_contact.core.conventions import Array
+from casadi_contact.geometry.projection import DOWN, CentralProjection, Lines, ParallelProjection, grid_frame
+from casadi_contact.scenes.scene import Scene
 
 
 @dataclass(frozen=True)

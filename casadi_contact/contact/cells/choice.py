@@ -15,10 +15,10 @@ from casadi_contact.contact.cells.patches import patch_charts
 from casadi_contact.contact.cells.pressed_poses import pressed_poses, seated_poses
 from casadi_contact.contact.cells.quadrature import Quadrature
 from casadi_contact.contact.convergence import Errors, NotGoodEnoughError, cure_of, forces_tried, not_good_enough
-from casadi_contact.contact.elements import ElasticFoundation, grid_text
+from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
 from casadi_contact.contact.elements.sharp_edges import TELLING_SHARE, share_at_sharp_edges
-from casadi_contact.conventions import Array, load_selection, rotation
-from casadi_contact.scenes import Scene
+from casadi_contact.core.conventions import Array, load_selection, rotation
+from casadi_contact.scenes.scene import Scene
 
 _SIZES_MM = (2.4, 2.0, 1.7, 1.4, 1.2, 1.0, 0.85, 0.7, 0.6, 0.52, 0.45)  # of patches that are `_USUAL_MM` long and more
 _USUAL_MM = 30.0

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.projection import LEAST_UPWARD
 
 _CREASE_COS = np.cos(np.deg2rad(30.0))  # between normals of neighbours: 0.15 mm apart on a fillet of 0.3 mm

@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from casadi_contact.contact.cells.basis import middles
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 _BLUNT = 0.08  # curvature [1/mm] up to which cells are as large as on the flat
 _DENSEST = 3.3  # times as many cells as on the flat, on the sharpest ridge

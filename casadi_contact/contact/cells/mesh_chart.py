@@ -20,11 +20,11 @@ from scipy.spatial import cKDTree
 from casadi_contact.contact.cells.charts import Surface, surface_at
 from casadi_contact.contact.cells.faces import sheets_and_faces
 from casadi_contact.contact.cells.grading import density
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.field_derivatives import field_derivatives
 from casadi_contact.geometry.mesh_elements import grid_on_mesh
 from casadi_contact.geometry.projection import LEAST_UPWARD, Lines
-from casadi_contact.scenes import Scene
+from casadi_contact.scenes.scene import Scene
 
 _RASTER_MM, _FEWEST_PARTS, _MOST_PARTS = 0.15, 64, 400  # of each side: where the mesh is looked for
 _RIDGE_SHARE = 97  # percentile of the curvatures along a line: a ridge may be as short
@@ -39,8 +39,8 @@ class MeshChart:
     """The part of a fixed mesh that a patch's box holds; it is looked for on a raster, once."""
 
     def __init__(self, scene: Scene, patch: str) -> None:
-        from casadi_contact.shapes.mesh_bodies import body_field, body_surface, patch_box
-        from casadi_contact.shapes.mesh_patches import patch_mesh, patch_projection
+        from casadi_contact.scenes.shapes.mesh_bodies import body_field, body_surface, patch_box
+        from casadi_contact.scenes.shapes.mesh_patches import patch_mesh, patch_projection
 
         self._projection = patch_projection(scene.geometry, patch)
         self._mesh = patch_mesh(scene.geometry, patch, reaching=True)

@@ -10,8 +10,8 @@ from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.charts import Chart, CupChart, PlaneChart
 from casadi_contact.contact.cells.grading import Lines, lay_lines
 from casadi_contact.contact.cells.mesh_chart import MeshChart
-from casadi_contact.conventions import Array
-from casadi_contact.scenes import Scene
+from casadi_contact.core.conventions import Array
+from casadi_contact.scenes.scene import Scene
 
 CELL_SHAPES = ("mesh", "ball_in_cup", "sphere_on_plane", "cylinder_on_plane", "punch_on_plane")
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from casadi_contact.contact.approach import press_until, trace_gap
-from casadi_contact.contact.elements import ElasticFoundation
-from casadi_contact.conventions import POSE_NAMES, Array, rotation
-from casadi_contact.motion.joint_cycle import scene_cycles
-from casadi_contact.scenes import Scene
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.core.conventions import POSE_NAMES, Array, rotation
+from casadi_contact.scenes.joint_cycle import scene_cycles
+from casadi_contact.scenes.scene import Scene
 
 _TURN_RAD = np.deg2rad([10.0, 15.0, 60.0])  # to both sides, where no motion is told: joints flex about z
 _BEYOND_RAD = np.deg2rad(10.0)  # beyond a motion that the scene tells

@@ -14,7 +14,7 @@ import numpy as np
 from casadi_contact.contact.cells.basis import corner_shares, positive_ramp, smooth_step
 from casadi_contact.contact.cells.quadrature import WIDTH_MM, Quadrature, Touch
 from casadi_contact.contact.pressure.outputs import MOMENTS
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 POWER = 32
 _FULL = (POWER + 2.0) / (POWER + 1.0)

@@ -24,9 +24,9 @@ from casadi_contact.contact.elements.culling import STEEPEST_FIELD
 from casadi_contact.contact.elements.loops import point_distances
 from casadi_contact.contact.pressure.law import pressure, pressure_slopes
 from casadi_contact.contact.twist import twist
-from casadi_contact.conventions import Array
-from casadi_contact.geometry import MovingSurface
+from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.field_derivatives import distance_derivatives, distance_slopes
+from casadi_contact.geometry.moving_surface import MovingSurface
 
 WIDTH_MM = 0.02  # of the smoothed max(d, 0)
 FLATTEST, FLATTEST_WIDTH = 0.3, 0.1  # cos of the angle between ray and surface that flatter rays count as

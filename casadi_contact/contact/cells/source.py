@@ -22,12 +22,12 @@ from casadi_contact.contact.cells.quadrature import Quadrature
 from casadi_contact.contact.cells.tangents import STRIDE, tangents, tangents_reach
 from casadi_contact.contact.compiled.source import C_FOLDER, braces
 from casadi_contact.contact.elements.culling import STEEPEST_FIELD
-from casadi_contact.conventions import Array
+from casadi_contact.core.compiler import DATA_FILE
+from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.distance_field import field_parts
 from casadi_contact.geometry.field_derivatives import round_body
 from casadi_contact.geometry.moving_surface import HALF_SPACE, MESH_FIELD, MovingSurface
-from casadi_contact.transcription.kernel.compiler import DATA_FILE
-from casadi_contact.transcription.kernel.source import c_text
+from casadi_contact.networks.kernel.source import c_text
 
 _LINE = 64  # bytes that tables begin at multiples of
 _FACETED_MM = 0.01  # by which boxes are larger than the sub-points

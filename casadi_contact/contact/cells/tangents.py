@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 STRIDE = 2  # nodes of the field for one of these
 _LONGEST_REACH_MM = 5.0  # blocks of a knee's largest cells reach 3 to 4 mm from their middles

@@ -20,21 +20,21 @@ from casadi_contact.contact.model import signed_roots
 from casadi_contact.contact.parameters import check_parameters, parametric_function
 from casadi_contact.contact.twist import by_pose
 from casadi_contact.contact.wrench_loads import WrenchLoads
-from casadi_contact.conventions import Array, load_selection, pose_or_poses, rotation, wrench_names
-from casadi_contact.scenes import Scene
-from casadi_contact.transcription.export_c import ExportedModel
-from casadi_contact.transcription.exportable import Exportable
-from casadi_contact.transcription.functions import (
+from casadi_contact.core.compiler import CompilerError, call_in_shares, shared_library, warn_once
+from casadi_contact.core.conventions import Array, load_selection, pose_or_poses, rotation, wrench_names
+from casadi_contact.networks.export_c import ExportedModel
+from casadi_contact.networks.exportable import Exportable
+from casadi_contact.networks.functions import (
     ContactFunctions,
     as_weights,
     checked_batch,
     hessian_function,
     weighted_hessians,
 )
-from casadi_contact.transcription.kernel.casadi_interface import casadi_interface
-from casadi_contact.transcription.kernel.compiler import CompilerError, call_in_shares, shared_library, warn_once
-from casadi_contact.transcription.kernel.source import c_text, roots_source
-from casadi_contact.transcription.names import UNNAMED, check_name, check_unused, name_of_batch, name_of_wrenches
+from casadi_contact.networks.kernel.casadi_interface import casadi_interface
+from casadi_contact.networks.kernel.source import c_text, roots_source
+from casadi_contact.networks.names import UNNAMED, check_name, check_unused, name_of_batch, name_of_wrenches
+from casadi_contact.scenes.scene import Scene
 
 BOTH = "contact_loads_and_roots"
 EXAMPLE_OVERLAP_MM = 0.1  # of an example: a joint's ordinary load

@@ -14,10 +14,10 @@ from casadi_contact.contact.compiled.foundation import BOTH, CompiledFoundation
 from casadi_contact.contact.compiled.source import C_FOLDER
 from casadi_contact.contact.pressure.outputs import MOMENTS, PressureOutputs
 from casadi_contact.contact.twist import by_pose
-from casadi_contact.conventions import Array, rotation
-from casadi_contact.transcription.export_c import ExportedModel
-from casadi_contact.transcription.kernel.compiler import call_in_shares
-from casadi_contact.transcription.kernel.source import c_text
+from casadi_contact.core.compiler import call_in_shares
+from casadi_contact.core.conventions import Array, rotation
+from casadi_contact.networks.export_c import ExportedModel
+from casadi_contact.networks.kernel.source import c_text
 
 
 class CompiledPressures(CompiledFoundation, PressureOutputs):

@@ -6,9 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from casadi_contact.contact.pressure.law import layer_modulus
-from casadi_contact.conventions import load_selection
-from casadi_contact.scenes import Material, Scene
-from casadi_contact.transcription.kernel.source import c_text
+from casadi_contact.core.conventions import load_selection
+from casadi_contact.networks.kernel.source import c_text
+from casadi_contact.scenes.material import Material
+from casadi_contact.scenes.scene import Scene
 
 C_LAWS = ("linear", "log")
 C_FOLDER = "casadi_contact.contact.c"

@@ -11,8 +11,8 @@ from casadi_contact.contact.approach import press_until
 from casadi_contact.contact.convergence import cheapest, forces_tried
 from casadi_contact.contact.cup.foundation import CupFoundation
 from casadi_contact.contact.cup.quadrature import any_across
-from casadi_contact.conventions import Array
-from casadi_contact.scenes import Scene
+from casadi_contact.core.conventions import Array
+from casadi_contact.scenes.scene import Scene
 
 CANDIDATES = (12, 16, 24, 32, 48)  # with fewer, slopes differ from differences of loads where the rim cuts
 CONVERGED = 96

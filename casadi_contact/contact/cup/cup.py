@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.conventions import Array
-from casadi_contact.scenes import Scene
+from casadi_contact.core.conventions import Array
+from casadi_contact.scenes.scene import Scene
 
 CUP_SHAPE = "ball_in_cup"
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.contact.compiled import CompiledPressures
+from casadi_contact.contact.compiled.pressures import CompiledPressures
 from casadi_contact.contact.compiled.source import C_FOLDER
 from casadi_contact.contact.cup.cup import cup_of
 from casadi_contact.contact.cup.pressures import cup_moments
 from casadi_contact.contact.cup.quadrature import cup_loads
 from casadi_contact.contact.cup.source import cup_source
 from casadi_contact.contact.pressure.law import law_of
-from casadi_contact.conventions import Array
-from casadi_contact.scenes import Scene
-from casadi_contact.transcription.kernel.source import c_text
+from casadi_contact.core.conventions import Array
+from casadi_contact.networks.kernel.source import c_text
+from casadi_contact.scenes.scene import Scene
 
 POINTS = 12
 

@@ -12,7 +12,7 @@ from casadi_contact.contact.cup.cup import Cup
 from casadi_contact.contact.cup.quadrature import Cap, arcs_at, cap_of, first_moment, nearest_direction, rates
 from casadi_contact.contact.pressure.law import pressure_slopes
 from casadi_contact.contact.pressure.outputs import MOMENTS
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 
 def cup_moments(cup: Cup, law: tuple[int, float, float], points: int, centres: Array) -> tuple[Array, Array]:

@@ -23,7 +23,7 @@ import numpy as np
 
 from casadi_contact.contact.cup.cup import Cup
 from casadi_contact.contact.pressure.law import pressure_slopes
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 LEAST_MM = 1e-9  # of |b| and of its part across the pole, below which they have no direction
 _LEAST_SINE = 1e-12

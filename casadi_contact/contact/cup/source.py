@@ -7,7 +7,7 @@ import numpy as np
 from casadi_contact.contact.compiled.source import C_FOLDER, braces
 from casadi_contact.contact.cup.cup import Cup
 from casadi_contact.contact.cup.quadrature import any_across, nodes
-from casadi_contact.transcription.kernel.source import c_text
+from casadi_contact.networks.kernel.source import c_text
 
 
 def cup_source(cup: Cup, points: int) -> str:

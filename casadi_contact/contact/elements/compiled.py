@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from casadi_contact.contact.compiled.source import C_FOLDER, C_LAWS, law_source
-from casadi_contact.conventions import Array
+from casadi_contact.core.compiler import CompilerError, call_in_shares, shared_library
+from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.elements import BLOCK_SIDE, ElementGrid
 from casadi_contact.geometry.moving_surface import SWEPT_ARCS, MovingSurface
-from casadi_contact.scenes import Material
-from casadi_contact.transcription.kernel.compiler import CompilerError, call_in_shares, shared_library
-from casadi_contact.transcription.kernel.source import c_text
+from casadi_contact.networks.kernel.source import c_text
+from casadi_contact.scenes.material import Material
 
 _LANES = 4
 _GROUP = BLOCK_SIDE**2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.compilation import njit
+from casadi_contact.core.compilation import njit
 from casadi_contact.geometry.distance_field import CURVATURE_REACH_MM, field_curvature
 from casadi_contact.geometry.moving_surface import MESH_FIELD
 from casadi_contact.geometry.surfaces import signed_distance

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from casadi_contact.compilation import threads_for
 from casadi_contact.contact.elements.compiled import CompiledElements
 from casadi_contact.contact.elements.loops import element_depths, gap_many, point_distances, touches_many, wrench_many
 from casadi_contact.contact.pressure.law import law_of, pressures
@@ -16,10 +15,13 @@ from casadi_contact.contact.pressure.map import PressureMap
 from casadi_contact.contact.pressure.summary import PressedElements, PressureSummary
 from casadi_contact.contact.twist import by_pose
 from casadi_contact.contact.wrench_loads import WrenchLoads
-from casadi_contact.conventions import Array, as_poses, load_selection, pose_or_poses, rotation
-from casadi_contact.geometry import ElementGrid, MovingSurface
-from casadi_contact.scenes import Material, Scene
-from casadi_contact.shapes.checks import grid_size
+from casadi_contact.core.compilation import threads_for
+from casadi_contact.core.conventions import Array, as_poses, load_selection, pose_or_poses, rotation
+from casadi_contact.geometry.elements import ElementGrid
+from casadi_contact.geometry.moving_surface import MovingSurface
+from casadi_contact.scenes.material import Material
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.shapes.checks import grid_size
 
 
 def grid_text(grid: tuple[int, int]) -> str:

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from casadi_contact.compilation import announce_compilation, njit
 from casadi_contact.contact.elements.culling import block_bound, point_bound, tangent_at, to_moving
 from casadi_contact.contact.pressure.law import pressure
+from casadi_contact.core.compilation import announce_compilation, njit
 from casadi_contact.geometry.surfaces import signed_distance, signed_distance_value
 
 announce_compilation()

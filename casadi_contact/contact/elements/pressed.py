@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 
 def pressed_elements(model: ElasticFoundation, pose: Array) -> tuple[Array, Array]:

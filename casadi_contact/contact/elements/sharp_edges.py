@@ -6,9 +6,9 @@ import numpy as np
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.elements.pressed import pressed_elements
-from casadi_contact.conventions import Array, as_poses, rotation
+from casadi_contact.core.conventions import Array, as_poses, rotation
 from casadi_contact.geometry.creases import beside_creases, creases
-from casadi_contact.shapes.mesh_bodies import body_mesh, field_spacing
+from casadi_contact.scenes.shapes.mesh_bodies import body_mesh, field_spacing
 
 TELLING_SHARE = 0.1  # of a wheel with bare edges, with less of its load there forces are off by 1 %
 

@@ -6,9 +6,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from casadi_contact.contact.convergence import Errors, NotGoodEnoughError, cure_of
-from casadi_contact.contact.elements import ElasticFoundation, grid_text
-from casadi_contact.conventions import Array, load_selection
-from casadi_contact.scenes import Scene
+from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
+from casadi_contact.core.conventions import Array, load_selection
+from casadi_contact.scenes.scene import Scene
 
 ELEMENTS, _HALF = (320, 160), (160, 80)  # of a patch
 _MOST_APART = 0.02  # of the poses: a few of a wide draw are no reason against a model that is right in all others

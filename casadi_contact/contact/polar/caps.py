@@ -17,7 +17,7 @@ from casadi_contact.contact.polar.lines import Lines
 from casadi_contact.contact.polar.middle import LEAST_CHORD_MM, Middle, edge_distance
 from casadi_contact.contact.polar.patches import SmoothPatch
 from casadi_contact.contact.polar.spot import Spot, bounded
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 CHORD_STEPS = 2
 LEAST_TILT = 1e-9  # between the junction's plane and the patch

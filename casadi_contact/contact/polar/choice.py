@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.contact.convergence import cheapest, forces_tried
-from casadi_contact.contact.elements import grid_text
+from casadi_contact.contact.elements.foundation import grid_text
 from casadi_contact.contact.polar.against_elements import ELEMENTS, share_apart
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.middle import middle
@@ -19,8 +19,8 @@ from casadi_contact.contact.polar.pressed_poses import pressed_poses
 from casadi_contact.contact.polar.quadrature import patch_loads
 from casadi_contact.contact.polar.rays import Rays
 from casadi_contact.contact.polar.second import FACING
-from casadi_contact.conventions import Array, evenly, load_selection
-from casadi_contact.scenes import Scene
+from casadi_contact.core.conventions import Array, evenly, load_selection
+from casadi_contact.scenes.scene import Scene
 
 CANDIDATES = (Rays(8, 3), Rays(12, 3), Rays(16, 3), Rays(24, 3), Rays(32, 4), Rays(48, 5))
 LADDER = (Rays(8, 2), Rays(8, 3), Rays(16, 4))

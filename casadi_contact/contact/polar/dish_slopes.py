@@ -22,7 +22,7 @@ from casadi_contact.contact.polar.quadrature import integration
 from casadi_contact.contact.polar.rays import Rays
 from casadi_contact.contact.polar.spot import Spot
 from casadi_contact.contact.pressure.law import pressure_slopes
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 RADII = ("dish_sagittal_radius", "dish_frontal_radius")
 

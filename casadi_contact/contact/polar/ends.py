@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from casadi_contact.contact.polar.patches import SmoothPatch
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 LEAST_RISE = 1e-9
 LEAST_LENGTH = 1e-12

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.contact.compiled import CompiledPressures
+from casadi_contact.contact.compiled.pressures import CompiledPressures
 from casadi_contact.contact.compiled.source import C_FOLDER
 from casadi_contact.contact.polar.patches import smooth_patches
 from casadi_contact.contact.polar.pressures import patch_moments
@@ -12,9 +12,9 @@ from casadi_contact.contact.polar.quadrature import patch_loads
 from casadi_contact.contact.polar.rays import Rays
 from casadi_contact.contact.polar.source import polar_source
 from casadi_contact.contact.pressure.law import law_of
-from casadi_contact.conventions import Array
-from casadi_contact.scenes import Scene
-from casadi_contact.transcription.kernel.source import c_text
+from casadi_contact.core.conventions import Array
+from casadi_contact.networks.kernel.source import c_text
+from casadi_contact.scenes.scene import Scene
 
 RAYS = Rays(16, 3)
 

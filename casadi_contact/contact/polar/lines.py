@@ -8,7 +8,7 @@ import numpy as np
 
 from casadi_contact.contact.polar.ends import LEAST_LENGTH, LEAST_RISE, ray_ends, rise
 from casadi_contact.contact.polar.patches import SmoothPatch
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 EDGE_STEPS = 2
 FINE = 2e-3  # part of an edge: where the last step moved one by more, all take one step more

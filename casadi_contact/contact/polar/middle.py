@@ -11,7 +11,7 @@ from casadi_contact.contact.polar.nearest import nearest
 from casadi_contact.contact.polar.patches import SmoothPatch
 from casadi_contact.contact.polar.rim import within
 from casadi_contact.contact.polar.spot import LEAST_CURVATURE, Spot, bounded, spot_at
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 MIDDLE_STEPS = 3
 LEAST_CHORD_MM = 1e-3

@@ -14,7 +14,7 @@ from casadi_contact.contact.polar.ends import ray_ends
 from casadi_contact.contact.polar.patches import SmoothPatch
 from casadi_contact.contact.polar.rim import rim_box, stretch
 from casadi_contact.contact.polar.spot import LEAST_CURVATURE, Spot, spot_at
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 SEARCH_STEPS = 40  # at most: the usual search ends after one to three
 SWEEPS = 3  # over the coordinates of a step

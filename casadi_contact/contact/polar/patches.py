@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.conventions import Array
-from casadi_contact.geometry import MovingSurface
-from casadi_contact.scenes import Scene
+from casadi_contact.core.conventions import Array
+from casadi_contact.geometry.moving_surface import MovingSurface
+from casadi_contact.scenes.scene import Scene
 
 _FAR_MM = 1e3
 POLAR_SHAPES = ("knee", "sphere_on_plane", "sphere_in_dish", "button_in_groove")

@@ -10,7 +10,7 @@ from casadi_contact.contact.polar.patches import SmoothPatch
 from casadi_contact.contact.polar.quadrature import PatchLoads, patch_loads
 from casadi_contact.contact.polar.rays import Rays
 from casadi_contact.contact.polar.rim import u_range
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 _BEYOND_RAD = np.deg2rad(25.0)  # by which contact goes beyond the outermost junctions of arcs
 _SPIN_RAD = np.deg2rad(10.0)

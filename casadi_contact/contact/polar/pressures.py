@@ -17,7 +17,7 @@ from casadi_contact.contact.polar.rays import Rays
 from casadi_contact.contact.pressure.law import pressure_slopes
 from casadi_contact.contact.pressure.outputs import MOMENTS
 from casadi_contact.contact.twist import twist
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 
 def patch_moments(

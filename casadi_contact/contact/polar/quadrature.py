@@ -26,7 +26,7 @@ from casadi_contact.contact.polar.rays import Rays, rays_at_rim, rays_from
 from casadi_contact.contact.polar.second import second_middle
 from casadi_contact.contact.pressure.law import pressure_slopes
 from casadi_contact.contact.twist import twist
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 
 @dataclass(frozen=True)

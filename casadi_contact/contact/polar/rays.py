@@ -8,7 +8,7 @@ import numpy as np
 
 from casadi_contact.contact.polar.lines import Lines
 from casadi_contact.contact.polar.middle import Middle, edge_distance
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from casadi_contact.contact.polar.patches import SmoothPatch
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 
 def rim_box(patch: SmoothPatch) -> tuple[Array, Array]:

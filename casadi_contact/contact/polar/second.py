@@ -16,7 +16,7 @@ from casadi_contact.contact.polar.nearest import ACROSS, highest
 from casadi_contact.contact.polar.patches import SmoothPatch
 from casadi_contact.contact.polar.rim import rim_box, stretch
 from casadi_contact.contact.polar.spot import spot_at
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 CLOSE_FIT = 0.8  # in 6,900 pressed poses of six knees that fit less closely no second spot was found
 HOVERING_MM = 1.0  # more than g falls between two starts

@@ -15,7 +15,7 @@ from casadi_contact.contact.polar.nearest import ACROSS, LAST_STEP, SEARCH_STEPS
 from casadi_contact.contact.polar.patches import SmoothPatch, Torus
 from casadi_contact.contact.polar.rays import Rays, ray_angles
 from casadi_contact.contact.polar.second import FACING, HOVERING_MM, ON_RIM, OUTWARDS, RIM_STARTS, fits_closely
-from casadi_contact.transcription.kernel.source import c_text
+from casadi_contact.networks.kernel.source import c_text
 
 
 def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from casadi_contact.contact.polar.ends import Ends, ray_ends, tube_frame
 from casadi_contact.contact.polar.patches import SmoothPatch
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 LEAST_CURVATURE = 1e-4  # [1/mm]
 

@@ -11,10 +11,10 @@ from typing import Any
 import numba
 import numpy as np
 
-from casadi_contact.compilation import njit
-from casadi_contact.conventions import Array
-from casadi_contact.pressure_laws import LAWS, PressureLaw
-from casadi_contact.scenes import Material
+from casadi_contact.core.compilation import njit
+from casadi_contact.core.conventions import Array
+from casadi_contact.scenes.material import Material
+from casadi_contact.scenes.pressure_laws import LAWS, PressureLaw
 
 
 def law_number(name: str) -> int:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ import numpy as np
 from casadi_contact.contact.callback import contact_callback
 from casadi_contact.contact.pressure.law import law_of, pressure_slopes
 from casadi_contact.contact.pressure.summary import MEASURES, PressureSummary, pressure_name
-from casadi_contact.conventions import Array, as_poses, pose_or_poses
-from casadi_contact.scenes import Scene
+from casadi_contact.core.conventions import Array, as_poses, pose_or_poses
+from casadi_contact.scenes.scene import Scene
 
 MOMENTS = 6
 

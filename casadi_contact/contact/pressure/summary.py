@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
 
 MEASURES = ("contact_area", "mean_pressure", "peak_pressure", "cop_x", "cop_y", "cop_z", "penetration")
 

@@ -1,7 +1,7 @@
 """Write the pages of results from result files: ``python -m problems.studies.pages``.
 
 The folder of result files holds, as far as measured: speed_accuracy.csv (the front that comes with the library, by
-``python -m casadi_contact.benchmark.shipped knee``), sizes.csv and chart-SCENE.csv (``casadi-contact chart``),
+``python -m casadi_contact.workflow.benchmark.shipped knee``), sizes.csv and chart-SCENE.csv (``casadi-contact chart``),
 solve_time.csv, muscle_settings.json, seeds.json and two_stage_work.csv (``python -m problems.studies.solve_time``,
 ``.muscle_settings``, ``.seeds`` and ``.two_stage_work``), evaluation.json (``evaluate``), kernel_speed.json
 (``speed``), pose_estimation/*.json and muscle_contact/*.json (summaries of the problems), and stability.json or
@@ -15,9 +15,9 @@ from typing import Annotated
 
 import typer
 
-from casadi_contact.benchmark.front_file import read_front
-from casadi_contact.files import replacing, writable_folder
-from casadi_contact.page import save_page
+from casadi_contact.core.files.writing import replacing, writable_folder
+from casadi_contact.pictures.page import save_page
+from casadi_contact.workflow.benchmark.front_file import read_front
 from problems.common.command import new_app, run_command
 from problems.studies import solve_time
 from problems.studies.pages.headline import headline, write_headline

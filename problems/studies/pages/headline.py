@@ -5,16 +5,17 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from casadi_contact.benchmark.front_file import Front
-from casadi_contact.benchmark.shipped import shipped_front
-from casadi_contact.files import replacing
-from casadi_contact.report import read_evaluation, read_kernel_speed
-from casadi_contact.scenes import load_scene
+from casadi_contact.core.files.writing import replacing
+from casadi_contact.pictures.report.kernel_speed import read_kernel_speed
+from casadi_contact.pictures.report.tables import read_evaluation
+from casadi_contact.scenes.loading import load_scene
+from casadi_contact.workflow.benchmark.front_file import Front
+from casadi_contact.workflow.benchmark.shipped import shipped_front
 from problems.studies.pages.markdown import machine, number, table
 
 BEGIN = "<!-- numbers: written by python -m problems.studies.pages -->"
 END = "<!-- end of numbers -->"
-_FRONT = "python -m casadi_contact.benchmark.shipped knee"
+_FRONT = "python -m casadi_contact.workflow.benchmark.shipped knee"
 
 
 def headline(data: Path) -> str:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from casadi_contact.files import one_line
+from casadi_contact.core.files.reading import one_line
 
 
 def read_stored(path: Path) -> dict[str, Any]:

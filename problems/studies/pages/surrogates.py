@@ -9,12 +9,14 @@ from statistics import median
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from casadi_contact.benchmark.front_file import SAMPLES, SECONDS, SIZE, TIMES, Front, Point, read_front
-from casadi_contact.conventions import load_unit
-from casadi_contact.files import replacing, writable_folder
-from casadi_contact.report import draw_charts, family_name, read_evaluation, read_kernel_speed
-from casadi_contact.report.kernel_speed import times_the_limit
-from casadi_contact.scenes import ready_scenes
+from casadi_contact.core.conventions import load_unit
+from casadi_contact.core.files.writing import replacing, writable_folder
+from casadi_contact.pictures.report.charts import draw_charts
+from casadi_contact.pictures.report.figure import family_name
+from casadi_contact.pictures.report.kernel_speed import read_kernel_speed, times_the_limit
+from casadi_contact.pictures.report.tables import read_evaluation
+from casadi_contact.scenes.ready_files import ready_scenes
+from casadi_contact.workflow.benchmark.front_file import SAMPLES, SECONDS, SIZE, TIMES, Front, Point, read_front
 from problems.studies.pages.markdown import machine, number, page, table
 from problems.studies.pages.stored import damage_told, read_stored
 from problems.studies.seeds import KINDS
@@ -39,7 +41,7 @@ def speed_accuracy_page(path: Path, title: str = "Speed and accuracy") -> str:
     shown = [x for x in _CHARTS if needs.get(x, SIZE) in sweeps and (by_domain or x != "error_by_domain")]
     pictures = {x: f"![{_CHARTS[x]}]({path.stem}/{x}.png)" for x in shown}
     header = front.header
-    command = f"python -m casadi_contact.benchmark.shipped {header['scene']}"
+    command = f"python -m casadi_contact.workflow.benchmark.shipped {header['scene']}"
     if "command" in header:
         command = header["command"]
     elif "preset" in header:

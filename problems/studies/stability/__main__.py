@@ -11,9 +11,9 @@ from typing import Annotated, Any
 
 import typer
 
-from casadi_contact.commands.arguments import Scheduler
-from casadi_contact.files import writable_folder
-from casadi_contact.workers import cluster_workers
+from casadi_contact.cli.arguments import Scheduler
+from casadi_contact.core.files.writing import writable_folder
+from casadi_contact.core.workers import cluster_workers
 from problems.common.command import RESULTS, new_app, run_command
 from problems.studies.stability.picture import draw
 from problems.studies.stability.rows import Plan, kept, measure_rows

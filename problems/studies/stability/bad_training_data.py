@@ -8,10 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from casadi_contact.network import Regression
-from casadi_contact.quantities import two_digits
-from casadi_contact.structures import PatchSurrogate, TwoStageSurrogate
-from casadi_contact.training import TrainingSettings, fit
+from casadi_contact.core.quantities import two_digits
+from casadi_contact.networks.network import Regression
+from casadi_contact.networks.training.fit import fit
+from casadi_contact.networks.training.settings import TrainingSettings
+from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
+from casadi_contact.surrogate.two_stage.surrogate import TwoStageSurrogate
 from problems.studies.stability.methods import EF_ANALYTIC, METHODS, PATCH, SURROGATES, TWO_STAGE, Bench
 from problems.studies.stability.table import Line
 from problems.studies.stability.walking_samples import walking_samples

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.benchmark.peers.training_set import TrainingSet
-from casadi_contact.conventions import Array
+from casadi_contact.core.conventions import Array
+from casadi_contact.workflow.benchmark.peers.training_set import TrainingSet
 from problems.studies.stability.methods import EF_ANALYTIC, METHODS, Bench
 from problems.studies.stability.peers import KRIGING
 from problems.studies.stability.table import Line

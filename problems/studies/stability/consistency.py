@@ -13,8 +13,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from casadi_contact.conventions import POSE_IN_MM, Array
-from casadi_contact.optimisation import generalised_forces, total_selection
+from casadi_contact.core.conventions import POSE_IN_MM, Array
+from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection
 from problems.studies.stability.methods import Bench
 from problems.studies.stability.table import Line
 

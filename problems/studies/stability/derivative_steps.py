@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.contact import ElasticFoundation
-from casadi_contact.conventions import LEVER_MM, POSE_IN_MM, Array
-from casadi_contact.quantities import newton_scales
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.core.conventions import LEVER_MM, POSE_IN_MM, Array
+from casadi_contact.core.quantities import newton_scales
 from problems.studies.stability.differences import by_differences
 from problems.studies.stability.methods import EF_ANALYTIC, EF_COARSE, EF_FINE, Bench
 from problems.studies.stability.table import Line

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from casadi_contact.conventions import POSE_IN_MM, Array
+from casadi_contact.core.conventions import POSE_IN_MM, Array
 
 
 def by_differences(model: Callable[[Array], Array], poses: Array, step_mm: float, *, central: bool) -> Array:

@@ -13,10 +13,11 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import least_squares
 
-from casadi_contact.conventions import POSE_IN_MM, Array, pose_index
-from casadi_contact.optimisation import KNEE_STEPS, wrench_function
-from casadi_contact.quantities import three_digits
-from casadi_contact.statics import settle
+from casadi_contact.contact.settle import settle
+from casadi_contact.core.conventions import POSE_IN_MM, Array, pose_index
+from casadi_contact.core.quantities import three_digits
+from casadi_contact.optimisation.joint_mechanics import wrench_function
+from casadi_contact.optimisation.starts import KNEE_STEPS
 from problems.static_equilibrium.problem import residual_function
 from problems.studies.stability.methods import PATCH, Bench
 from problems.studies.stability.table import Line

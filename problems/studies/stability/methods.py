@@ -8,13 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.benchmark.peers.training_set import TrainingSet
-from casadi_contact.contact import CallableModel, ElasticFoundation, foundation
-from casadi_contact.conventions import Array
-from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.project import Project, built_in_motion, read_motion, surrogates_at_hand
-from casadi_contact.scenes import Scene
-from casadi_contact.structures import Surrogate, load_surrogate
+from casadi_contact.contact.callable_model import CallableModel
+from casadi_contact.contact.choice import foundation
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.core.conventions import Array
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.walking import reference_cycle
+from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.surrogate.load import load_surrogate
+from casadi_contact.workflow.benchmark.peers.training_set import TrainingSet
+from casadi_contact.workflow.project import Project, built_in_motion, read_motion, surrogates_at_hand
 from problems import pose_estimation
 from problems.studies.stability.peers import PEERS, peer_models
 from problems.studies.stability.walking_samples import walking_samples

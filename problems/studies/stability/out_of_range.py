@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.contact import ElasticFoundation
-from casadi_contact.conventions import POSE_NAMES, Array
-from casadi_contact.optimisation import pose_bounds
-from casadi_contact.structures import Surrogate
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.core.conventions import POSE_NAMES, Array
+from casadi_contact.optimisation.starts import pose_bounds
+from casadi_contact.surrogate.base import Surrogate
 from problems.studies.stability.methods import BY_DIFFERENCES, Bench
 from problems.studies.stability.normals import normal_of
 from problems.studies.stability.table import Line

@@ -9,21 +9,21 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.benchmark.peers.history import HISTORY_MODELS
-from casadi_contact.benchmark.peers.history.cycles import Cycles
-from casadi_contact.benchmark.peers.history.in_time import SinglePoses
-from casadi_contact.benchmark.peers.kriging import Kriging
-from casadi_contact.benchmark.peers.kriging import best_kernel as kriging_kernel
-from casadi_contact.benchmark.peers.lazy_learning import LazyLearner
-from casadi_contact.benchmark.peers.polynomial import Polynomial
-from casadi_contact.benchmark.peers.radial_basis import RadialBasis
-from casadi_contact.benchmark.peers.radial_basis import best_kernel as radial_kernel
-from casadi_contact.benchmark.peers.training_set import TrainingSet
-from casadi_contact.contact import ContactModel, ElasticFoundation
-from casadi_contact.contact.model import root_of_normal
-from casadi_contact.conventions import Array, as_poses
-from casadi_contact.sampling import ReferenceMotion
-from casadi_contact.scenes import Scene
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.model import ContactModel, root_of_normal
+from casadi_contact.core.conventions import Array, as_poses
+from casadi_contact.samples.reference import ReferenceMotion
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.workflow.benchmark.peers.history.cycles import Cycles
+from casadi_contact.workflow.benchmark.peers.history.in_time import SinglePoses
+from casadi_contact.workflow.benchmark.peers.history.models import HISTORY_MODELS
+from casadi_contact.workflow.benchmark.peers.kriging import Kriging
+from casadi_contact.workflow.benchmark.peers.kriging import best_kernel as kriging_kernel
+from casadi_contact.workflow.benchmark.peers.lazy_learning import LazyLearner
+from casadi_contact.workflow.benchmark.peers.polynomial import Polynomial
+from casadi_contact.workflow.benchmark.peers.radial_basis import RadialBasis
+from casadi_contact.workflow.benchmark.peers.radial_basis import best_kernel as radial_kernel
+from casadi_contact.workflow.benchmark.peers.training_set import TrainingSet
 from problems.studies.stability.differences import by_differences
 from problems.studies.stability.normals import normal_of, patch_wrench
 

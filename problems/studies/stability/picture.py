@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.page import COLOURS, new_page, save_page
+from casadi_contact.pictures.page import COLOURS, new_page, save_page
 from problems.studies.stability.methods import METHODS
 
 # Markers for those who print in grey.

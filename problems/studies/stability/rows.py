@@ -10,8 +10,8 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
-from casadi_contact.project import Project
-from casadi_contact.workers import cancelled_if_left
+from casadi_contact.core.workers import cancelled_if_left
+from casadi_contact.workflow.project import Project
 from problems.studies.stability import (
     bad_training_data,
     clusters,

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.contact import ElasticFoundation
-from casadi_contact.conventions import POSE_IN_MM, Array, pose_index
-from casadi_contact.statics import settle
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.settle import settle
+from casadi_contact.core.conventions import POSE_IN_MM, Array, pose_index
 from problems.common.same_poses import same_poses
 from problems.studies.stability.methods import Bench
 from problems.studies.stability.normals import normal_of

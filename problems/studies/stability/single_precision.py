@@ -14,12 +14,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from casadi_contact.conventions import Array
-from casadi_contact.motion.load_cycle import COLUMNS, LoadCycle
-from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.network import Network
-from casadi_contact.network.activations import activation_of
-from casadi_contact.structures import PatchSurrogate, Surrogate, TwoStageSurrogate
+from casadi_contact.core.conventions import Array
+from casadi_contact.networks.activations import activation_of
+from casadi_contact.networks.network import Network
+from casadi_contact.scenes.load_cycle import COLUMNS, LoadCycle
+from casadi_contact.scenes.walking import reference_cycle
+from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
+from casadi_contact.surrogate.two_stage.surrogate import TwoStageSurrogate
 from problems import pose_estimation
 from problems.common.same_poses import same_poses
 from problems.studies.stability.derivative_steps import relative_error

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.contact import ElasticFoundation
-from casadi_contact.conventions import POSE_NAMES, Array, pose_index
-from casadi_contact.motion.load_cycle import LoadCycle
-from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.statics import settle
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.settle import settle
+from casadi_contact.core.conventions import POSE_NAMES, Array, pose_index
+from casadi_contact.scenes.load_cycle import LoadCycle
+from casadi_contact.scenes.walking import reference_cycle
 from problems.common.same_poses import same_poses
 from problems.studies.stability.methods import Bench
 from problems.studies.stability.table import Line

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from casadi_contact.motion.columns import write_columns
+from casadi_contact.scenes.columns import write_columns
 from problems.common.records import write_summary
 from problems.studies.stability.methods import METHODS
 

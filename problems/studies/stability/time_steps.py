@@ -10,8 +10,8 @@ import numpy as np
 from rich.progress import track
 from scipy.optimize import root
 
-from casadi_contact.conventions import Array
-from casadi_contact.optimisation import KNEE_STEPS
+from casadi_contact.core.conventions import Array
+from casadi_contact.optimisation.starts import KNEE_STEPS
 from problems import knee_simulator
 from problems.knee_simulator import KneeSimulator, constant, start_state
 from problems.studies.stability.methods import PATCH, Bench

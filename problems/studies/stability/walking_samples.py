@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.contact import ElasticFoundation
-from casadi_contact.conventions import Array, pose_index
-from casadi_contact.dataset import TRAIN, VALIDATION, Samples
-from casadi_contact.statics import settle
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.settle import settle
+from casadi_contact.core.conventions import Array, pose_index
+from casadi_contact.samples.samples import TRAIN, VALIDATION, Samples
 
 _MOVES = {"tx": 3.0, "tz": 0.5, "ry": 0.05, "rz": 0.1}  # [mm, rad] about walking
 _LOADS_N = (20.0, 1500.0)

@@ -1,0 +1,54 @@
+"""Arguments and options that several commands share, and where all of them print."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from casadi_contact.core.terminal import PlainConsole
+from casadi_contact.samples.draw import MODELS
+from casadi_contact.scenes.ready_files import ready_scenes
+from casadi_contact.surrogate.load import ready_surrogates
+from casadi_contact.workflow.presets import PRESETS
+from casadi_contact.workflow.project import Project, shipped_surrogates
+
+console = PlainConsole()
+
+SceneName = Annotated[str, typer.Argument(help=f"a ready scene ({', '.join(ready_scenes())}) or the path of a .toml")]
+DEFAULT_PRESET = "quick"
+_HOW_MUCH = f"how much to sample and train: {', '.join(PRESETS)}"
+PresetName = Annotated[str, typer.Option(help=_HOW_MUCH)]
+PresetOrNone = Annotated[str | None, typer.Option(help=_HOW_MUCH, show_default=DEFAULT_PRESET)]
+Cycles = Annotated[
+    list[Path] | None, typer.Option(help="cycle files (CSV) of the reference motion; the built-in one if left out")
+]
+MoreCycles = Annotated[list[Path] | None, typer.Argument(help="further cycle files")]
+Table = Annotated[
+    Path | None, typer.Option(help="a table of samples (CSV, HDF5) of any contact model, instead of sampling")
+]
+ModelName = Annotated[
+    str,
+    typer.Option(help=f"contact model that samples are settled and evaluated on: {', '.join(MODELS)} (faster)"),
+]
+SurrogateName = Annotated[
+    str, typer.Argument(help=f"a ready surrogate ({', '.join(ready_surrogates())}) or the path of a .h5 file")
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(help="address or file of a Dask scheduler whose workers do the work; the cores here if left out"),
+]
+Out = Annotated[Path | None, typer.Option(help="folder of all results; results/SCENE-PRESET (-TOLERANCE) if left out")]
+
+
+def check_html(out: Path) -> None:
+    """Raises ValueError, before long work, for a page that no browser would open by its name."""
+    if out.suffix.lower() not in (".html", ".htm"):
+        raise ValueError(f"--out is {out}, expected a page's name, for example {out.with_suffix('.html').name}")
+
+
+def say_shipped(project: Project, doing: str) -> None:
+    """That a folder holds nothing yet, so that the scene's shipped surrogates are taken."""
+    if not project.begun and shipped_surrogates(project.scene):
+        console.print(f"nothing built in {project.folder}: {doing} the shipped surrogates", highlight=False)

@@ -1,0 +1,219 @@
+"""From a scene to exported surrogates: ``build``, and its stages one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from casadi_contact.cli import pipeline
+from casadi_contact.cli.arguments import (
+    DEFAULT_PRESET,
+    Cycles,
+    ModelName,
+    MoreCycles,
+    Out,
+    PresetName,
+    PresetOrNone,
+    SceneName,
+    Scheduler,
+    Table,
+    console,
+    say_shipped,
+)
+from casadi_contact.core.files.writing import folder_lock
+from casadi_contact.core.terminal import progress_bars
+from casadi_contact.core.workers import cluster_workers
+from casadi_contact.optimisation.verification.fitness import fitness
+from casadi_contact.pictures.report.tables import evaluation_tables, fine_grid_remark, read_evaluation
+from casadi_contact.samples.draw import model_pair
+from casadi_contact.workflow.project import Project, project_surrogates
+from casadi_contact.workflow.tolerance import scene_to_tolerance, train_to_tolerance
+
+
+def build(
+    scene: SceneName,
+    preset: PresetOrNone = None,
+    cycles: Cycles = None,
+    more_cycles: MoreCycles = None,
+    table: Table = None,
+    model: ModelName = "elements",
+    scheduler: Scheduler = None,
+    out: Out = None,
+    force_tol: Annotated[
+        float | None, typer.Option(help="RMS error wanted of every force [N]: samples and sizes follow, not the preset")
+    ] = None,
+    torque_tol: Annotated[float | None, typer.Option(help="RMS error wanted of every torque [N·mm], likewise")] = None,
+) -> None:
+    """Sample, train, evaluate and export; run again after an interruption to go on."""
+    files, within = [*(cycles or []), *(more_cycles or [])], force_tol is not None or torque_tol is not None
+    pipeline.check_table(table, files, model)
+    if within:
+        project = _project_within(scene, out, preset, table, force_tol, torque_tol)
+    else:
+        project = Project.open(scene, preset or DEFAULT_PRESET, out)
+    with folder_lock(project.folder), cluster_workers(scheduler) as executor:
+        stages: dict[str, Callable[[], None]] = {
+            "samples": lambda: _sample(project, files, table, model, executor),
+            "training": lambda: _train(project, executor),
+        }
+        if within:
+            stages = {"samples and training": lambda: _train_within(project, files, model, executor)}
+        stages |= {
+            "evaluation": lambda: _evaluate(project),
+            "export": lambda: _export(project),
+            "report": lambda: _report(project),
+        }
+        for number, (stage, run) in enumerate(stages.items(), start=1):
+            console.print(f"stage {number} of {len(stages)}: {stage}", highlight=False)
+            run()
+
+
+def _project_within(
+    scene: str,
+    out: Path | None,
+    preset: str | None,
+    table: Path | None,
+    force_tol: float | None,
+    torque_tol: float | None,
+) -> Project:
+    """The project of a build whose scene has these tolerances [N, N·mm]."""
+    if preset is not None:
+        raise ValueError(f"got --preset {preset} and a tolerance, expected one: samples and sizes follow the tolerance")
+    if table is not None:
+        raise ValueError(
+            "got a table of samples and a tolerance, expected one: samples are drawn as the tolerance asks"
+        )
+    wanted = [f"{tol:.15g}{unit}" for tol, unit in ((force_tol, "N"), (torque_tol, "Nmm")) if tol is not None]
+    folder = Path("results") / "-".join([Path(scene).stem, *wanted]) if out is None else out
+    project = Project.open(scene, DEFAULT_PRESET, folder)
+    return replace(project, scene=scene_to_tolerance(project.scene, force_tol, torque_tol))
+
+
+def sample(
+    scene: SceneName,
+    preset: PresetName = DEFAULT_PRESET,
+    cycles: Cycles = None,
+    more_cycles: MoreCycles = None,
+    table: Table = None,
+    model: ModelName = "elements",
+    scheduler: Scheduler = None,
+    out: Out = None,
+) -> None:
+    """Draw samples of the elastic foundation in domains D1 to D7."""
+    files = [*(cycles or []), *(more_cycles or [])]
+    pipeline.check_table(table, files, model)
+    project = Project.open(scene, preset, out)
+    with cluster_workers(scheduler) as executor:
+        _sample(project, files, table, model, executor)
+
+
+def train(
+    scene: SceneName,
+    preset: PresetName = DEFAULT_PRESET,
+    structure: Annotated[str | None, typer.Option(help="only this structure; all of the preset if left out")] = None,
+    scheduler: Scheduler = None,
+    out: Out = None,
+) -> None:
+    """Train the preset's networks on the samples."""
+    project = Project.open(scene, preset, out)
+    with cluster_workers(scheduler) as executor:
+        _train(project, executor, structure)
+
+
+def calibrate(scene: SceneName, preset: PresetName = DEFAULT_PRESET, out: Out = None) -> None:
+    """Give trained surrogates validity and expected error anew, from the project's samples (train does so too)."""
+    project = Project.open(scene, preset, out)
+    with progress_bars(console, cure="what is calibrated so far is kept, the rest is as it was") as update:
+        paths = pipeline.calibrate(project, update)
+    for path in paths:
+        console.print(f"calibrated {path}", highlight=False)
+
+
+def evaluate(scene: SceneName, preset: PresetName = DEFAULT_PRESET, out: Out = None) -> None:
+    """Print and write the errors per domain and the speed on unseen poses of the scene's motion."""
+    _evaluate(Project.open(scene, preset, out))
+
+
+def export(
+    scene: SceneName,
+    preset: PresetName = DEFAULT_PRESET,
+    out: Out = None,
+    kernel: Annotated[bool, typer.Option("--kernel", help="the C kernel alone, without the CasADi file")] = False,
+    fmu: Annotated[
+        bool, typer.Option("--fmu", help="a functional mock-up unit (FMI 3.0) for other simulators, instead of C")
+    ] = False,
+    foundation: Annotated[
+        bool, typer.Option("--foundation", help="the contact model that needs no training, instead of surrogates")
+    ] = False,
+) -> None:
+    """Write CasADi files, and C kernels without dependencies, with an example; or FMUs.
+
+    Where nothing has been built in the folder, the shipped surrogates of the scene are exported.
+    """
+    if kernel and (fmu or foundation):
+        raise ValueError("got --kernel with --fmu or --foundation, which write no CasADi file: leave it out")
+    _export(Project.open(scene, preset, out), kernel_only=kernel, fmu=fmu, contact_model=foundation)
+
+
+def _sample(
+    project: Project, cycle_files: list[Path], table: Path | None, model: str, executor: Executor | None
+) -> None:
+    if table is not None:
+        samples = pipeline.take_table(project, table)
+        console.print(f"{len(samples)} samples of {table} in {project.samples_path}", highlight=False)
+        return
+    with progress_bars(console) as update:
+        samples, report = pipeline.sample(project, cycle_files, update, executor, models=model_pair(model))
+    console.print(str(report), highlight=False)
+    for domain, share in samples.dropped_shares().items():
+        reasons = samples.provenance["dropped"].get(domain, {})
+        listed = "; ".join(f"{reason} ({count})" for reason, count in reasons.items())
+        if listed:
+            console.print(f"{domain}: {share:.1%} of the plan dropped: {listed}", highlight=False)
+    for domain, reason in samples.provenance.get("left_out", {}).items():
+        console.print(f"{domain} left out: {reason}", highlight=False)
+    console.print(f"{len(samples)} samples in {project.samples_path}", highlight=False)
+
+
+def _train_within(project: Project, files: list[Path], model: str, executor: Executor | None) -> None:
+    with progress_bars(console) as update:
+        train_to_tolerance(project, files, update, executor, model_pair(model))
+
+
+def _train(project: Project, executor: Executor | None, structure: str | None = None) -> None:
+    with progress_bars(console) as update:
+        paths = pipeline.train(project, update, executor, structure=structure)
+    for path in paths:
+        console.print(f"surrogate in {path}", highlight=False)
+
+
+def _evaluate(project: Project) -> None:
+    path = pipeline.evaluate(project)
+    content = read_evaluation(path)
+    for table in evaluation_tables(content):
+        console.print(table)
+    if remark := fine_grid_remark(content, project.scene):
+        console.print(remark, highlight=False, markup=False, soft_wrap=True)
+    console.print(f"evaluation in {path}", highlight=False)
+
+
+def _report(project: Project) -> None:
+    path = pipeline.report(project)
+    for structure, surrogate in project_surrogates(project).items():
+        console.print(f"{structure}: {fitness(surrogate)}", highlight=False, markup=False, soft_wrap=True)
+        if surrogate.scene.tolerances != project.scene.tolerances:
+            text = ", ".join(f"{load} {tolerance:g}" for load, tolerance in surrogate.scene.tolerances.items())
+            console.print(f"judged by the tolerances it was trained for: {text}", highlight=False, soft_wrap=True)
+    console.print(f"report in {path}", highlight=False)
+
+
+def _export(project: Project, *, kernel_only: bool = False, fmu: bool = False, contact_model: bool = False) -> None:
+    if not contact_model:
+        say_shipped(project, "exporting")
+    for path in pipeline.export(project, kernel_only=kernel_only, fmu=fmu, contact_model=contact_model):
+        console.print(f"exported {path}", highlight=False)

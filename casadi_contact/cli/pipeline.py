@@ -1,0 +1,184 @@
+"""The stages from a scene to a surrogate, each restarting alone from the files of the one before it.
+
+cycles -> motion.npz, samples.h5 -> training/ -> patch.h5, two_stage.h5 -> evaluation.json -> export/, report.html
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from pathlib import Path
+
+from casadi_contact.contact.choice import foundation
+from casadi_contact.contact.compiled.foundation import CompiledFoundation
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.core.conventions import Update
+from casadi_contact.core.files.writing import folder_lock, replacing, writable_folder, write_text
+from casadi_contact.networks.function_file import save_function
+from casadi_contact.pictures.contact_pose import contact_pose
+from casadi_contact.pictures.report.charts import draw_charts
+from casadi_contact.pictures.report.surrogate_page import write_report
+from casadi_contact.samples.draw import teacher_of
+from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.surrogate.calibration import with_trust
+from casadi_contact.workflow.benchmark.evaluate import evaluate as evaluate_models
+from casadi_contact.workflow.benchmark.front_file import read_front
+from casadi_contact.workflow.benchmark.measure import measure_project
+from casadi_contact.workflow.presets import PRESETS
+from casadi_contact.workflow.project import (
+    Project,
+    alone,
+    has_motion,
+    motion_at_hand,
+    project_surrogates,
+    read_motion,
+    surrogates_at_hand,
+)
+from casadi_contact.workflow.samples import DrawnModel, check_table, draw, sample, take_table
+from casadi_contact.workflow.train import moved_samples, structures_for_scene, train
+
+__all__ = [
+    "PRESETS",
+    "Project",
+    "build",
+    "calibrate",
+    "chart",
+    "check_table",
+    "evaluate",
+    "export",
+    "read_motion",
+    "report",
+    "sample",
+    "structures_for_scene",
+    "take_table",
+    "train",
+]
+
+
+def build(
+    scene: str | Path,
+    preset: str = "quick",
+    *,
+    cycles: Sequence[str | Path] = (),
+    table: str | Path | None = None,
+    model: DrawnModel | str = "elements",
+    folder: str | Path | None = None,
+    progress: Update | None = None,
+    executor: Executor | None = None,
+) -> dict[str, Surrogate]:
+    """Sample, train, evaluate and export, as ``casadi-contact build`` does; return the surrogates by structure.
+
+    scene: a ready name or the path of a scene file. cycles: measured cycles to sample around. table: samples of any
+    contact model to learn from instead of drawing them (`dataset.read_sample_table`). model: what samples are drawn
+    from, "elements" or "foundation" as in the command, or a contact model of the same scene, in this process. folder:
+    of all results, results/SCENE-PRESET if left out. progress: called as (what, done, all, remark). Called again
+    after an interruption it goes on where it stopped.
+
+    Raises ValueError for input that cannot be used, OSError for a folder that cannot be
+    written or that another process works in.
+    """
+    check_table(table, cycles, model)
+    project = Project.open(scene, preset, None if folder is None else Path(folder))
+    with folder_lock(project.folder):
+        if table is not None:
+            take_table(project, Path(table))
+        else:
+            draw(project, [Path(path) for path in cycles], model, progress, executor)
+        train(project, progress, executor, teacher=None if isinstance(model, str) else model)
+        evaluate(project)
+        export(project)
+        report(project)
+    return project_surrogates(project)
+
+
+@alone
+def calibrate(project: Project, update: Update | None = None) -> list[Path]:
+    """Give the project's surrogates validity and expected error anew, from its samples; `train` does so too.
+
+    Raises ValueError for surrogates of a user's own contact model, calibrated on that model itself.
+    """
+    samples = project.samples()
+    model = teacher_of(samples)
+    around = moved_samples(samples, model, update)
+    surrogates = project_surrogates(project)
+    for structure, surrogate in surrogates.items():
+        if around is None and "around" in surrogate.record.get("coverage", {}):
+            raise ValueError(
+                f"the {structure} surrogate was calibrated on the contact model that its samples come from, which is "
+                "not here: build again with that model"
+            )
+    for structure, surrogate in surrogates.items():
+        with_trust(surrogate, samples, around, model, update).save(project.surrogate_path(structure))
+    return [project.surrogate_path(structure) for structure in surrogates]
+
+
+@alone
+def evaluate(project: Project) -> Path:
+    """Write ``evaluation.json`` (Tables 2 to 4) and ``evaluation.csv`` (the domain errors); return the first's path."""
+    motion = read_motion(project)[0] if has_motion(project) else None
+    content = evaluate_models(project_surrogates(project), project.samples(), motion)
+    path = project.folder / "evaluation.json"
+
+    with replacing(project.folder / "evaluation.csv") as beside, beside.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(("model", "domain", "load", "rms", "max", "mean"))
+        for model, domains in content["domain_errors"].items():
+            for domain, errors in domains.items():
+                for load, error in errors.items():
+                    writer.writerow((model, domain, load, error["rms"], error["max"], error["mean"]))
+    write_text(path, json.dumps(content, indent=1))
+    return path
+
+
+@alone
+def export(
+    project: Project, *, kernel_only: bool = False, fmu: bool = False, contact_model: bool = False
+) -> list[Path]:
+    """Write each surrogate as a ``.casadi`` file and as a C kernel with header and example, or as the kernel alone.
+
+    Where nothing has been built: the scene's shipped surrogates. fmu: a functional mock-up unit of each instead.
+    contact_model: `contact.foundation` instead of surrogates, as C or as FMU.
+    """
+    folder, stem = project.folder / "export", project.scene.name
+    models: dict[str, Surrogate | CompiledFoundation]
+    if contact_model:
+        models = {"foundation": foundation(project.scene)}
+        pose = list(contact_pose(ElasticFoundation(project.scene, project.scene.grids.get("settle"))))
+    else:
+        models = {**surrogates_at_hand(project)}
+        motion = not project.begun or has_motion(project)
+        poses = motion_at_hand(project).poses[0] if motion else project.samples().poses
+        pose = list(poses[len(poses) // 4])
+    written = []
+    for kind, model in models.items():
+        writable_folder(folder / kind)
+        if fmu:
+            written.append(model.export_fmu(folder / kind / f"{stem}.fmu", start=pose))
+            continue
+        if isinstance(model, Surrogate) and not kernel_only:
+            path = folder / kind / f"{stem}.casadi"
+            save_function(model.function(), path)
+            written.append(path)
+        written += model.export_c(folder / kind, example_pose=pose)
+    return written
+
+
+def report(project: Project) -> Path:
+    """Write ``report.html``: what the project's surrogates are fit for, and how wrong they are; return its path."""
+    return write_report(project_surrogates(project), project.folder, project.folder / "report.html")
+
+
+@alone
+def chart(
+    project: Project,
+    *,
+    peers: bool = False,
+    update: Update | None = None,
+    tell: Callable[[str], None] | None = None,
+    executor: Executor | None = None,
+) -> list[Path]:
+    """Measure the project's chart (`benchmark.measure_project`) and draw it; return all paths, the table's first."""
+    path = measure_project(project, peers=peers, update=update, tell=tell, executor=executor)
+    return [path, *draw_charts(read_front(path), project.folder)]

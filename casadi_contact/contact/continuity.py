@@ -1,0 +1,151 @@
+"""Frames of a motion that leap: where contact carries the same loads in several poses, each frame may end in another.
+
+Both sides of a leap (`leaps`) are followed into their neighbours, frame by frame, so that frames have several poses
+that carry their loads; of these the shortest way through the motion is taken (dynamic programming, Viterbi 1967),
+
+    min Σ_k |q_k+1 - q_k| + `PRICE_MM`·(frames in an unstable equilibrium)   [mm]
+
+Forces along free translations hold a body in an equilibrium that is stable where the stiffness K = ∂F/∂t, symmetrised,
+has no negative eigenvalue (F, as all loads, is that on the fixed body). In an unstable one something else holds it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from casadi_contact.contact.leaps import leaps
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.contact.settle import settle
+from casadi_contact.core.conventions import POSE_IN_MM, Array, loads_of_total, pose_index
+
+PRICE_MM = 1.0
+_PASSES = 5  # of following what leaps, and choosing the way
+_SAME_MM = 1e-2  # poses of one frame nearer than that are the same
+_UNSTABLE, _LEAST_N_PER_MM = -1e-3, 1.0  # of the largest eigenvalue; less than this is rounding, and no stiffness
+_STEP_ITERATIONS = 30
+_SMALLEST_STEP = 0.125  # of the way from a neighbour
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Frames to be carried by a contact model: free pose parameters, wanted loads (n,) by name, how closely these are
+    settled (n,) [N]. usable (n,): frames that have a pose to find; low, high (6,): bounds of poses."""
+
+    model: ContactModel
+    free: Sequence[str]
+    wanted: Mapping[str, Array]
+    tolerance_n: Array
+    usable: np.ndarray
+    low: Array = field(default_factory=lambda: np.full(6, -np.inf))
+    high: Array = field(default_factory=lambda: np.full(6, np.inf))
+
+    @property
+    def columns(self) -> list[int]:
+        """Those of the free pose parameters."""
+        return [pose_index(name) for name in self.free]
+
+    def leaping(self, poses: Array, solved: np.ndarray) -> np.ndarray:
+        """True (n - 1,) where a free pose parameter leaps between two solved (n,) neighbours of poses (n, 6)."""
+        return np.asarray(leaps(poses)[:, self.columns].any(axis=1) & solved[1:] & solved[:-1])
+
+    def unstable(self, poses: Array) -> np.ndarray:
+        """True (n,) where wanted forces leave the body in an unstable equilibrium in poses (n, 6); False where of no
+        free translation the force is wanted."""
+        return unstable_equilibria(self.model, self.free, tuple(self.wanted), poses)
+
+    def without_leaps(self, poses: Array, solved: np.ndarray) -> Array:
+        """Poses (n, 6), of which some are solved (n,), with others that carry the wanted loads where the motion then
+        leaps less, and is shorter; also of frames that were not solved, where a neighbour leads there."""
+        leaping = self.leaping(poses, solved)
+        known = [[pose] if ready else [] for pose, ready in zip(poses, solved, strict=True)]
+        for _ in range(_PASSES):
+            if not (before := leaping.sum()):
+                break
+            self._follow_leaps(poses, leaping, known)
+            poses = self._shortest_way(known, poses)
+            leaping = self.leaping(poses, np.array([bool(of_frame) for of_frame in known]))
+            if leaping.sum() >= before:
+                break
+        return poses
+
+    def _follow_leaps(self, poses: Array, leaping: np.ndarray, known: list[list[Array]]) -> None:
+        """Add to the known poses (6,) of each frame those that both sides of each leap lead to."""
+        for k in np.flatnonzero(leaping).tolist():
+            for begin, ahead in ((k, 1), (k + 1, -1)):
+                pose, frame = poses[begin], begin
+                while 0 <= (to := frame + ahead) < len(poses) and self.usable[to]:
+                    now, then = ({name: curve[at] for name, curve in self.wanted.items()} for at in (frame, to))
+                    pose, share = follow(self.model, pose, poses[to], self.free, now, then, self.tolerance_n[to])
+                    inside = ((pose >= self.low) & (pose <= self.high))[self.columns].all()
+                    if share < 1.0 or not inside or self._is_known(pose, known[to]):
+                        break
+                    known[to].append(pose)
+                    frame = to
+
+    def _is_known(self, pose: Array, known: list[Array]) -> bool:
+        return any(self._mm(other - pose) < _SAME_MM for other in known)
+
+    def _mm(self, steps: Array) -> Array:
+        """Size (...) of steps (..., 6) of the free pose parameters [mm]."""
+        return np.asarray(np.linalg.norm((steps * POSE_IN_MM)[..., self.columns], axis=-1))
+
+    def _shortest_way(self, known: list[list[Array]], poses: Array) -> Array:
+        """Poses (n, 6): of each frame with known ones that on the shortest way, of every other one what it has."""
+        way, frames = poses.copy(), [k for k, of_frame in enumerate(known) if of_frame]
+        layers = [np.array(known[k]) for k in frames]
+        prices = [PRICE_MM * self.unstable(layer) for layer in layers]
+        cost, before = prices[0], []
+        for last, layer, price in zip(layers, layers[1:], prices[1:], strict=False):
+            through = cost[:, None] + self._mm(layer[None] - last[:, None])
+            before.append(through.argmin(axis=0))
+            cost = through.min(axis=0) + price
+        chosen = int(cost.argmin())
+        for at in range(len(frames) - 1, -1, -1):
+            way[frames[at]] = layers[at][chosen]
+            chosen = int(before[at - 1][chosen]) if at else 0
+        return way
+
+
+def follow(
+    model: ContactModel,
+    pose: Array,
+    to: Array,
+    free: Sequence[str],
+    begin: Mapping[str, float],
+    end: Mapping[str, float],
+    tolerance_n: float,
+) -> tuple[Array, float]:
+    """A pose (6,) followed in steps while loads change from those of the beginning to those of the end, and what is not
+    free to that of another pose (6,): the pose where that ends, and the share of the way; 1 where it comes through."""
+    held = [column for column in range(6) if column not in [pose_index(name) for name in free]]
+    first, pose, share, step = pose, pose.copy(), 0.0, 1.0
+    while share < 1.0 and step >= _SMALLEST_STEP:
+        ahead = min(share + step, 1.0)
+        pose[held] = (1.0 - ahead) * first[held] + ahead * to[held]
+        wanted = {name: np.array([(1.0 - ahead) * load + ahead * end[name]]) for name, load in begin.items()}
+        tried, report = settle(model, pose[None], free, wanted, tolerance=tolerance_n, max_iterations=_STEP_ITERATIONS)
+        if report.converged[0]:
+            pose, share = tried[0], ahead
+        else:
+            step *= 0.5
+    return pose, share
+
+
+def unstable_equilibria(model: ContactModel, free: Sequence[str], wanted: Sequence[str], poses: Array) -> np.ndarray:
+    """True (n,) where wanted forces along free translations leave the body in an unstable equilibrium in poses (n, 6);
+    False throughout where of no free translation the force is wanted."""
+    forces = {
+        pose_index(name): names
+        for name in free
+        if name.startswith("t") and (names := loads_of_total(f"F{name[1]}", wanted, model.scene.patch_names))
+    }
+    if not forces or not len(poses):
+        return np.zeros(len(poses), dtype=bool)
+    _, slopes = model.jacobian(poses)
+    rows = [slopes[:, [model.load_names.index(name) for name in names]].sum(axis=1) for names in forces.values()]
+    stiffness = np.stack(rows, axis=1)[:, :, list(forces)]
+    values = np.linalg.eigvalsh(0.5 * (stiffness + stiffness.transpose(0, 2, 1)))
+    return np.asarray(values[:, 0] < np.minimum(_UNSTABLE * np.abs(values).max(axis=1), -_LEAST_N_PER_MM))

@@ -1,0 +1,178 @@
+"""Settling by damped dynamics ([EF15 §2.4], "forward dynamic simulation"): apply loads, damp, integrate implicitly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.integrate import solve_ivp
+
+from casadi_contact.contact.equilibrium import Equilibrium, start_copy
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.contact.settle import NOT_FINITE, SettleReport
+from casadi_contact.core.conventions import WRENCH_NAMES, Array, angular_velocity_map, check_above_zero, rotation
+from casadi_contact.scenes.pose_space import PoseSpace
+
+_MASS = 1e-3  # tonne (N, mm, s): 1 kg, and 1 kg at LEVER_MM for rotations
+
+
+def _conjugate_motion(model: ContactModel, names: Sequence[str], pose: Array) -> Array:
+    """Motion (targets, 6) by pose rate along which each target does work.
+
+    A patch's force works on the velocity of the patch's anchor, a total force on that of the moving origin, a torque
+    on the angular velocity.
+    """
+    omega = angular_velocity_map(pose[3:])
+    motion = np.zeros((len(names), 6))
+    for row, name in enumerate(names):
+        component, _, patch = name.partition("_")
+        axis = WRENCH_NAMES.index(component)
+        if axis >= 3:
+            motion[row, 3:] = omega[axis - 3]
+            continue
+        motion[row, axis] = 1.0
+        if patch:
+            arm = rotation(pose[3:]) @ model.scene.anchors_mm[model.patch_names.index(patch)]
+            motion[row, 3:] = np.cross(omega.T, arm)[:, axis]
+    return motion
+
+
+@dataclass(frozen=True)
+class _DampedMotion:
+    """The body of one row of the equations, moving from a pose (6,): m·q̈ = Aᵀ·(wanted - loads) - c·q̇.
+
+    A state (2k,) holds the k free pose parameters q [mm, rotations times LEVER_MM] and their rates [mm/s].
+    """
+
+    equations: Equilibrium
+    row: int
+    start: Array
+    damping: float
+
+    @property
+    def _free(self) -> list[int]:
+        return list(self.equations.free)
+
+    @property
+    def _space(self) -> PoseSpace:
+        return self.equations.model.scene.pose_space
+
+    @property
+    def state(self) -> Array:
+        """At rest in the first pose (2k,)."""
+        q = self.start[self._free] / self.equations.free_scales
+        return np.concatenate([q, np.zeros_like(q)])
+
+    def pose(self, state: Array) -> Array:
+        """The pose (6,) of a state."""
+        pose = self.start.copy()
+        pose[self._free] = _halves(state)[0] * self.equations.free_scales
+        return self._space.onto(pose)
+
+    def rate(self, _: float, state: Array) -> Array:
+        """d state/dt (2k,), by damping alone where loads are not finite: integration then crosses that border."""
+        pose, speed = self.pose(state), _halves(state)[1]
+        missing = self.equations.wanted[self.row] - self.equations.model(pose[None])[0, self._loads]
+        missing = missing if np.isfinite(missing).all() else np.zeros_like(missing)
+        return np.concatenate([speed, (self._motion(pose).T @ missing - self.damping * speed) / _MASS])
+
+    def rate_slope(self, _: float, state: Array) -> Array:
+        """Derivative (2k, 2k) of the rate by the state, where the motion A is taken as constant, and so are loads whose
+        slope is not finite."""
+        pose, size = self.pose(state), len(self._free)
+        slope = np.zeros((2 * size, 2 * size))
+        by_pose = self.equations.model.jacobian(pose[None])[1][0, self._loads]
+        by_q = self._space.along(by_pose)[:, self._free] * self.equations.free_scales
+        by_q = np.where(np.isfinite(by_q), by_q, 0.0)
+        slope[:size, size:] = np.eye(size)
+        slope[size:, :size] = -self._motion(pose).T @ by_q / _MASS
+        slope[size:, size:] = -self.damping / _MASS * np.eye(size)
+        return slope
+
+    def unrest_n(self, state: Array) -> float:
+        """The larger of the loads' misfit and of c·q̇ [N, torques over LEVER_MM]."""
+        misfit = self.equations.misfit(self.equations.model(self.pose(state)[None]), np.array([self.row]))
+        return max(float(self.equations.in_newtons(misfit)[0]), self.damping * float(np.abs(_halves(state)[1]).max()))
+
+    @property
+    def _loads(self) -> list[int]:
+        return [self.equations.model.load_names.index(name) for name in self.equations.names]
+
+    def _motion(self, pose: Array) -> Array:
+        """A (targets, k)."""
+        moved = _conjugate_motion(self.equations.model, self.equations.names, pose)
+        return np.asarray(self._space.along(moved)[:, self._free] * self.equations.free_scales)
+
+
+def _halves(state: Array) -> tuple[Array, Array]:
+    size = len(state) // 2
+    return state[:size], state[size:]
+
+
+def _to_rest(motion: _DampedMotion, tolerance: float, end_time: float, method: str) -> tuple[Array, int, str]:
+    """The pose (6,) that a motion ends at, its steps, and why that is no rest: "" where it is."""
+
+    @lru_cache(maxsize=1)  # both events ask at the same states
+    def unrest_n(state: bytes) -> float:
+        return motion.unrest_n(np.frombuffer(state))
+
+    def unrest(_: float, state: Array) -> float:
+        return float(np.log(max(unrest_n(state.tobytes()), 1e-300) / tolerance))
+
+    def known(_: float, state: Array) -> float:
+        return 1.0 if np.isfinite(unrest_n(state.tobytes())) else -1.0
+
+    if known(0.0, motion.state) < 0.0:
+        return motion.start, 0, NOT_FINITE
+    unrest.terminal = known.terminal = True  # type: ignore[attr-defined]
+    options = {"method": method, "jac": motion.rate_slope, "events": (unrest, known), "rtol": 1e-8, "atol": 1e-10}
+    solution = solve_ivp(motion.rate, (0.0, end_time), motion.state, **options)
+    rest, border = (len(times) > 0 for times in solution.t_events)
+    reason = "" if rest else NOT_FINITE if border else f"no rest within {end_time:g} s of damped motion"
+    last = next(state for state in solution.y.T[::-1] if known(0.0, state) > 0.0)
+    return motion.pose(last), len(solution.t) - 1, reason
+
+
+def relax(
+    model: ContactModel,
+    poses: ArrayLike,
+    free: Sequence[str],
+    targets: Mapping[str, ArrayLike],
+    *,
+    tolerance: float = 1e-4,
+    damping: float = 10.0,
+    end_time: float = 100.0,
+    method: str = "BDF",
+) -> tuple[Array, SettleReport]:
+    """Let each pose come to rest under the wanted loads: m·q̈ = Aᵀ·(wanted - loads) - c·q̇ until accelerations vanish.
+
+    q are the free pose parameters (rotations times LEVER_MM), A the conjugate motions of the targets, c the joint
+    damping [N·s/mm]. The contact is stiff, so integration is implicit: SciPy's ``BDF`` or ``Radau``. It ends at rest,
+    when the loads are met and c·q̇ is small, both within tolerance [N, torques over 25 mm]; a pose that is not at rest
+    after end_time [s] is reported, not raised. So is one on whose way the model's loads are not finite: it ends where
+    they last were, or stays at its start. Needs as many targets as free parameters.
+
+    Slower than `settle` by orders of magnitude; both find the same equilibrium. Raises ValueError like `settle`,
+    and for a damping or an end that is not above 0.
+    """
+    check_above_zero(tolerance=tolerance, damping=damping, end_time=end_time)
+    poses = start_copy(model, poses)
+    equations = Equilibrium.of(model, len(poses), free, targets)
+    model = equations.model
+    if len(equations.free) != len(equations.names):
+        raise ValueError(
+            f"{len(equations.names)} targets for {len(equations.free)} free pose parameters, expected as many"
+        )
+    steps, reason = np.zeros(len(poses), dtype=int), np.full(len(poses), "", dtype=object)
+    for k in range(len(poses)):
+        motion = _DampedMotion(equations, k, poses[k].copy(), damping)
+        poses[k], steps[k], reason[k] = _to_rest(motion, tolerance, end_time, method)
+    misfit = equations.misfit(model(poses), np.arange(len(poses)))
+    residual = equations.in_newtons(misfit)
+    converged = (reason == "") | (residual <= tolerance)  # at rest the residual is the tolerance, but for rounding
+    reason[converged] = ""
+    misfits = {name: misfit[:, column] for column, name in enumerate(equations.names)}
+    return poses, SettleReport(converged, steps, residual, misfits, reason)

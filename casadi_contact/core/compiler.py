@@ -1,0 +1,290 @@
+"""Compile C source with the system's compiler into a shared library, once: kept in the user's cache folder.
+
+The file's name holds the digest of what it was made from (source, compiler, flags, processor) and of its own bytes:
+a half-written or damaged file is recognised and made again, and two processes may compile the same source at once.
+
+A library is compiled for the instruction set of this processor. ``CASADI_CONTACT_CFLAGS`` replaces that choice: with
+``-march=x86-64-v3`` it runs on any processor with AVX2, with ``-march=x86-64-v2`` on any x86-64 since 2009.
+"""
+
+from __future__ import annotations
+
+import _ctypes
+import ctypes
+import hashlib
+import os
+import platform
+import shlex
+import shutil
+import stat
+import subprocess
+import sys
+import tempfile
+import warnings
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+import numba
+import numpy as np
+import platformdirs
+
+from casadi_contact.core.compilation import announce
+from casadi_contact.core.conventions import Array
+from casadi_contact.core.files.reading import sha256_of, short
+
+FLAGS = ("-std=gnu99", "-O3", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
+NATIVE = ("-march=native",)
+SUFFIX = ".dylib" if sys.platform == "darwin" else ".so"
+DATA_FILE = "kernel.bin"
+CACHE_VARIABLE = "CASADI_CONTACT_CACHE"
+CFLAGS_VARIABLE = "CASADI_CONTACT_CFLAGS"
+
+
+class CompilerError(OSError):
+    """No compiler, or it refused."""
+
+
+def compiler_command() -> list[str]:
+    """$CC, or the first of cc, gcc and clang on the path; raises CompilerError if there is none."""
+    if wanted := _words_of("CC"):
+        if shutil.which(wanted[0]) is None:
+            raise CompilerError(f"no C compiler: $CC is {os.environ['CC']!r}, which is not on the path")
+        return wanted
+    for name in ("cc", "gcc", "clang"):
+        if found := shutil.which(name):
+            return [found]
+    raise CompilerError("no C compiler (cc, gcc, clang or $CC) on the path")
+
+
+def machine_flags() -> tuple[str, ...]:
+    """$CASADI_CONTACT_CFLAGS, which may be empty, or what asks for this processor's own instruction set."""
+    return NATIVE if CFLAGS_VARIABLE not in os.environ else tuple(_words_of(CFLAGS_VARIABLE))
+
+
+def _words_of(variable: str) -> list[str]:
+    text = os.environ.get(variable, "")
+    try:
+        return shlex.split(text)
+    except ValueError as error:
+        raise CompilerError(f"${variable} is {text!r}, expected words as in a shell ({error})") from None
+
+
+def cache_folder() -> Path:
+    """$CASADI_CONTACT_CACHE, or the user's cache folder of this system."""
+    return Path(os.environ.get(CACHE_VARIABLE) or platformdirs.user_cache_path("casadi_contact"))
+
+
+@cache
+def _compiler_version(command: tuple[str, ...]) -> str:
+    return _run([*command, "--version"]).stdout
+
+
+@cache
+def _processor() -> str:
+    """What -march=native depends on."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(errors="replace").splitlines()
+    except OSError:
+        return platform.processor() + platform.machine()
+    return "".join(sorted({line for line in lines if line.startswith(("model name", "flags", "Features"))}))
+
+
+def _run(command: list[str], folder: Path | None = None) -> subprocess.CompletedProcess[str]:
+    try:
+        # A compiler's messages name files as they are called, and need not be text in this locale.
+        return subprocess.run(command, capture_output=True, text=True, errors="replace", check=True, cwd=folder)
+    except subprocess.CalledProcessError as error:
+        said = (error.stderr or error.stdout).strip().splitlines() or [f"exit status {error.returncode}"]
+        reason = next((line for line in said if "error" in line.lower()), said[0])  # lines before it say where
+        raise CompilerError(f"{command[0]} failed: {reason}") from None
+    except OSError as error:
+        raise CompilerError(f"{command[0]} failed: {error}") from None
+
+
+def shared_library(source: str, waited_for: str = "", data: bytes = b"") -> Path:
+    """Path of the compiled source, from the cache if it is there.
+
+    waited_for: what is announced, with a time, where it must be compiled; nothing if left out. data: what the source
+    includes into the library as the file DATA_FILE (`.incbin`), large tables for instance.
+    Where the cache folder cannot be written, the library lies in a folder that is removed when Python ends.
+    Raises CompilerError without a compiler, where it fails or compiles for another machine, for flags in
+    $CASADI_CONTACT_CFLAGS that it refuses, and for a cache that is not the user's alone, whose name is no text, or
+    whose disc may hold no programs.
+    """
+    command, chosen = compiler_command(), machine_flags()
+    made_from = "\0".join([source, _compiler_version(tuple(command)), *command, *FLAGS, *chosen, _processor()])
+    key = hashlib.sha256(made_from.encode() + (b"\0" + data if data else b"")).hexdigest()[:32]
+    folder = Path(os.path.realpath(cache_folder()))
+    if any("\ud800" <= letter <= "\udfff" for letter in str(folder)):  # CasADi could not be told of it
+        raise CompilerError(
+            f"the kernel cache {str(folder)!a} has a name that is no text in this locale, expected letters that it "
+            f"knows: choose another folder by ${CACHE_VARIABLE}, or a locale of UTF-8"
+        )
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError:
+        folder = _process_folder()
+    check_private(folder)
+    if (found := _intact(folder, key)) is None and not os.access(folder, os.W_OK):
+        folder = _process_folder()
+        found = _intact(folder, key)
+    if found is None and waited_for:
+        announce(waited_for, folder)
+    try:
+        return found or _compiled(source, data, command, chosen, folder, key)
+    except CompilerError:
+        raise
+    except OSError as error:
+        raise CompilerError(f"cannot write to the kernel cache {folder}: {error.strerror or error}") from None
+
+
+def _compiled(source: str, data: bytes, command: list[str], chosen: tuple[str, ...], folder: Path, key: str) -> Path:
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".kernel.") as name:
+        place = Path(name)
+        library, c_file = place / f"kernel{SUFFIX}", place / "kernel.c"
+        c_file.write_text(source, "utf-8")
+        (place / DATA_FILE).write_bytes(data)
+        try:
+            _run([*command, *FLAGS, *chosen, "-o", str(library), str(c_file), "-lm"], place)
+        except CompilerError:
+            if chosen != NATIVE:  # what a user asked for is not replaced
+                raise
+            # Not every compiler knows -march=native.
+            _run([*command, *FLAGS, "-o", str(library), str(c_file), "-lm"], place)
+        library.chmod(0o700)
+        _check_loads(library)
+        path = folder / f"{key}-{_digest(library)}{SUFFIX}"
+        os.replace(library, path)
+    return path
+
+
+def _check_loads(library: Path) -> None:
+    """Raise CompilerError for a library that this process cannot load."""
+    try:
+        _ctypes.dlclose(ctypes.CDLL(str(library))._handle)  # closed, since a file that is open may not be changed
+    except OSError as error:
+        raise CompilerError(
+            f"the compiled kernel cannot be loaded ({short(str(error))}), expected a compiler for this machine ($CC) "
+            f"and a folder on a disc that may hold programs (not mounted noexec): choose one by ${CACHE_VARIABLE}"
+        ) from None
+
+
+def portable_library(folder: Path, sources: Sequence[str], library: str) -> Path:
+    """Compile C files of a folder into a library for any processor of this kind, or as $CASADI_CONTACT_CFLAGS says.
+
+    Raises CompilerError without a compiler, or where it refuses.
+    """
+    _run([*compiler_command(), *FLAGS, *_words_of(CFLAGS_VARIABLE), "-o", library, *sources, "-lm"], folder)
+    return folder / library
+
+
+def check_private(folder: Path) -> None:
+    """Raise CompilerError where another user could put a file into the folder, or another folder in its place."""
+    if not hasattr(os, "geteuid"):
+        return
+    _check_owner(folder)
+    if _writable_by_others(folder):
+        raise CompilerError(f"the kernel cache {folder} can be written by other users, expected chmod go-w {folder}")
+    for above in folder.parents:
+        there = above.stat()
+        if there.st_uid not in (0, os.geteuid()) or there.st_mode & (stat.S_IWOTH | stat.S_ISVTX) == stat.S_IWOTH:
+            raise CompilerError(
+                f"the kernel cache {folder} lies in {above}, where another user can replace it: "
+                f"choose another folder by ${CACHE_VARIABLE}"
+            )
+
+
+def is_private(path: Path) -> bool:
+    """Whether the file is this user's, or root's, and nobody else may write to it."""
+    return _owned(path) and not _writable_by_others(path)
+
+
+def _owned(path: Path) -> bool:
+    return not hasattr(os, "geteuid") or path.lstat().st_uid in (0, os.geteuid())
+
+
+def _check_owner(path: Path) -> None:
+    """Raise CompilerError for what another user made: it may be their code."""
+    if not _owned(path):
+        raise CompilerError(
+            f"the kernel cache {path} belongs to user {path.lstat().st_uid}, expected your own: "
+            f"choose another folder by ${CACHE_VARIABLE}"
+        )
+
+
+def _writable_by_others(path: Path) -> bool:
+    return os.name == "posix" and bool(path.lstat().st_mode & (stat.S_IWGRP | stat.S_IWOTH))
+
+
+def _digest(path: Path) -> str:
+    return sha256_of(path)[:32]
+
+
+def _intact(folder: Path, key: str) -> Path | None:
+    """The library made from key, if there is one whose bytes are those that were compiled and that is ours alone."""
+    for path in sorted(folder.glob(f"{key}-*{SUFFIX}")):
+        if not stat.S_ISREG(path.lstat().st_mode):
+            raise CompilerError(f"{path} is a folder or a link, expected a compiled kernel: remove it")
+        _check_owner(path)
+        if path.stem.partition("-")[2] == _digest(path) and not _writable_by_others(path):
+            return path
+        with suppress(OSError):  # not ours to remove: the new one is found first or lies elsewhere
+            path.unlink()
+    return None
+
+
+@cache
+def _process_folder() -> Path:
+    keep = tempfile.TemporaryDirectory(prefix="casadi_contact-")
+    _KEPT.append(keep)
+    return Path(keep.name)
+
+
+_KEPT: list[tempfile.TemporaryDirectory[str]] = []
+
+
+_LEAST = 256  # poses that make another thread worth its start
+_SHARES = 8  # of each thread: those that finish early take over
+_MULTIPLE = 64  # of the poses of a share: no block of lanes is cut
+
+
+@cache
+def loaded(path: Path) -> ctypes.CDLL:
+    """The shared library, loaded once: objects keep its path, so that they can be sent to other processes."""
+    return ctypes.CDLL(str(path))
+
+
+def call_in_shares(
+    library: Path, function: str, poses: Array, *arrays: np.ndarray | None, constants: Sequence[np.ndarray] = ()
+) -> None:
+    """Call function(n, poses, *arrays, *constants) of a library on shares of the rows, on as many threads as numba has.
+
+    Every array has a row for each pose; None is passed on as 0. Constants are passed on whole.
+    """
+    entry = getattr(loaded(library), function)
+    threads = max(1, min(numba.get_num_threads(), len(poses) // _LEAST))
+    size = len(poses) if threads == 1 else -(-len(poses) // (_SHARES * threads * _MULTIPLE)) * _MULTIPLE
+
+    whole = [constant.ctypes.data_as(ctypes.c_void_p) for constant in constants]
+
+    def one(start: int) -> None:
+        part = slice(start, start + size)
+        pointers = [None if a is None else a[part].ctypes.data_as(ctypes.c_void_p) for a in (poses, *arrays)]
+        entry(ctypes.c_longlong(len(poses[part])), *pointers, *whole)
+
+    starts = range(0, len(poses), max(size, 1))
+    if threads == 1:
+        for start in starts:
+            one(start)
+        return
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(one, starts))
+
+
+@cache
+def warn_once(message: str) -> None:
+    """A RuntimeWarning, the first time that this process has something to say."""
+    warnings.warn(message, RuntimeWarning, stacklevel=5)

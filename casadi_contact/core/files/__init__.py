@@ -1,0 +1,1 @@
+"""Files: read with bounded sizes and errors of one line, written atomically."""

@@ -1,0 +1,101 @@
+"""Atomic writing: a file is whole or absent, whatever happens to the process, the machine or the disc."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from casadi_contact.core.files.reading import short
+
+
+def writable_folder(folder: Path) -> None:
+    """Make a folder and try to write in it; raises OSError in one line if either fails."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder) as probe:
+            probe.write(b"-")
+    except OSError as error:
+        raise OSError(f"cannot write in folder {folder}: {error.strerror or error}") from None
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A temporary path to write to; it replaces `path` when the block ends without an error, else it is removed.
+
+    The content is on disc before the old file goes; the old file's permissions are kept. Raises OSError in one line
+    where `path` cannot be written, or is a folder, device or pipe.
+    """
+    if path.exists() and not path.is_file():
+        kind = "folder" if path.is_dir() else "device or pipe"
+        raise OSError(f"cannot write {path}: a {kind}, expected a file's name")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_ident()}")
+    try:
+        yield temporary
+        with temporary.open("rb+") as file:
+            os.fsync(file.fileno())
+        if path.exists() and not path.is_symlink():
+            with suppress(OSError):  # not every file system has permissions
+                shutil.copymode(path, temporary)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise type(error)(f"cannot write {path}: {error.strerror or error}") from None
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Replace `path` by a file with this content; raises OSError in one line."""
+    with replacing(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def write_text(path: Path, content: str) -> None:
+    """Replace `path` by a UTF-8 file with this text; raises OSError in one line."""
+    write_bytes(path, content.encode())
+
+
+@contextmanager
+def folder_lock(folder: Path) -> Iterator[None]:
+    """Lock a folder of results for this process; the same thread may lock it again inside.
+
+    The lock is the operating system's and ends with its process, so a killed run blocks nobody. Raises
+    BlockingIOError, naming the owner, where another process or thread has the lock, OSError where the folder cannot be
+    written.
+    """
+    folder = folder.resolve()
+    lock, owner = FileLock(folder / ".lock", is_singleton=True), folder / ".lock.holder"
+    if lock.is_locked:
+        yield
+        return
+    try:
+        lock.acquire(blocking=False)
+    except Timeout:
+        try:
+            named = short(owner.read_text("utf-8", "replace"))
+        except OSError:
+            named = "another process"
+        raise BlockingIOError(
+            f"{folder} is in use by {named}: wait until it ends, or choose another folder (--out)"
+        ) from None
+    except OSError as error:
+        raise OSError(f"cannot write in folder {folder}: {error.strerror or error}") from None
+    command = " ".join([Path(sys.argv[0]).name, *sys.argv[1:]])
+    text = f"process {os.getpid()} on {socket.gethostname()} since {time.strftime('%Y-%m-%d %H:%M:%S')} ({command})"
+    try:
+        with suppress(OSError):  # on a full disc the lock holds all the same
+            write_bytes(owner, text.encode(errors="backslashreplace"))
+        yield
+    finally:
+        with suppress(OSError):
+            owner.unlink()
+        lock.release()

@@ -1,0 +1,228 @@
+"""Workers for long work: one process per core, or those of a Dask scheduler on other machines."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import signal
+import threading
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import BrokenExecutor, Executor, Future
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from loky import ProcessPoolExecutor, cpu_count
+
+from casadi_contact import __version__
+from casadi_contact.core.files.reading import MOST_TEXT, checked_size
+from casadi_contact.core.machine import blas_environment
+
+_CONNECT_S = 10
+
+
+class _OwnPool(ProcessPoolExecutor):  # type: ignore[misc]
+    """What `worker_pool` makes, and ends with all its work."""
+
+    def shutdown(self, wait: bool = True, kill_workers: bool = False) -> None:
+        """As loky's, which does not wait for the thread that feeds the workers: where Python ends while that thread
+        gives its semaphore back, a warning of a leak is printed."""
+        queue = self._call_queue
+        super().shutdown(wait, kill_workers)
+        feeder = None if queue is None else queue._thread
+        if wait and feeder is not None:
+            feeder.join(1.0)  # one that writes to workers that were killed ends with this process
+
+
+@contextmanager
+def worker_pool(executor: Executor | None = None) -> Iterator[Executor]:
+    """The caller's executor, left open, or one process of our own per core that this process may use.
+
+    Our own processes are started afresh, not forked (a fork of a process whose OpenMP threads have run is unsafe), and
+    do not run the user's script again, which so needs no ``if __name__ == "__main__"``. They end at once where the
+    block is left by an exception, Ctrl-C included, and when this process is killed. Raises ChildProcessError in one
+    line where a worker was killed.
+    """
+    try:
+        if executor is not None:
+            yield executor
+            return
+        # loky replaces a worker whose memory has grown; nothing is lost, and a user can do nothing about it.
+        warnings.filterwarnings("ignore", "A worker was restarted", UserWarning)
+        pool = _OwnPool(
+            cpu_count(), initializer=_end_with_parent, initargs=(os.getpid(),), env=blas_environment() or None
+        )
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=True, kill_workers=True)
+            raise
+        pool.shutdown(wait=True)
+    except BrokenExecutor:
+        raise ChildProcessError(
+            "a worker process was killed (is the memory full?): run the same command again to go on"
+        ) from None
+
+
+@contextmanager
+def cancelled_if_left(workers: Executor, futures: Iterable[Future[Any]]) -> Iterator[None]:
+    """Where the block is left by an exception, what has not begun does not begin: a caller's executor lives on. A pool
+    of our own ends with all its work, and stumbles over what was cancelled before (loky 3.7 prints a traceback)."""
+    try:
+        yield
+    except BaseException:
+        for future in futures if not isinstance(workers, _OwnPool) else ():
+            future.cancel()
+        raise
+
+
+def _end_with_parent(parent: int) -> None:
+    """Make a worker process end when its parent is killed; left alone it would work, or wait for work, for ever."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the parent, which ends its workers
+    pause = threading.Event()
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            pause.wait(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+@contextmanager
+def cluster_workers(scheduler: str | None) -> Iterator[Executor | None]:
+    """An executor on the workers of a Dask scheduler; None, for one process per core here, without one.
+
+    scheduler: its address ("tcp://host:8786"), or the scheduler file (JSON) that it wrote. The workers need the same
+    casadi_contact, and for training the same folder of results under the same path. Dask sends Python objects: connect
+    only to a scheduler that you trust. Work of a worker that dies is done again by another one.
+
+    Raises ImportError without the extra ``cluster``, ValueError for a scheduler file that is none, ConnectionError
+    where no scheduler answers, one has other versions, or it was lost: what is finished is kept, and the same command
+    goes on from there; ChildProcessError where one task ended too many workers.
+    """
+    if scheduler is None:
+        yield None
+        return
+    try:
+        import distributed
+    except ImportError:
+        raise ImportError("a scheduler needs Dask: pip install 'casadi_contact[cluster]'") from None
+    address = _address(scheduler)
+    try:
+        client = distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise ConnectionError(f"no Dask scheduler answers at {address}: {error}") from None
+    with _quiet("distributed.client"), client:
+        _check_versions(client, address)
+        yield _ClusterExecutor(client, address)
+
+
+class _ClusterExecutor(Executor):
+    """Tasks on the workers of a Dask client, each with an end: its result, its error or the loss of the scheduler.
+
+    The executor that Dask itself offers leaves a future without an end where a result is lost on its way here.
+    """
+
+    def __init__(self, client: Any, address: str) -> None:
+        self._client, self._address = client, address
+
+    def submit(self, task: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        if self._client.status == "closed":
+            raise self._lost()
+        there = self._client.submit(_of_this_version, __version__, task, *args, pure=False, **kwargs)
+        here: Future[Any] = Future()
+        here.add_done_callback(lambda ended: there.cancel() if ended.cancelled() else None)
+        self._client.loop.add_callback(self._deliver, there, here)
+        return here
+
+    async def _deliver(self, there: Any, here: Future[Any]) -> None:
+        try:
+            result = await self._client.gather(there, asynchronous=True)
+        except BaseException as error:  # one that is not delivered would never be seen
+            end = partial(here.set_exception, self._explained(there, error))
+        else:
+            end = partial(here.set_result, result)
+        if here.set_running_or_notify_cancel():
+            end()
+
+    def _explained(self, there: Any, error: BaseException) -> BaseException:
+        """The task's own error as it is, that of its worker or of the way here by what the user can do."""
+        from distributed import KilledWorker
+
+        if there.status != "error":
+            return self._lost()
+        if isinstance(error, KilledWorker):
+            return ChildProcessError(
+                f"a task ended one worker too many ({error.last_worker.address} was the last; is its memory full?): "
+                "run the same command again to go on"
+            )
+        return error
+
+    def _lost(self) -> ConnectionError:
+        return ConnectionError(f"the scheduler at {self._address} was lost: run the same command again to go on")
+
+
+@contextmanager
+def _quiet(name: str) -> Iterator[None]:
+    """No errors of a logger in this block: Dask logs a traceback for what is raised here as one line."""
+    log = logging.getLogger(name)
+    before = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        log.setLevel(before)
+
+
+def _address(scheduler: str) -> str:
+    """The address itself, or the one in a scheduler file."""
+    if "://" in scheduler:
+        return scheduler
+    path = Path(scheduler)
+    if not path.is_file():
+        raise ValueError(
+            f"scheduler is {scheduler!r}, expected an address as tcp://host:8786 or the file that "
+            "`dask scheduler --scheduler-file` wrote"
+        )
+    checked_size(path, MOST_TEXT)
+    try:
+        address = json.loads(path.read_text("utf-8"))["address"]
+    except (ValueError, KeyError, TypeError):
+        address = None
+    if not isinstance(address, str):
+        raise ValueError(f"{path} is no scheduler file: it holds no address (JSON)")
+    return address
+
+
+def _version() -> str:
+    return __version__
+
+
+def _of_this_version(version: str, task: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
+    """A task's result, on a worker that may have come after the others were asked for their version."""
+    if _version() != version:
+        raise ConnectionError(f"a worker has casadi_contact {_version()}, expected {version}: install the same there")
+    return task(*args, **kwargs)
+
+
+def _check_versions(client: Any, address: str) -> None:
+    versions = client.run(_version)
+    if not versions:
+        try:
+            client.wait_for_workers(1, timeout=_CONNECT_S)
+        except TimeoutError:
+            raise ConnectionError(
+                f"the scheduler at {address} has no workers after {_CONNECT_S} s: start some (dask worker {address})"
+            ) from None
+        versions = client.run(_version)
+    others = {worker: version for worker, version in versions.items() if version != __version__}
+    if others:
+        worker, version = next(iter(others.items()))
+        raise ConnectionError(
+            f"{len(others)} of {len(versions)} workers of {address} have another casadi_contact "
+            f"({worker}: {version}), expected {__version__}: install the same there"
+        )

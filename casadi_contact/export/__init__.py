@@ -1,0 +1,1 @@
+"""Contact models in other programs: C, MEX, FMU, PyTorch, JAX."""

@@ -1,1 +1,0 @@
-"""Motion: cycles, poses, columns and OpenSim files, everything that is measured over time."""

@@ -1,0 +1,1 @@
+"""A network: its derivatives, its CasADi graph and its C; Levenberg-Marquardt."""

@@ -1,0 +1,169 @@
+"""Contact models as functional mock-up units (FMI 3.0, https://fmi-standard.org/docs/3.0/).
+
+An FMU holds ``modelDescription.xml`` (variables, units, dependencies), the C sources, and a library compiled for this
+platform.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import platform
+import sys
+import tempfile
+import zipfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from string import Template
+from xml.etree import ElementTree as ET
+
+from casadi_contact.core.compiler import DATA_FILE, SUFFIX, portable_library
+from casadi_contact.core.conventions import POSE_NAMES
+from casadi_contact.core.files.writing import replacing
+from casadi_contact.core.quantities import ANGLE, FORCE, LENGTH, TORQUE, quantity
+from casadi_contact.networks.export_c import ExportedModel
+from casadi_contact.networks.kernel.source import c_text
+
+# In base units of SI, with a display unit where people use another.
+_UNITS: dict[str, dict[str, str]] = {
+    "s": {"s": "1"},
+    "mm": {"m": "1", "factor": "0.001"},
+    "rad": {"rad": "1"},
+    "N": {"kg": "1", "m": "1", "s": "-2"},
+    "N.mm": {"kg": "1", "m": "2", "s": "-2", "factor": "0.001"},
+    "1": {},
+}
+_UNIT_OF_KIND = {LENGTH: "mm", ANGLE: "rad", FORCE: "N", TORQUE: "N.mm"}
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One of the unit's variables; its value reference is its place (the order of ``fmi3.c``)."""
+
+    name: str
+    unit: str
+    causality: str
+    said: str
+
+
+def variables(model: ExportedModel) -> Iterator[Variable]:
+    """Time, pose, loads, root loads; validity and expected errors where the model has them."""
+    yield Variable("time", "s", "independent", "simulation time")
+    for name in POSE_NAMES:
+        yield Variable(name, _unit(name), "input", "pose of the moving body in the fixed body's frame, Rx Ry Rz")
+    for load in model.load_names:
+        yield Variable(load, _unit(load), "output", "load on the fixed body, in its frame, about its origin")
+    for patch in model.patch_names:
+        yield Variable(f"root_{patch}", "1", "output", "signed root load: below zero out of contact")
+    if model.trusted:
+        yield Variable("validity", "1", "local", "1 well inside what was learned, 0 far outside")
+        for load in model.load_names:
+            yield Variable(f"expected_error_{load}", _unit(load), "local", "95 % of errors lie below it")
+
+
+def _unit(name: str) -> str:
+    return _UNIT_OF_KIND[quantity(name).kind]
+
+
+def model_description(model: ExportedModel, name: str, token: str, start: Sequence[float]) -> str:
+    """The XML text; start: the pose (6) before any input."""
+    head = {"fmiVersion": "3.0", "modelName": name, "instantiationToken": token, "description": model.description}
+    head |= {"generationTool": f"casadi_contact {version('casadi_contact')}"}
+    root = ET.Element("fmiModelDescription", head)
+    derivatives = {"providesDirectionalDerivatives": "true", "providesAdjointDerivatives": "true"}
+    ET.SubElement(root, "ModelExchange", {"modelIdentifier": name, **derivatives})
+    steps = {"canHandleVariableCommunicationStepSize": "true"}
+    ET.SubElement(root, "CoSimulation", {"modelIdentifier": name, **steps, **derivatives})
+    units = ET.SubElement(root, "UnitDefinitions")
+    for unit, base in _UNITS.items():
+        element = ET.SubElement(units, "Unit", {"name": unit})
+        ET.SubElement(element, "BaseUnit", base)
+        if unit == "rad":
+            ET.SubElement(element, "DisplayUnit", {"name": "deg", "factor": repr(180.0 / math.pi)})
+    ET.SubElement(ET.SubElement(root, "LogCategories"), "Category", {"name": "logStatusWarning"})
+    ET.SubElement(root[-1], "Category", {"name": "logStatusError"})
+    ET.SubElement(root, "DefaultExperiment", {"startTime": "0.0", "stopTime": "1.0"})
+    listed = ET.SubElement(root, "ModelVariables")
+    structure = ET.SubElement(root, "ModelStructure")
+    all_variables = list(enumerate(variables(model)))
+    pose = [str(k) for k, variable in all_variables if variable.causality == "input"]
+    for k, variable in all_variables:
+        attributes = {"name": variable.name, "valueReference": str(k), "causality": variable.causality}
+        attributes |= {"variability": "continuous", "unit": variable.unit, "description": variable.said}
+        if str(k) in pose:
+            attributes["start"] = repr(float(start[pose.index(str(k))]))
+        ET.SubElement(listed, "Float64", attributes)
+    for tag in ("Output", "InitialUnknown"):
+        for k, variable in all_variables:
+            if variable.causality == "output":
+                depends = {"dependencies": " ".join(pose), "dependenciesKind": " ".join(["dependent"] * len(pose))}
+                ET.SubElement(structure, tag, {"valueReference": str(k), **depends})
+    ET.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
+
+
+_SYSTEMS = {"linux": "linux", "darwin": "darwin"}
+_PROCESSORS = {"x86_64": "x86_64", "AMD64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
+_BUILD = """\
+<?xml version="1.0" encoding="UTF-8"?>
+<fmiBuildDescription fmiVersion="3.0">
+  <BuildConfiguration modelIdentifier="{name}">
+    <SourceFileSet language="C99">
+      <SourceFile name="fmi3.c"/>
+      <SourceFile name="{name}.c"/>
+    </SourceFileSet>
+  </BuildConfiguration>
+</fmiBuildDescription>
+"""
+_DATE = (2000, 1, 1, 0, 0, 0)  # of every entry, so that the same model gives the same bytes
+
+
+def export_fmu(model: ExportedModel, path: str | Path, *, name: str, start: Sequence[float]) -> Path:
+    """Write an FMU (FMI 3.0, model exchange and co-simulation, directional and adjoint derivatives); return its path.
+
+    Inputs are the pose [mm, rad], from `start` (6) on; outputs the loads [N, N·mm] and root loads; validity and
+    expected errors can be read. Compiled for any processor of this machine's kind, or as $CASADI_CONTACT_CFLAGS says.
+    Raises CompilerError (an OSError) without a compiler and on a system other than Linux and macOS, ValueError for an
+    unusable name.
+    """
+    if name == "fmi3":
+        raise ValueError(f"function name {name!r} is not usable, fmi3.c is FMI's own interface: choose another")
+    path, words = Path(path), model.words(name)
+    words["start"] = ", ".join(repr(float(value)) for value in start)
+    sources = {f"{name}.h": model.header(name), f"{name}.c": model.c_source(name)}
+    words["token"] = token = hashlib.sha256(f"{sources[f'{name}.c']}{words['start']}".encode()).hexdigest()
+    sources["fmi3.c"] = Template(c_text("fmi3.c")).substitute(words)
+    sources["fmi3_unsupported.h"] = c_text("fmi3_unsupported.h")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as folder:
+        place = Path(folder)
+        try:
+            for file, text in sources.items():
+                (place / file).write_text(text, "utf-8")
+            if model.data:
+                (place / DATA_FILE).write_bytes(model.data)
+        except OSError as error:
+            raise OSError(f"cannot write {path}: {error.strerror or error}") from None
+        library = portable_library(place, ["fmi3.c", f"{name}.c"], f"{name}{SUFFIX}").read_bytes()
+    entries: dict[str, str | bytes] = {"modelDescription.xml": model_description(model, name, token, start)}
+    entries |= {f"sources/{file}": text for file, text in sources.items()}
+    if model.data:
+        entries[f"sources/{DATA_FILE}"] = model.data
+    entries["sources/buildDescription.xml"] = _BUILD.format(name=name)
+    entries[f"binaries/{_platform()}/{name}{SUFFIX}"] = library
+    with replacing(path) as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as archive:
+        for entry, content in entries.items():
+            archive.writestr(zipfile.ZipInfo(entry, _DATE), content, zipfile.ZIP_DEFLATED)
+    return path
+
+
+def _platform() -> str:
+    """As FMI names it: x86_64-linux."""
+    processor, system = _PROCESSORS.get(platform.machine()), _SYSTEMS.get(sys.platform)
+    if processor is None or system is None:
+        raise OSError(
+            f"no FMU for {platform.machine()} on {sys.platform}, expected x86_64 or aarch64 on linux or darwin"
+        )
+    return f"{processor}-{system}"

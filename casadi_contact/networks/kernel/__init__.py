@@ -1,0 +1,1 @@
+"""A network's C kernel, and the CasADi functions made of it."""

@@ -1,0 +1,387 @@
+"""C functions that evaluate networks: value, gradient, weighted Hessian, a batch of poses.
+
+The formulas are those of `transcription.graph`. Networks of one input share the loops of each layer, so that their
+short chains of sums overlap in the processor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from casadi_contact.networks.activations import activation_of
+from casadi_contact.networks.kernel.networks import Bundle, Shape, padded
+
+NEURONS_SIDE_BY_SIDE = 64  # of a layer, in networks that are evaluated together: more would leave the registers
+MOST_SIDE_BY_SIDE = {"value": (4, 2), "gradient": (2,)}  # slopes take registers too
+LANES = 16  # poses worked on at once in a batch: so many that all of a layer stays in the nearest cache
+
+
+def network_functions(bundles: Sequence[Bundle]) -> str:
+    """Weights, and SHAPE_value, _gradient, _hessian, _batch of every shape, each once."""
+    groups = [group for bundle in bundles for group in bundle.groups]
+    shapes = dict.fromkeys(group.shape for group in groups)
+    loops = [activation_loops(name) for name in dict.fromkeys(shape.activation for shape in shapes)]
+    of_shapes = ["\n".join(part(shape)) for shape in shapes for part in (_value, _gradient, _hessian, _batch)]
+    return "\n\n".join([*(group.declaration() for group in groups), *loops, *of_shapes])
+
+
+def activation_loops(name: str) -> str:
+    """NAME_0(n, a), NAME_1(n, a, d), NAME_2(n, a, d, e): a = σ(a) in place, d = σ', e = σ''.
+
+    The compiler drops what a loop does not store.
+    """
+    activation = activation_of(name)
+    kind, step, stored = ("Vector", "VECTOR", "Stored") if activation.c_type == "Vector" else ("double", "1", "double")
+    body = activation.c.replace("\n", "\n    ")
+    results = dict(zip("ade", ("value", "slope", "curvature"), strict=True))
+    functions = []
+    for order in range(3):
+        arrays = "ade"[: order + 1]
+        parameters = ", ".join(f"double *{array}" for array in arrays)
+        functions.append(
+            f"INLINE void {name}_{order}(int n, {parameters}) {{\n"
+            f"  for (int i = 0; i < n; i += {step}) {{\n"
+            f"    {kind} value, slope, curvature;\n    const {kind} z = *(const {stored} *)(a + i);\n    {body}\n    "
+            + " ".join(f"*({stored} *)({array} + i) = {results[array]};" for array in arrays)
+            + "\n    (void)slope, (void)curvature;\n  }\n}"
+        )
+    return "\n\n".join(functions)
+
+
+def sides_of(shape: Shape, what: str) -> list[int]:
+    """How many networks of a shape may be evaluated side by side, the most first."""
+    return [side for side in MOST_SIDE_BY_SIDE[what] if side * shape.widest <= NEURONS_SIDE_BY_SIDE]
+
+
+def _each(shape: Shape, statement: str) -> str:
+    return f"for (int m = 0; m < {shape.count}; m++) {statement}"
+
+
+def _weights(shape: Shape, layer: int, at: str = "") -> str:
+    """Weights of network m in a layer after the first."""
+    return f"w{at} + {shape.layer(layer)} + m * {shape.slab(layer)}"
+
+
+def _first_row(shape: Shape, at: str = "") -> str:
+    """Weights of input t in the first layer of all networks: also d(first layer)/dx_t."""
+    return f"w{at} + {shape.layer(0)} + (t + 1) * {shape.stacked[0]}"
+
+
+def _of(shape: Shape, layer: int, array: str) -> str:
+    """The part of network m in an array of a whole layer."""
+    return f"{array} + m * {shape.rows[layer]}"
+
+
+def _arrays(shape: Shape, names: str, side: str = "") -> str:
+    """Declared: numbers of each layer's neurons, and of the last layer's outputs where there are several."""
+    declared = [f"{name}{side}[{len(shape.hidden)}][WIDEST]" for name in names]
+    if shape.outputs > 1:
+        declared.append(f"z{side}[{padded(shape.outputs)}]")
+    return ", ".join([f"offset{side}[{shape.inputs}]", *declared])
+
+
+def _forward(shape: Shape, order: int, at: str = "") -> list[str]:
+    """Fill a (activations), d, e (first and second derivatives of the sigmoid, up to the order) and y."""
+    lines = [
+        f"KEEP_LOOP for (int j = 0; j < {shape.inputs}; j++) offset{at}[j] = bounded(x{at}[j] - w{at}[j]);",
+        f"affine({shape.inputs}, {shape.stacked[0]}, w{at} + {shape.layer(0)}, offset{at}, a{at}[0]);",
+    ]
+    for layer, n in enumerate(shape.stacked):
+        if layer:
+            before, after = _of(shape, layer - 1, f"a{at}[{layer - 1}]"), _of(shape, layer, f"a{at}[{layer}]")
+            sizes = f"{shape.hidden[layer - 1]}, {shape.rows[layer]}"
+            lines.append(_each(shape, f"affine({sizes}, {_weights(shape, layer, at)}, {before}, {after});"))
+        arrays = ", ".join(f"{name}{at}[{layer}]" for name in "ade"[: order + 1])
+        lines.append(f"{shape.activation}_{order}({n}, {arrays});")
+    if shape.outputs > 1:
+        return [
+            *lines,
+            f"affine({shape.hidden[-1]}, {padded(shape.outputs)}, w{at} + {shape.output}, a{at}[{shape.last}], z{at});",
+            f"memcpy(y{at}, z{at}, {shape.outputs} * sizeof(double));",
+        ]
+    output = f"dot({shape.rows[-1]}, {_of(shape, shape.last, f'w{at} + {shape.output}')}, "
+    output += f"{_of(shape, shape.last, f'a{at}[{shape.last}]')})"
+    return [*lines, _each(shape, f"y{at}[m] = w{at}[{shape.output_bias} + m] + {output};")]
+
+
+def _reverse(shape: Shape, layer: int, q: str, r: str, at: str = "") -> str:
+    """r of the layer before, from q = r∘σ' of this one."""
+    sizes = f"{shape.hidden[layer]}, {shape.rows[layer - 1]}"
+    weights = f"w{at} + {shape.turned(layer)} + m * {shape.turned_slab(layer)}"
+    return _each(shape, f"linear({sizes}, {weights}, {_of(shape, layer, q)}, {_of(shape, layer - 1, r)});")
+
+
+def _indented(lines: Sequence[str]) -> list[str]:
+    return [f"  {line}" for line in lines]
+
+
+def _side_by_side(shape: Shape, what: str, comment: str, outputs: Sequence[str], body: Sequence[str]) -> list[str]:
+    """SHAPE_whats for networks p with weights, inputs and outputs of their own, each statement for one after the other;
+    SHAPE_what for one of them, SHAPE_what_2 and so on for as many."""
+    name = f"{shape.symbol}_{what}"
+    several = ", ".join(["const double *const *w", "const double *const *x", *(f"double *const *{y}" for y in outputs)])
+    one = ", ".join(["const double *w", "const double *x", *(f"double *{y}" for y in outputs)])
+    names = ["w", "x", *outputs]
+    return [
+        comment,
+        f"INLINE void {name}s(int n, {several}) {{",
+        *_indented(body),
+        "}",
+        "",
+        f"FUNCTION void {name}({one}) {{ {name}s(1, {', '.join(f'&{each}' for each in names)}); }}",
+        *(
+            f"\nFUNCTION void {name}_{side}({several}) {{ {name}s({side}, {', '.join(names)}); }}"
+            for side in sides_of(shape, what)
+        ),
+    ]
+
+
+def _value(shape: Shape) -> list[str]:
+    body = [f"double {_arrays(shape, 'a', '[SIDE]')};", *(f"EACH {line}" for line in _forward(shape, 0, "[p]"))]
+    return _side_by_side(shape, "value", "/* y[p][m] */", ["y"], body)
+
+
+def _gradient(shape: Shape) -> list[str]:
+    body = _gradient_forward(shape) if shape.outputs > 1 else _gradient_reverse(shape)
+    k = shape.inputs
+    return _side_by_side(shape, "gradient", f"/* y[p][m] and g[p][{k} m + t] = dy_m/dx_t */", ["y", "g"], body)
+
+
+def _gradient_forward(shape: Shape) -> list[str]:
+    """Derivatives of several outputs, along each input in turn."""
+    k = shape.inputs
+    lines = [
+        f"double {_arrays(shape, 'ad', '[SIDE]')}, damped[SIDE][WIDEST], ahead[SIDE][WIDEST];",
+        *(f"EACH {line}" for line in _forward(shape, 1, "[p]")),
+        f"for (int t = 0; t < {k}; t++) {{",
+        f"  EACH times({shape.stacked[0]}, d[p][0], {_first_row(shape, '[p]')}, damped[p]);",
+    ]
+    for layer in range(1, len(shape.hidden)):
+        sizes = f"{shape.hidden[layer - 1]}, {shape.rows[layer]}"
+        lines += [
+            f"  EACH linear({sizes}, w[p] + {shape.layer(layer)}, damped[p], ahead[p]);",
+            f"  EACH times({shape.rows[layer]}, d[p][{layer}], ahead[p], damped[p]);",
+        ]
+    return [
+        *lines,
+        f"  EACH linear({shape.hidden[-1]}, {padded(shape.outputs)}, w[p] + {shape.output}, damped[p], z[p]);",
+        f"  EACH for (int m = 0; m < {shape.outputs}; m++) g[p][{k} * m + t] = z[p][m];",
+        "}",
+    ]
+
+
+def _gradient_reverse(shape: Shape) -> list[str]:
+    """Derivatives of one output of each network, from the last layer to the first."""
+    k = shape.inputs
+    lines = [
+        f"double {_arrays(shape, 'ad', '[SIDE]')}, q[SIDE][WIDEST]{', r[SIDE][WIDEST]' if shape.last else ''};",
+        *(f"EACH {line}" for line in _forward(shape, 1, "[p]")),
+        f"EACH times({shape.stacked[-1]}, w[p] + {shape.output}, d[p][{shape.last}], q[p]);",
+    ]
+    for layer in range(shape.last, 0, -1):
+        lines += [
+            f"EACH {_reverse(shape, layer, 'q[p]', 'r[p]', '[p]')}",
+            f"EACH times({shape.stacked[layer - 1]}, r[p], d[p][{layer - 1}], q[p]);",
+        ]
+    slope = f"dot({shape.rows[0]}, {_of(shape, 0, _first_row(shape, '[p]'))}, {_of(shape, 0, 'q[p]')})"
+    return [
+        *lines,
+        f"for (int t = 0; t < {k}; t++) {{",
+        f"  EACH {_each(shape, f'g[p][{k} * m + t] = {slope};')}",
+        "}",
+    ]
+
+
+def _seed(shape: Shape) -> list[str]:
+    """r of the last hidden layer: the weighted sum of the outputs by its activations."""
+    r = f"r[{shape.last}]"
+    if shape.outputs > 1:
+        return [
+            f"  memset(z, 0, sizeof z), memcpy(z, c, {shape.outputs} * sizeof(double));",
+            f"  transposed({shape.hidden[-1]}, {padded(shape.outputs)}, w + {shape.output}, z, {r});",
+        ]
+    loop = f"for (int i = m * {shape.rows[-1]}; i < (m + 1) * {shape.rows[-1]}; i++)"
+    return ["  " + _each(shape, f"{loop} {r}[i] = c[m] * w[{shape.output} + i];")]
+
+
+def _hessian(shape: Shape) -> list[str]:
+    k, layers = shape.inputs, len(shape.hidden)
+    scratch = f"tangents[{k} * WIDEST], " if layers > 2 else ""
+    lines = [
+        f"/* y[m]; g += sum_m c_m dy_m/dx; h += sum_m c_m d2y_m/dx2, lower triangle of {k} x {k} */",
+        f"FUNCTION void {shape.symbol}_hessian(const double *w, const double *x, const double *c, double *y,",
+        "    double *g, double *h) {",
+        f"  double {_arrays(shape, 'ade')}, q[WIDEST], r[{layers}][WIDEST] = {{{{0}}}};",
+        f"  double sums[{k * (k + 1) // 2}][WIDTH] = {{{{0}}}};",
+        *([f"  double {scratch}ahead[{k} * WIDEST], damped[WIDEST];"] if layers > 1 else []),
+        *_indented(_forward(shape, 2)),
+        *_seed(shape),
+    ]
+    for layer in range(shape.last, 0, -1):
+        lines += [
+            f"  times({shape.stacked[layer]}, r[{layer}], d[{layer}], q);",
+            "  " + _reverse(shape, layer, "q", f"r[{layer - 1}]"),
+        ]
+    n0 = shape.stacked[0]
+    lines += [
+        f"  times({n0}, r[0], d[0], q);",
+        f"  for (int t = 0; t < {k}; t++) g[t] += dot({n0}, {_first_row(shape)}, q);",
+        f"  times({n0}, r[0], e[0], q);",
+        f"  curvature({k}, {n0}, q, w + {shape.layer(0) + n0}, sums);",
+    ]
+    for layer in range(1, layers):
+        before, n = shape.stacked[layer - 1], shape.stacked[layer]
+        tangent = _first_row(shape) if layer == 1 else f"tangents + t * {before}"
+        sizes = f"{shape.hidden[layer - 1]}, {shape.rows[layer]}"
+        arrays = f"{_of(shape, layer - 1, 'damped')}, {_of(shape, layer, f'ahead + t * {n}')}"
+        lines += [
+            f"  for (int t = 0; t < {k}; t++) {{",
+            f"    times({before}, d[{layer - 1}], {tangent}, damped);",
+            "    " + _each(shape, f"linear({sizes}, {_weights(shape, layer)}, {arrays});"),
+            "  }",
+            f"  times({n}, r[{layer}], e[{layer}], q);",
+            f"  curvature({k}, {n}, q, ahead, sums);",
+        ]
+        if layer < shape.last:
+            lines.append(f"  memcpy(tangents, ahead, {k * n} * sizeof(double));")
+    return [*lines, f"  curved({k}, sums, h);", "}"]
+
+
+def _batch(shape: Shape) -> list[str]:
+    """Without padding: vectors run over poses, not over neurons."""
+    k, here, there = shape.inputs, "a", "b"
+    further = len(shape.hidden) > 1
+
+    def lanes(count: int, array: str) -> str:
+        return f"{array} + m * {count * LANES}"
+
+    first = f"lanes({k}, {shape.hidden[0]}, {shape.stacked[0]}, {_of(shape, 0, f'w + {shape.layer(0)}')}, offset, "
+    lines = [
+        "/* LANES poses at once: x[t][lane] -> y[m][lane] */",
+        f"FUNCTION void {shape.symbol}_batch(const double *w, const double *x, double *y) {{",
+        f"  double offset[{k} * LANES], a[WIDEST * LANES]{', b[WIDEST * LANES]' if further else ''};",
+        f"  for (int i = 0; i < {k} * LANES; i++) offset[i] = bounded(x[i] - w[i / LANES]);",
+        "  " + _each(shape, f"{first}{lanes(shape.hidden[0], here)});"),
+        f"  {shape.activation}_0({shape.count * shape.hidden[0]} * LANES, {here});",
+    ]
+    for layer in range(1, len(shape.hidden)):
+        sizes = f"{shape.hidden[layer - 1]}, {shape.hidden[layer]}, {shape.rows[layer]}"
+        arrays = f"{lanes(shape.hidden[layer - 1], here)}, {lanes(shape.hidden[layer], there)}"
+        lines += [
+            "  " + _each(shape, f"lanes({sizes}, {_weights(shape, layer)}, {arrays});"),
+            f"  {shape.activation}_0({shape.count * shape.hidden[layer]} * LANES, {there});",
+        ]
+        here, there = there, here
+    if shape.outputs > 1:
+        sizes = f"{shape.hidden[-1]}, {shape.outputs}, {padded(shape.outputs)}"
+        return [*lines, f"  lanes({sizes}, w + {shape.output}, {here}, y);", "}"]
+    output = f"{_of(shape, shape.last, f'w + {shape.output}')}, w[{shape.output_bias} + m]"
+    result = f"{lanes(shape.hidden[-1], here)}, y + m * LANES"
+    return [*lines, "  " + _each(shape, f"lanes_out({shape.hidden[-1]}, {output}, {result});"), "}"]
+
+
+def bundle_functions(bundle: Bundle) -> str:
+    """The groups of a bundle one after the other; networks of some of the inputs get these, and theirs are put back."""
+    symbol, columns = bundle.symbol, bundle.columns
+    k = bundle.inputs if columns is None else len(columns)
+    arguments = {
+        "value": ("const double *x, double *y", "{x}, y + {m}"),
+        "gradient": ("const double *x, double *y, double *g", f"{{x}}, y + {{m}}, {{g}} + {k} * {{m}}"),
+        "hessian": (
+            "const double *x, const double *c, double *y, double *g, double *h",
+            "{x}, c + {m}, y + {m}, {g}, {h}",
+        ),
+        "batch": ("const double *x, double *y", "{x}, y + {m} * LANES"),
+    }
+    names = dict(zip("xgh", "xgh" if columns is None else ("of_x", "of_g", "of_h"), strict=True))
+    functions = []
+    for what, (parameters, call) in arguments.items():
+        lines, m = [f"INLINE void {symbol}_{what}({parameters}) {{"], 0
+        before, after = _picked(bundle, columns, what) if columns is not None and bundle.groups else ([], [])
+        lines += before
+        for group in bundle.groups:
+            lines.append(f"  {group.shape.symbol}_{what}({group.symbol}, {call.format(m=m, **names)});")
+            m += sum(network.outputs for network in group.networks)
+        if not bundle.groups:
+            unused = [parameter.split("*")[-1] for parameter in parameters.split(", ")]
+            lines.append(f"  {', '.join(f'(void){name}' for name in unused)};")
+        functions.append("\n".join([*lines, *after, "}"]))
+    return "\n\n".join(functions)
+
+
+def _picked(bundle: Bundle, columns: Sequence[int], what: str) -> tuple[list[str], list[str]]:
+    """C before and after the calls of networks that take these columns of x: inputs gathered, derivatives put back."""
+    inputs, k, count = bundle.inputs, len(columns), sum(network.outputs for network in bundle.networks.values())
+    if what == "batch":
+        copies = [
+            f"memcpy(of_x + {t} * LANES, x + {c} * LANES, LANES * sizeof(double));" for t, c in enumerate(columns)
+        ]
+        return [f"  double of_x[{k} * LANES];", *(f"  {copy}" for copy in copies)], []
+    before, after = [f"  const double of_x[{k}] = {{{', '.join(f'x[{c}]' for c in columns)}}};"], []
+    if what == "gradient":
+        before.append(f"  double of_g[{count * k}];")
+        after.append(f"  memset(g, 0, {count * inputs} * sizeof(double));")
+        put = " ".join(f"g[{inputs} * m + {c}] = of_g[{k} * m + {t}];" for t, c in enumerate(columns))
+        after.append(f"  for (int m = 0; m < {count}; m++) {{ {put} }}")
+    if what == "hessian":
+        before.append(f"  double of_g[{k}] = {{0}}, of_h[{k * k}] = {{0}};")
+        for t, c in enumerate(columns):
+            after.append(f"  g[{c}] += of_g[{t}];")
+            after += [f"  h[{inputs * c + columns[j]}] += of_h[{k * t + j}];" for j in range(t + 1)]
+    return before, after
+
+
+def family_functions(name: str, bundles: Sequence[Bundle]) -> str:
+    """NAME_value(count, which, x, y) and NAME_gradient(count, which, x, y, g): those of the bundles that are listed,
+    several side by side where all have networks of the same few neurons; x, y and g hold a pointer for each bundle."""
+    sides = _sides(bundles)
+    functions = []
+    if any(sides.values()):
+        rows = ", ".join(f"{{{', '.join(group.symbol for group in bundle.groups)}}}" for bundle in bundles)
+        groups = len(bundles[0].groups)
+        functions.append(f"static const double *const {name}_weights[{len(bundles)}][{groups}] = {{{rows}}};")
+    for what, outputs in (("value", "y"), ("gradient", "yg")):
+        pointers = "".join(f", double *const *{array}" for array in outputs)
+        lines = [f"INLINE void {name}_{what}(int count, const int *which, const double *const *x{pointers}) {{"]
+        lines.append("  int k = 0;")
+        most = "SLOPES_SIDE_BY_SIDE" if what == "gradient" else "VALUES_SIDE_BY_SIDE"
+        for side in sides[what]:
+            lines.append(f"  for (; {side} <= {most} && k + {side} <= count; k += {side}) {{")
+            lines += [f"    {line}" for line in _together(bundles[0], name, what, outputs, side)]
+            lines.append("  }")
+        lines += ["  for (; k < count; k++) {", "    const int i = which[k];", "    switch (i) {"]
+        of_one = "".join(f", {array}[i]" for array in outputs)
+        lines += [f"      case {p}: {b.symbol}_{what}(x[i]{of_one}); break;" for p, b in enumerate(bundles)]
+        functions.append("\n".join([*lines, "    }", "  }", "}"]))
+    return "\n\n".join(functions) + "\n"
+
+
+def _sides(bundles: Sequence[Bundle]) -> dict[str, list[int]]:
+    """How many of the bundles are evaluated side by side, the most first; none where their networks differ in shape."""
+    shapes = {tuple(group.shape for group in bundle.groups) for bundle in bundles}
+    if len(shapes) > 1 or any(bundle.columns is not None or not bundle.groups for bundle in bundles):
+        return {"value": [], "gradient": []}
+    return {
+        what: [
+            side
+            for side in min((sides_of(group.shape, what) for group in bundles[0].groups), key=len)
+            if side <= len(bundles)
+        ]
+        for what in ("value", "gradient")
+    }
+
+
+def _together(bundle: Bundle, name: str, what: str, outputs: str, side: int) -> list[str]:
+    """Calls for as many bundles of one kind, from which[k] on, a group of networks after the other."""
+    lines, m = [], 0
+    for number, group in enumerate(bundle.groups):
+        offset = {"x": 0, "y": m, "g": bundle.inputs * m}
+        arrays = [(f"{name}_weights", f"[{number}]", "const double"), ("x", "", "const double")]
+        arrays += [(array, f" + {offset[array]}" if offset[array] else "", "double") for array in outputs]
+        given = [
+            f"({kind} *const[]){{{', '.join(f'{array}[which[k + {p}]]{end}' for p in range(side))}}}"
+            for array, end, kind in arrays
+        ]
+        lines.append(f"{group.shape.symbol}_{what}_{side}({', '.join(given)});")
+        m += sum(network.outputs for network in group.networks)
+    return lines

@@ -1,0 +1,152 @@
+"""Batch Levenberg-Marquardt, its normal equations solved by conjugate gradients on all rows.
+
+Every iteration solves (JᵀJ + λ·d·I)·x = -Jᵀr over all rows (d the mean diagonal of JᵀJ), but does not assemble that
+JᵀJ: products JᵀJ·v cost about a hundredth of it. The preconditioner is a JᵀJ assembled from a weighted random
+subset of a few rows per parameter, anew for each iteration (Blendenpik, Avron et al. 2010, has the same idea for
+linear problems): two or three products then make a step that is exact enough. One that is kept for several
+iterations costs twice as much time for the same error, as measured for networks from 16-16-16 to 48-48.
+
+λ follows Nielsen (1999): reduced by up to 3 where the model predicted the loss well, doubled at a growing pace where
+not. A step that does not reduce the loss is shortened first, since a trial costs less than one product.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.core.conventions import Array
+from casadi_contact.networks.training.mlp import Mlp
+
+ACCURACY = 0.1  # of steps: two or three products each
+MAX_PRODUCTS = 60
+SHORTER = 0.4
+TRIALS = 4
+FIRST_DAMPING, MIN_DAMPING, MAX_DAMPING = 1e-2, 1e-15, 1e8
+
+
+@dataclass(frozen=True)
+class State:
+    """All that the next iteration depends on: what a checkpoint holds."""
+
+    parameters: Array
+    damping: float
+    damping_growth: float
+    iterations: int  # begun so far
+
+
+def next_damping(damping: float, growth: float, ratio: float) -> tuple[float, float]:
+    """λ and its growth after a step that reduced the loss by `ratio` times what the model predicted (Nielsen 1999)."""
+    if ratio > 0.0:
+        damping, growth = damping * max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3), 2.0
+    else:
+        damping, growth = damping * growth, min(2.0 * growth, 16.0)
+    return max(damping, MIN_DAMPING), growth
+
+
+class LevenbergMarquardt:
+    """Minimises ½Σr² of an `Mlp` (or `PartsMlp`) step by step; reproducible for a seed, and from a `State` at any
+    iteration. accuracy: conjugate gradients end when a product adds less than this share of the mean gain so far."""
+
+    def __init__(
+        self, mlp: Mlp, parameters: Array, seed: int, state: State | None = None, accuracy: float = ACCURACY
+    ) -> None:
+        self.mlp, self.xp, self._seed, self._accuracy = mlp, mlp.xp, seed, accuracy
+        self.damping, self._growth, self._iterations = FIRST_DAMPING, 2.0, 0
+        self.exhausted = False
+        self._solver_flop = 0
+        if state is not None and state.iterations:
+            self.damping, self._growth, self._iterations = state.damping, state.damping_growth, state.iterations
+        self._move_to(parameters if state is None else state.parameters, solve_output=not self._iterations)
+
+    def _move_to(self, parameters: Array, *, solve_output: bool) -> None:
+        self._parameters, self.loss = self.mlp.evaluate(self.mlp.arrays.array(parameters), solve_output=solve_output)
+        if not np.isfinite(self.loss):
+            raise ValueError("the residuals at the starting weights are not finite numbers, expected finite data")
+        self._gradient = self.mlp.accept(self._parameters)
+
+    @property
+    def parameters(self) -> Array:
+        """Weights and biases (parameters,), see `mlp`."""
+        return self.mlp.arrays.numpy(self._parameters).copy()
+
+    @property
+    def flop(self) -> int:
+        """Floating-point operations so far: those of the `Mlp`, and of the factors and their solves."""
+        return self.mlp.flop + self._solver_flop
+
+    @property
+    def rms(self) -> float:
+        """√(Σr²/n) over the training rows."""
+        return float(np.sqrt(2.0 * self.loss / self.mlp.rows))
+
+    def state(self) -> State:
+        """What a later `LevenbergMarquardt` continues from, bit for bit on one thread."""
+        return State(self.parameters, self.damping, self._growth, self._iterations)
+
+    def _precondition(self) -> Any | None:
+        """A Cholesky factor of JᵀJ from some rows, damped; rounding may ask for more damping. None where no damping
+        helps."""
+        gram = self.mlp.drawn_gram([self._seed, self._iterations])
+        self._iterations += 1
+        self._unit = float(self.mlp.arrays.diagonal(gram).mean()) or 1.0
+        while True:
+            factor = self.mlp.arrays.factor(gram, self.damping * self._unit)
+            self._solver_flop += self.mlp.parameter_count * self.mlp.block_parameters**2 // 3
+            if factor is not None or self.damping > MAX_DAMPING:
+                return factor
+            self.damping *= 10.0
+
+    def _solve(self, factor: Any) -> tuple[Any, float]:
+        """x ≈ -(JᵀJ + λ·d·I)⁻¹·Jᵀr, and the reduction of ½Σr² that the linear model predicts; factor: of the
+        preconditioner."""
+        arrays, shift = self.mlp.arrays, self.damping * self._unit
+        x = arrays.zeros(self.mlp.parameter_count)
+        residual = -self._gradient
+        z = arrays.solve(factor, residual)
+        direction, rz, gain = z, float(residual @ z), 0.0
+        for count in range(1, MAX_PRODUCTS + 1):
+            product = self.mlp.gram_product(direction) + shift * direction
+            curvature = float(direction @ product)
+            if not (curvature > 0.0 and rz > 0.0):
+                break
+            self._solver_flop += 2 * self.mlp.parameter_count * self.mlp.block_parameters
+            length = rz / curvature
+            x = x + length * direction
+            residual = residual - length * product
+            gain += length * rz
+            if count > 1 and length * rz * count < self._accuracy * gain:
+                break
+            z = arrays.solve(factor, residual)
+            rz, before = float(residual @ z), rz
+            direction = z + (rz / before) * direction
+        # JᵀJ·x = -Jᵀr - residual - λ·d·x, so gᵀx + ½xᵀJᵀJx needs no further product.
+        predicted = -0.5 * float(self._gradient @ x) + 0.5 * float(x @ residual) + 0.5 * shift * float(x @ x)
+        return x, predicted
+
+    def step(self) -> bool:
+        """One iteration; True if the loss fell. Sets ``exhausted`` when no damping gives a lower loss any more."""
+        if float(self.xp.abs(self._gradient).max()) == 0.0:
+            self.exhausted = True
+            return False
+        factor = self._precondition()
+        if factor is None:
+            self.exhausted = True
+            return False
+        x, predicted = self._solve(factor)
+        start, length, ratio, fell = self.loss, 1.0, -np.inf, False
+        for trial in range(TRIALS):
+            tried, loss = self.mlp.evaluate(self._parameters + length * x)
+            if trial == 0 and predicted > 0.0 and np.isfinite(loss):
+                ratio = (start - loss) / predicted
+            fell = loss < start
+            if fell:
+                self._gradient = self.mlp.accept(tried)
+                self._parameters, self.loss = tried, loss
+                break
+            length *= SHORTER
+        self.damping, self._growth = next_damping(self.damping, self._growth, ratio)
+        self.exhausted = self.damping > MAX_DAMPING
+        return fell

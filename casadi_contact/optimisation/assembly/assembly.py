@@ -1,0 +1,178 @@
+"""Contacts, ligaments, springs and pulls between named bodies: one function from all poses to all loads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from casadi_contact.core.conventions import Array, finite_numbers
+from casadi_contact.core.quantities import FORCE, Kind, quantity
+from casadi_contact.networks.frames import placed, relative_pose, rotation
+from casadi_contact.networks.names import check_name
+from casadi_contact.optimisation.assembly.connections import Contact, Ligament, Line, Pull, Spring, finite_vector
+from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection
+from casadi_contact.scenes.shapes.checks import identifier
+
+_NO_LENGTH_MM = 1e-9  # of a line whose ends coincide: it has no direction, and pulls nowhere
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """Bodies (each with six degrees of freedom in the ground), and what acts between them and the ground.
+
+    start: poses (6,) [mm, rad] of the free bodies by name, in the order in which functions take them. Raises
+    ValueError for a start of another shape, for a body that is not there, for names that are not distinct, and for a
+    contact whose scene locks or ties pose parameters: nothing holds the bodies so.
+    """
+
+    name: str
+    ground: str
+    start: Mapping[str, Array]
+    contacts: Sequence[Contact] = ()
+    ligaments: Sequence[Ligament] = ()
+    pulls: Sequence[Pull] = ()
+    springs: Sequence[Spring] = ()
+
+    def __post_init__(self) -> None:
+        known = tuple(identifier("body", body) for body in (self.ground, *self.start))
+        parts: list[Contact | Line | Spring] = [*self.contacts, *self.ligaments, *self.pulls, *self.springs]
+        names = [identifier("name", part.name) for part in parts]
+        if not self.start or len(set(known)) != len(known) or len(set(names)) != len(names):
+            raise ValueError(
+                f"assembly {self.name} has the bodies {', '.join(known)} and the parts {', '.join(names)}, "
+                "expected at least one free body, and names that differ"
+            )
+        for body, pose in self.start.items():
+            finite_vector(f"assembly {self.name}: the start of {body} is", pose, 6)
+        for contact in self.contacts:
+            contact.model.scene.pose_space.check_whole(f"assembly {self.name}: the contact {contact.name}")
+        for spring in self.springs:
+            if spring.body == self.ground:
+                raise ValueError(
+                    f"{spring.name} acts on the ground {spring.body}, expected a free body, one of "
+                    f"{', '.join(self.start)}: springs hold a body's pose in the ground"
+                )
+        for part in parts:
+            bodies = (part.body,) if isinstance(part, Spring) else part.bodies
+            missing = [body for body in bodies if body not in known]
+            if missing or len(set(bodies)) != len(bodies):
+                said = ", ".join(missing) or f"{bodies[0]} twice"
+                raise ValueError(f"{part.name} acts on {said}, expected different ones of {', '.join(known)}")
+        if len(set(self.load_names)) != len(self.load_names):
+            raise ValueError(
+                f"assembly {self.name} has the loads {', '.join(self.load_names)}, expected names that differ"
+            )
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the free bodies."""
+        return tuple(self.start)
+
+    @property
+    def load_names(self) -> tuple[str, ...]:
+        """tibiofemoral_Fy_med [N], tibiofemoral_Tx [N·mm] ... of each contact, patellar_tendon [N] of each ligament."""
+        loads = [f"{contact.name}_{load}" for contact in self.contacts for load in contact.model.load_names]
+        return (*loads, *(ligament.name for ligament in self.ligaments))
+
+    @property
+    def load_kinds(self) -> dict[str, Kind]:
+        """Force or torque, by the names of ``load_names`` and in their order."""
+        of_contacts = [quantity(load).kind for contact in self.contacts for load in contact.model.load_names]
+        return dict(zip(self.load_names, [*of_contacts, *[FORCE] * len(self.ligaments)], strict=True))
+
+    def start_poses(self) -> Array:
+        """Poses (bodies, 6) to begin from."""
+        return np.array([self.start[body] for body in self.bodies])
+
+    def function(self, name: str = "assembly_loads") -> ca.Function:
+        """casadi.Function poses (6 x bodies) -> loads (L) of ``load_names``, with exact first and second derivatives.
+
+        Both are sparse: a contact's loads depend on its own two bodies alone.
+        """
+        poses = ca.MX.sym("poses", 6, len(self.bodies))
+        loads = [self._contact_loads(contact, poses) for contact in self.contacts]
+        tensions = [ligament.tension(self._along(ligament, poses)[0]) for ligament in self.ligaments]
+        return ca.Function(check_name(name), [poses], [ca.vertcat(*loads, *tensions)], ["poses"], ["loads"])
+
+    def forces(self, name: str = "assembly_forces") -> ca.Function:
+        """casadi.Function poses (6 x bodies), tensions (pulls) [N] -> generalised forces (6 x bodies) [N, N·mm].
+
+        All that contacts, ligaments, pulls and springs do on each free body; zero in equilibrium.
+        """
+        poses, tensions = ca.MX.sym("poses", 6, len(self.bodies)), ca.MX.sym("tensions", len(self.pulls))
+        wrenches = {body: ca.MX.zeros(6) for body in (self.ground, *self.bodies)}
+        for contact in self.contacts:
+            on_fixed = self._in_ground(contact, poses)
+            wrenches[contact.fixed] += on_fixed
+            wrenches[contact.moving] -= on_fixed
+        lines: list[Line] = [*self.ligaments, *self.pulls]
+        sizes = [ligament.tension(self._along(ligament, poses)[0]) for ligament in self.ligaments]
+        for line, size in zip(lines, [*sizes, *(tensions[k] for k in range(len(self.pulls)))], strict=True):
+            _, points, along = self._along(line, poses)
+            for body, point, sign in zip(line.bodies, points, (1.0, -1.0), strict=True):
+                force = sign * size * along
+                wrenches[body] += ca.vertcat(force, ca.cross(point, force))
+        found = [generalised_forces(poses[:, k], wrenches[body]) for k, body in enumerate(self.bodies)]
+        for spring in self.springs:
+            k = self.bodies.index(spring.body)
+            found[k] -= ca.DM(spring.stiffness) * (poses[:, k] - ca.DM(spring.rest))
+        names = ["poses", "tensions"], ["forces"]
+        return ca.Function(check_name(name), [poses, tensions], [ca.horzcat(*found)], *names)
+
+    def contact(self, name: str) -> Contact:
+        """A contact by its name; ValueError where there is none."""
+        found = {contact.name: contact for contact in self.contacts}
+        if name not in found:
+            raise ValueError(f"assembly {self.name} has no contact {name}, expected one of {', '.join(found)}")
+        return found[name]
+
+    def contact_poses(self, name: str, poses: ArrayLike) -> Array:
+        """Poses (n, 6) of a contact's moving body in its fixed one, for poses (n, bodies, 6) or (bodies, 6).
+
+        Raises ValueError for another shape, for numbers that are not finite, and for a contact that is not there.
+        """
+        count, shape = len(self.bodies), np.shape(poses)
+        if shape[-2:] != (count, 6) or len(shape) > 3 or 0 in shape:
+            raise ValueError(f"poses has shape {shape}, expected (n, {count}, 6): a pose of {', '.join(self.bodies)}")
+        if (numbers := finite_numbers(poses)) is None:
+            raise ValueError("poses are not all finite, real numbers")
+        q = ca.MX.sym("q", 6, count)
+        pose = ca.Function("contact_pose", [q], [self.contact_pose(self.contact(name), q)])
+        stacked = numbers.reshape(-1, 6)
+        return np.asarray(pose.map(len(stacked) // count)(stacked.T)).T
+
+    def contact_pose(self, contact: Contact, poses: ca.MX) -> ca.MX:
+        """Pose (6) of a contact's moving body in its fixed one, for poses (6 x bodies)."""
+        return relative_pose(
+            placed(self._pose(contact.fixed, poses), ca.DM(contact.fixed_frame)),
+            placed(self._pose(contact.moving, poses), ca.DM(contact.moving_frame)),
+        )
+
+    def _pose(self, body: str, poses: ca.MX) -> ca.MX:
+        return ca.MX.zeros(6) if body == self.ground else poses[:, self.bodies.index(body)]
+
+    def _contact_loads(self, contact: Contact, poses: ca.MX) -> ca.MX:
+        """Named loads of a contact (L)."""
+        function = contact.model.function(name=contact.function_name, compiled=True)
+        return function(self.contact_pose(contact, poses))
+
+    def _in_ground(self, contact: Contact, poses: ca.MX) -> ca.MX:
+        """Total wrench (6) of a contact on its fixed body, about the ground's origin and in its frame."""
+        total = ca.sparsify(ca.DM(total_selection(contact.model.load_names, contact.model.patch_names)))
+        wrench = ca.mtimes(total, self._contact_loads(contact, poses))
+        origin, R = placed(self._pose(contact.fixed, poses), ca.DM(contact.fixed_frame))
+        force = ca.mtimes(R, wrench[:3])
+        return ca.vertcat(force, ca.mtimes(R, wrench[3:]) + ca.cross(origin, force))
+
+    def _along(self, line: Line, poses: ca.MX) -> tuple[ca.MX, tuple[ca.MX, ca.MX], ca.MX]:
+        """Length [mm], both points in the ground, and the unit vector from the first to the second."""
+        first, second = (
+            self._pose(body, poses)[:3] + ca.mtimes(rotation(self._pose(body, poses)[3:]), ca.DM(point))
+            for body, point in zip(line.bodies, line.points_mm, strict=True)
+        )
+        length = ca.sqrt(ca.sumsqr(second - first) + _NO_LENGTH_MM**2)
+        return length, (first, second), (second - first) / length

@@ -1,0 +1,118 @@
+"""What acts between the bodies of an assembly: contacts, ligaments, pulls of given tension, springs.
+
+Lines of action are straight between two points [mm], each fixed to a body. Tensions are in N, positive.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.core.conventions import Array, check_above_zero, finite_numbers
+from casadi_contact.core.files.reading import short
+from casadi_contact.networks.names import check_name
+
+_TOE = 0.03  # strain at which fibres are straight
+
+
+def finite_vector(what: str, value: Any, count: int, expected: str = "") -> Array:
+    """A vector (count,) of finite numbers; ValueError saying what is got and what is expected for anything else."""
+    numbers = finite_numbers(value)
+    if numbers is None or numbers.shape != (count,):
+        raise ValueError(f"{what} {short(repr(value))}, expected {expected or f'{count} finite numbers'}")
+    return numbers
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A contact model between a fixed and a moving body of an assembly; each frame (6,) [mm, rad] places the model's
+    own body frame on that of the assembly. Raises ValueError for other frames, and for a name that no function can
+    have."""
+
+    name: str
+    model: SymbolicContact
+    fixed: str
+    moving: str
+    fixed_frame: Array = field(default_factory=lambda: np.zeros(6))
+    moving_frame: Array = field(default_factory=lambda: np.zeros(6))
+
+    def __post_init__(self) -> None:
+        try:
+            check_name(self.function_name)
+        except ValueError:
+            raise ValueError(f"contact {self.name!r}: expected letters, digits and single underscores") from None
+        finite_vector(f"{self.name}: fixed_frame is", self.fixed_frame, 6)
+        finite_vector(f"{self.name}: moving_frame is", self.moving_frame, 6)
+
+    @property
+    def function_name(self) -> str:
+        """Of its loads, in CasADi and C."""
+        return f"{self.name}_loads"
+
+    @property
+    def bodies(self) -> tuple[str, str]:
+        """Names of both."""
+        return self.fixed, self.moving
+
+
+@dataclass(frozen=True)
+class Line:
+    """A straight line between a point (3,) [mm] of one body and one of another. Raises ValueError for other points."""
+
+    name: str
+    bodies: tuple[str, str]
+    points_mm: tuple[Array, Array]
+
+    def __post_init__(self) -> None:
+        for point in self.points_mm:
+            finite_vector(f"{self.name}: a point is", point, 3)
+
+
+@dataclass(frozen=True)
+class Ligament(Line):
+    """A nonlinear elastic bundle: tension [N] over the strain ε = length/slack_length - 1 (Blankevoort and Huiskes,
+    J Biomech Eng 113 (1991) 263-269, as OpenSim's Blankevoort1991Ligament without its damping),
+
+    0 below ε = 0,   k·ε²/(4·ε_l) up to 2·ε_l,   k·(ε - ε_l) beyond,    ε_l = 0.03, k = stiffness_n [N]
+
+    Raises ValueError also for a stiffness or a slack length that is not above 0.
+    """
+
+    stiffness_n: float
+    slack_length_mm: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_above_zero(
+            **{f"{self.name}: stiffness_n": self.stiffness_n, f"{self.name}: slack_length_mm": self.slack_length_mm}
+        )
+
+    def tension(self, length: Any) -> Any:
+        """Tension [N] at a length [mm], once continuously differentiable, as a CasADi expression."""
+        strain = ca.fmax(length / self.slack_length_mm - 1.0, 0.0)
+        toe, straight = 0.25 * strain**2 / _TOE, strain - _TOE
+        return self.stiffness_n * ca.if_else(strain < 2.0 * _TOE, toe, straight)
+
+
+@dataclass(frozen=True)
+class Pull(Line):
+    """A line whose tension is an input of the assembly: a muscle or an actuator."""
+
+
+@dataclass(frozen=True)
+class Spring:
+    """Linear springs on the pose of one body in the ground: generalised forces -stiffness·(pose - rest), each (6,).
+    Raises ValueError for other sizes."""
+
+    name: str
+    body: str
+    stiffness: Array
+    rest: Array
+
+    def __post_init__(self) -> None:
+        finite_vector(f"{self.name}: stiffness is", self.stiffness, 6)
+        finite_vector(f"{self.name}: rest is", self.rest, 6)

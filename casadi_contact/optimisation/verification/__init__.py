@@ -1,0 +1,1 @@
+"""Verification: is the solution that a surrogate led to one of the contact model as well, and if not, refine."""

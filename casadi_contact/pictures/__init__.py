@@ -1,0 +1,1 @@
+"""Charts, pictures of contact, the report and the page in a browser."""

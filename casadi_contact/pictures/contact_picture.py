@@ -1,0 +1,114 @@
+"""Pictures of contact: the pressure on the fixed surface as it is pressed, and the moving surface in section."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.pressure.map import PressureMap
+from casadi_contact.core.conventions import POSE_NAMES, Array, as_poses, load_selection
+from casadi_contact.core.quantities import quantity
+from casadi_contact.pictures.figure import CENTRE_OF_PRESSURE, discs, name_axes, new_figure, patch_title, save
+from casadi_contact.pictures.section import page_of_sections
+from casadi_contact.pictures.view import View, view_of
+
+MOST_FRAMES = 8
+_DISC = 1.4  # diameter of an element's disc over its side: neighbours leave no gap
+
+
+def draw_contact(model: ElasticFoundation, poses: Array, path: str | Path) -> None:
+    """Write a picture of one pose, or a strip of up to MOST_FRAMES of several poses (n, 6), evenly spaced.
+    Raises ValueError for no pose."""
+    poses = as_poses(poses)
+    if not len(poses):
+        raise ValueError("there is no pose to draw, expected one or more")
+    chosen = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), MOST_FRAMES)).round().astype(int))
+    save(_one(model, poses[0]) if len(poses) == 1 else _strip(model, poses[chosen], chosen), path)
+
+
+def _one(model: ElasticFoundation, pose: Array) -> Any:
+    """Pressure, a section across all patches, and one along each."""
+    maps, view = model.pressure_maps(pose), view_of(model)
+    figure, seen = page_of_sections(model, pose, maps, view)
+    drawn = _draw_pressure(seen, maps, view, _largest([maps]))
+    figure.colorbar(drawn, ax=seen, label="pressure [MPa]", shrink=0.8)
+    seen.set_title(f"fixed surface, seen towards {view.name}", fontsize=9)
+    at = ", ".join(f"{name} {value:.4g}" for name, value in zip(POSE_NAMES, pose, strict=True))
+    said = f"{loads_text(model, pose, model.load_names)}\n{pressures_text(model, pose)}"
+    figure.suptitle(f"{model.scene.name}: {at} [mm, rad]\n{said}", fontsize=9)
+    return figure
+
+
+def _strip(model: ElasticFoundation, poses: Array, numbers: np.ndarray) -> Any:
+    frames, view = [model.pressure_maps(pose) for pose in poses], view_of(model)
+    figure = new_figure(2.2 * len(frames) + 1.0, 2.6)
+    axes = figure.subplots(1, len(frames), sharex=True, sharey=True)
+    for place, (axis, maps, number) in enumerate(zip(axes, frames, numbers, strict=True)):
+        drawn = _draw_pressure(axis, maps, view, _largest(frames))
+        said = loads_text(model, poses[place], model.scene.sensitive_loads, between="\n")
+        axis.set_title(f"frame {number}\n{said}", fontsize=8)
+        axis.label_outer()
+    figure.colorbar(drawn, ax=axes, label="pressure [MPa]", shrink=0.8)
+    figure.suptitle(f"{model.scene.name}: fixed surface, seen towards {view.name}", fontsize=9)
+    return figure
+
+
+def loads_text(model: ElasticFoundation, pose: Array, names: Sequence[str], *, between: str = ", ") -> str:
+    """Named loads of a pose (6,) in words: Fy_med -829 N, Tz 15221 N·mm."""
+    loads = model.wrenches(pose[None])[0]
+    values = np.einsum("lpk,pk->l", load_selection(names, model.patch_names), loads)
+    return between.join(f"{n} {round(v) + 0:d} {quantity(n).unit}" for n, v in zip(names, values, strict=True))
+
+
+def pressures_text(model: ElasticFoundation, pose: Array) -> str:
+    """Area in contact, mean and peak pressure, penetration of each patch in a pose (6,), in words."""
+    found = model.summary(pose[None])
+    said = [
+        f"{area:.0f} mm², mean {mean:.3g} MPa, peak {peak:.3g} MPa, {depth:.2g} mm deep" if area else "no contact"
+        for area, mean, peak, depth in zip(
+            found.area_mm2[0], found.mean_mpa[0], found.largest_mpa[0], found.penetration_mm[0], strict=True
+        )
+    ]
+    names = [f"{name}: " if len(said) > 1 else "" for name in model.patch_names]
+    return "; ".join(name + words for name, words in zip(names, said, strict=True))
+
+
+def _largest(frames: Sequence[Sequence[PressureMap]]) -> float:
+    return max((float(m.pressures_mpa.max(initial=0.0)) for maps in frames for m in maps), default=0.0) or 1.0
+
+
+def _draw_pressure(axis: Any, maps: Sequence[PressureMap], view: View, largest: float) -> Any:
+    """Every element in its colour (grey: no contact); a ring at each patch's centre of pressure."""
+    for pressed in maps:
+        width = _DISC * np.sqrt(pressed.areas_mm2)
+        discs(axis, pressed.centres_mm, width, view, facecolors="0.88")
+        loaded = pressed.pressures_mpa > 0.0
+        drawn = discs(
+            axis,
+            pressed.centres_mm[loaded],
+            width[loaded],
+            view,
+            array=pressed.pressures_mpa[loaded],
+            clim=(0.0, largest),
+        )
+    for pressed in maps:
+        if (centre := pressed.centre_mm) is not None:
+            axis.plot(view.right.of(centre), view.up.of(centre), **CENTRE_OF_PRESSURE)
+        if len(maps) > 1:
+            _label_patch(axis, pressed, view)
+    name_axes(axis, view)
+    return drawn
+
+
+def _label_patch(axis: Any, pressed: PressureMap, view: View) -> None:
+    """The patch's name above it."""
+    up = view.up.of(pressed.centres_mm)
+    top = up.min() if view.up.reversed else up.max()
+    place = (view.right.of(pressed.centres_mm).mean(), top)
+    title = patch_title(pressed.patch)
+    axis.annotate(title, place, (0, 2), textcoords="offset points", ha="center", va="bottom", fontsize=8)
+    axis.margins(y=0.15)

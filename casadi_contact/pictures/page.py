@@ -1,0 +1,90 @@
+"""A page of pictures: made without a display, written whole, in colours that the colour-blind tell apart."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from casadi_contact.core.files.writing import replacing
+
+# Okabe and Ito, Color universal design (2008); the order keeps the first ones apart in lightness as well.
+COLOURS = {
+    "blue": "#0072B2",
+    "black": "#000000",
+    "orange": "#E69F00",
+    "vermillion": "#D55E00",
+    "purple": "#CC79A7",
+    "green": "#009E73",
+    "sky blue": "#56B4E9",
+    "yellow": "#F0E442",
+}
+# What a curve stands for has one look on every page: keywords of matplotlib's ``plot``.
+WANTED = {"color": COLOURS["black"], "lw": 4.0, "alpha": 0.25}
+SURROGATE = {"color": COLOURS["blue"], "lw": 1.6}
+FOUNDATION = {"color": COLOURS["vermillion"], "lw": 1.2, "ls": "--"}
+FAILED = {"color": COLOURS["purple"], "ls": "", "marker": "x"}
+_DOTS_PER_INCH = 130
+
+
+def new_page(width: float, height: float, **padding: Any) -> Any:
+    """An empty page [inch]; padding: of matplotlib's constrained layout, such as w_pad. matplotlib is loaded here."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    # The resolution of the file: a text's width depends on it, by the hinting of its letters.
+    page = Figure(figsize=(width, height), dpi=_DOTS_PER_INCH, layout=ConstrainedLayoutEngine(**padding))
+    FigureCanvasAgg(page)  # knows how large a text comes out
+    return page
+
+
+class Panel(NamedTuple):
+    """Curves above, and below them the difference of curves that coincide to the eye, where there is one."""
+
+    curves: Any
+    differences: Any  # an axis, or None
+
+    def difference(self, x: Any, values: Any, label: str, **look: Any) -> None:
+        """Draw a difference over x."""
+        assert self.differences is not None
+        self.differences.plot(x, values, label=label, **look)
+
+    @property
+    def lowest(self) -> Any:
+        """The axes that carry the abscissa."""
+        return self.curves if self.differences is None else self.differences
+
+
+def panels(page: Any, rows: int, columns: int, differences: Container[tuple[int, int]]) -> dict[tuple[int, int], Panel]:
+    """Panels by (row, column); those named have a lower part, a quarter high, for differences."""
+    grid = page.add_gridspec(4 * rows, columns)
+    found = {}
+    for row in range(rows):
+        for column in range(columns):
+            split = (row, column) in differences
+            upper = page.add_subplot(grid[4 * row : 4 * row + (3 if split else 4), column])
+            lower = None
+            if split:
+                lower = page.add_subplot(grid[4 * row + 3, column], sharex=upper)
+                lower.tick_params(labelsize=7)
+                lower.axhline(0.0, color="0.6", lw=0.8)
+                lower.grid(alpha=0.3)
+                upper.tick_params(labelbottom=False)
+                upper.grid(alpha=0.3)
+            found[row, column] = Panel(upper, lower)
+    return found
+
+
+def frame(axes: Iterable[Any], xlabel: str) -> None:
+    """The same abscissa and a faint grid for all axes."""
+    for axis in axes:
+        axis.set_xlabel(xlabel)
+        axis.grid(alpha=0.3)
+
+
+def save_page(page: Any, path: str | Path, *, dots_per_inch: float = _DOTS_PER_INCH, **more: Any) -> None:
+    """Write a page in the format of the path's ending (PNG if it has none); more: of matplotlib's ``savefig``."""
+    path = Path(path)
+    with replacing(path) as beside:
+        page.savefig(beside, format=path.suffix[1:] or "png", dpi=dots_per_inch, **more)

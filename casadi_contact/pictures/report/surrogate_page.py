@@ -1,0 +1,171 @@
+"""``report.html``: what surrogates of a scene are fit for, where they were sampled, and how wrong they are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.core.files.reading import one_line
+from casadi_contact.core.files.writing import write_text
+from casadi_contact.core.quantities import quantity, three_digits
+from casadi_contact.optimisation.verification.fitness import fitness
+from casadi_contact.pictures.contact_picture import draw_contact
+from casadi_contact.pictures.contact_pose import contact_pose
+from casadi_contact.pictures.page import save_page
+from casadi_contact.pictures.report.convergence import draw_convergence
+from casadi_contact.pictures.report.html import heading, page, paragraph, picture, table
+from casadi_contact.pictures.report.reach import draw_reach
+from casadi_contact.pictures.report.scatter import draw_speed_accuracy
+from casadi_contact.samples.samples import Samples, read_samples
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.surrogate.info import model_line, other_rows
+from casadi_contact.workflow.benchmark.front_file import FILE_NAME, Front, read_front
+from casadi_contact.workflow.benchmark.shipped import shipped_front
+
+
+def surrogate_page(
+    surrogates: Mapping[str, Surrogate], samples: Samples | None = None, front: Front | None = None
+) -> str:
+    """HTML of surrogates of one scene by name; samples that they learned from, and the scene's measured chart, if any.
+
+    Everything else comes from the surrogates' own files. Raises ValueError for no surrogate.
+    """
+    if not surrogates:
+        raise ValueError("no surrogate to report, expected at least one")
+    scene = next(iter(surrogates.values())).scene
+    parts = [heading(f"Surrogates of the scene {scene.name}", 1)]
+    for name, surrogate in surrogates.items():
+        verdict = fitness(surrogate)
+        parts.append(paragraph(f"{name}: {verdict}", "verdict" if verdict.usable else "verdict unfit"))
+    parts += [heading("Scene"), _scene_picture(scene)]
+    for name, surrogate in surrogates.items():
+        parts += _surrogate(name, surrogate)
+    parts += [heading("Dropped samples"), *_dropped(samples)]
+    parts += [heading("Speed and accuracy"), _chart(front)]
+    return page(f"casadi_contact: {scene.name}", parts)
+
+
+def write_report(surrogates: Mapping[str, Surrogate], folder: Path, path: Path) -> Path:
+    """Write `surrogate_page` of surrogates, with the samples and the chart that lie in a folder; return its path.
+
+    Where the folder holds no chart, that shipped for the scene. Raises ValueError for a damaged file of samples or
+    chart, OSError where the page cannot be written.
+    """
+    scene = next(iter(surrogates.values())).scene
+    samples = read_samples(folder / "samples.h5") if (folder / "samples.h5").is_file() else None
+    if samples is not None and samples.scene.digest != scene.digest:
+        samples = None
+    chart, shipped = folder / FILE_NAME, shipped_front(scene)
+    front = read_front(chart) if chart.is_file() else (shipped[1] if shipped else None)
+    if front is not None and front.header["scene_digest"] != scene.digest:
+        front = None
+    write_text(path, surrogate_page(surrogates, samples, front))
+    return path
+
+
+def _scene_picture(scene: Scene) -> str:
+    """The bodies in contact; or in words why there is no picture."""
+    try:
+        model = ElasticFoundation(scene)
+        pose = contact_pose(model)
+    except (ValueError, OSError, ImportError) as error:
+        return paragraph(f"no picture: {one_line(error)}")
+    return picture(lambda path: draw_contact(model, np.array([pose]), path), f"{scene.name} in contact")
+
+
+def _surrogate(name: str, surrogate: Surrogate) -> list[str]:
+    info, loads = surrogate.info(), surrogate.load_names
+    return [
+        heading(f"{name}: reach"),
+        *_reach(surrogate),
+        heading(f"{name}: errors by domain"),
+        _errors(info.test_errors, loads, surrogate.scene.tolerances),
+        heading(f"{name}: coverage"),
+        _coverage(surrogate),
+        heading(f"{name}: training"),
+        _training(surrogate),
+    ]
+
+
+def _reach(surrogate: Surrogate) -> list[str]:
+    rows = surrogate.info().reach
+    if not rows:
+        return [paragraph("The file does not record the sampled poses.")]
+    shown = picture(lambda path: save_page(draw_reach(surrogate), path), "sampled ranges of pose parameters and loads")
+    cells = [[name, f"{low:.1f}", f"{high:.1f}", unit] for name, low, high, unit in rows]
+    return [shown, table(["sampled", "from", "to", "unit"], cells)]
+
+
+def _errors(errors: Mapping[str, Any], loads: Sequence[str], tolerances: Mapping[str, float]) -> str:
+    if not errors:
+        return paragraph("The file records no errors on held-back samples.")
+
+    def cell(error: Mapping[str, float]) -> str:
+        return f"{three_digits(error['rms'])} ({three_digits(error['max'])})"
+
+    rows = [[domain, *(cell(row[load]) if load in row else "-" for load in loads)] for domain, row in errors.items()]
+    of_domains = list(errors.values())
+
+    def too_large(i: int, j: int) -> bool:
+        load = loads[j - 1]
+        return j > 0 and i < len(of_domains) and of_domains[i].get(load, {}).get("rms", 0.0) > tolerances[load]
+
+    rows.append(["tolerance it was trained for", *(f"{tolerances[load]:g}" for load in loads)])
+    return table(["RMS (largest)", *(quantity(load).label for load in loads)], rows, too_large)
+
+
+def _coverage(surrogate: Surrogate) -> str:
+    coverage, loads = surrogate.info().coverage, surrogate.load_names
+    if not coverage:
+        return paragraph("This surrogate has neither validity nor expected error: it was never calibrated.")
+    columns = ("valid", *loads)
+    rows = [[d, *(f"{100.0 * row[c]:.0f}" if c in row else "-" for c in columns)] for d, row in coverage.items()]
+    said = "Share [%] of held-back poses with validity above 0.9, and of errors below the expected error."
+    others = "; ".join(other_rows(coverage))
+    said += f" Rows that are no domains: {others}." if others else ""
+    line = model_line(surrogate.record)
+    return paragraph(said) + table(["", *columns], rows) + (paragraph(f"All {line}.") if line else "")
+
+
+def _training(surrogate: Surrogate) -> str:
+    info, record = surrogate.info(), surrogate.record
+    samples = ", ".join(f"{domain} {count}" for domain, count in info.samples.items()) or "not recorded"
+    rows = []
+    for name, network in info.networks.items():
+        fit = info.training_errors.get(name)
+        ended = record.get("stop_reasons", {}).get(name, "-")
+        hidden = "-".join(map(str, network.hidden))
+        rows.append([name, hidden, "-" if fit is None else three_digits(fit), str(ended)])
+    made = record.get("command", "not recorded")
+    said = paragraph(f"Samples: {samples}. Made by: {made}. Scene {info.scene_digest[:12]}.")
+    courses = record.get("convergence", {})
+    drawn = (
+        picture(lambda path: save_page(draw_convergence(courses), path), "RMS of the fit against the work done")
+        if courses
+        else paragraph("The file does not record how the fits converged.")
+    )
+    return said + table(["network", "neurons", "RMS of the fit [N, N·mm]", "ended by"], rows) + drawn
+
+
+def _dropped(samples: Samples | None) -> list[str]:
+    if samples is None:
+        return [paragraph("No samples of this scene lie beside the surrogates: what was dropped is not known here.")]
+    shares, reasons = samples.dropped_shares(), samples.provenance.get("dropped", {})
+    if not any(shares.values()):
+        return [paragraph("None.")]
+    rows = []
+    for domain, share in shares.items():
+        listed = "; ".join(f"{reason} ({count})" for reason, count in reasons.get(domain, {}).items())
+        rows.append([domain, f"{share:.1%}", listed or "-"])
+    return [table(["domain", "share of the plan", "why"], rows)]
+
+
+def _chart(front: Front | None) -> str:
+    if front is None:
+        return paragraph("No chart was measured for this scene: casadi-contact chart does.")
+    return picture(lambda path: save_page(draw_speed_accuracy(front), path), "time per pose against error")

@@ -1,0 +1,1 @@
+"""Samples of a contact model: domains D1 to D7, drawing, the file."""

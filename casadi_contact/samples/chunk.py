@@ -1,0 +1,240 @@
+"""One chunk of a sampling plan: settle on a coarse grid, lift off, evaluate on the teacher grid [EF15 §2.4, §3.3]."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from casadi_contact.contact.approach import advance_to_contact
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.contact.settle import NOT_FINITE, settle
+from casadi_contact.core.conventions import Array
+from casadi_contact.samples.domains import plan_domains
+from casadi_contact.samples.liftoff import check_liftable, lift_all, lift_each, lift_one
+from casadi_contact.samples.reference import ReferenceMotion
+from casadi_contact.samples.samples import COLUMNS, DOMAINS, TRAIN, Samples
+from casadi_contact.samples.settings import SamplingSettings
+from casadi_contact.scenes.normal_load import normal_forces
+from casadi_contact.scenes.scene import Scene
+
+_PULL_N = 1e-9
+
+
+class WrenchModel(Protocol):
+    """What samples are evaluated on; gaps(poses) and at_edge(poses), both (n, patches), are used where it has them.
+
+    A model that tells the parts of patches apart has part_wrenches(poses) (n, parts, 6) and part_gaps(poses) besides.
+    """
+
+    def wrenches(self, poses: Array) -> Array:
+        """Wrench of each patch on the fixed body (n, patches, 6)."""
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Static analyses of one domain to be made together: start poses (n, 6) with the pose inputs in place, wanted
+    loads by name (n,), role (n,); lifted as in `Block`."""
+
+    domain: int
+    lifted: int
+    free: tuple[str, ...]
+    starts: Array
+    loads: dict[str, Array]
+    role: np.ndarray
+
+
+@dataclass(frozen=True)
+class DrawnChunk:
+    """Samples of one chunk, as in `Samples`; dropped_poses (m, 6) that became none, and their number by reason."""
+
+    poses: Array
+    wrenches: Array
+    gaps: Array
+    domain: np.ndarray
+    role: np.ndarray
+    dropped_poses: Array
+    dropped: Mapping[str, int]
+
+
+def joined(scene: Scene, drawn: Sequence[DrawnChunk]) -> Samples:
+    """The samples of these chunks, without provenance."""
+    columns: dict[str, Any] = {name: np.concatenate([getattr(chunk, name) for chunk in drawn]) for name in COLUMNS}
+    return Samples(scene, **columns)
+
+
+def plan_chunks(scene: Scene, motion: ReferenceMotion, settings: SamplingSettings) -> list[Chunk]:
+    """The whole sampling plan, cut into chunks of at most `chunk_size` static analyses.
+
+    Raises ValueError for a plan that cannot be drawn, before any of it is: as `plan_domains` and `check_liftable` do.
+    """
+    chunks = []
+    point = motion.point
+    for block in plan_domains(motion.envelopes, scene.pressed, scene.boundary_load, settings):
+        if DOMAINS[block.domain - 1] == "D4":
+            check_liftable(scene)
+        starts = motion.starts(block.inputs, scene.pose_space)
+        for k in range(0, len(block.inputs), settings.chunk_size):
+            rows = slice(k, k + settings.chunk_size)
+            loads = {name: block.inputs[rows, point.inputs.index(name)] for name in point.load_inputs}
+            chunks.append(Chunk(block.domain, block.lifted, point.free, starts[rows], loads, block.role[rows]))
+    return chunks
+
+
+def plan_digest(chunks: list[Chunk]) -> str:
+    """SHA-256 of everything that is asked of the workers."""
+    digest = hashlib.sha256()
+    for chunk in chunks:
+        digest.update(repr((chunk.domain, chunk.lifted, chunk.free, sorted(chunk.loads))).encode())
+        for array in (chunk.starts, *(chunk.loads[name] for name in sorted(chunk.loads)), chunk.role):
+            digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+@dataclass
+class _Poses:
+    """Poses (n, 6) on their way to samples, their domain and role (n,), and those that were lost, counted by reason."""
+
+    poses: Array
+    domain: np.ndarray
+    role: np.ndarray
+    lost: list[Array] = field(default_factory=list)
+    dropped: Counter[str] = field(default_factory=Counter)
+
+    def become(self, poses: Array) -> None:
+        """Take the poses (n·k, 6) that were made of these, k of each."""
+        each = len(poses) // max(len(self.role), 1)
+        self.poses, self.domain, self.role = poses, np.repeat(self.domain, each), np.repeat(self.role, each)
+
+    def drop(self, stage: str, reasons: np.ndarray) -> None:
+        """Lose the poses whose static analysis failed, counted by the kind of its reason (n,): what precedes its
+        numbers; "" where it did not fail."""
+        self.dropped.update(f"{stage}: {reason.partition(':')[0]}" for reason in reasons if reason)
+        self.keep(np.asarray(reasons == ""))
+
+    def keep(self, good: np.ndarray) -> None:
+        """Lose the poses that are not good (n,)."""
+        self.lost.append(self.poses[~good])
+        self.poses, self.domain, self.role = self.poses[good], self.domain[good], self.role[good]
+
+
+def draw_chunk(
+    settle_model: ContactModel, teacher: WrenchModel, chunk: Chunk, settings: SamplingSettings
+) -> DrawnChunk:
+    """Settle, lift off (D4, D5), evaluate and check the samples of one chunk."""
+    drawn = _settled(settle_model, chunk, settings)
+    lifted = {"D4": [chunk.lifted], "D5": range(len(settle_model.scene.first_parts))}
+    return _evaluated(teacher, settle_model.scene, drawn, lifted.get(DOMAINS[chunk.domain - 1], []))
+
+
+def evaluate_poses(teacher: WrenchModel, scene: Scene, poses: Array, domain: np.ndarray) -> DrawnChunk:
+    """Poses (n, 6) of domains (n,) as training rows: those that pull, and those whose contact runs off, are dropped."""
+    return _evaluated(teacher, scene, _Poses(poses, domain, np.full(len(poses), TRAIN, dtype=np.uint8)), [])
+
+
+def _evaluated(teacher: WrenchModel, scene: Scene, drawn: _Poses, lifted: Sequence[int]) -> DrawnChunk:
+    """The poses as samples; lifted: numbers of the patches that were lifted off."""
+    edge = reaches_edge(teacher, drawn.poses)  # first: it takes a tenth of the time of loads and gaps
+    drawn.dropped["contact reaches the edge of the elements"] += int(edge.sum())
+    drawn.keep(~edge)
+    parts = len(scene.parts)
+    wrenches, gaps = part_wrenches(teacher, drawn.poses, parts), part_gaps(teacher, drawn.poses, parts)
+    finite = np.asarray(np.isfinite(wrenches).all(axis=(1, 2)))
+    pulls, touches = _false_contact(scene, wrenches, lifted)
+    drawn.dropped[NOT_FINITE] += int((~finite).sum())
+    drawn.dropped["pulls"] += int((pulls & finite).sum())
+    drawn.dropped["touches though lifted off"] += int((touches & finite).sum())
+    good = finite & ~pulls & ~touches
+    drawn.keep(good)
+    return DrawnChunk(
+        drawn.poses,
+        wrenches[good],
+        gaps[good],
+        drawn.domain,
+        drawn.role,
+        np.concatenate(drawn.lost),
+        {reason: count for reason, count in drawn.dropped.items() if count},
+    )
+
+
+def _settled(model: ContactModel, chunk: Chunk, settings: SamplingSettings) -> _Poses:
+    """The chunk's poses under their loads; of D4 and D5 lifted off from there, in several steps each."""
+    # Of the whole reach no pose of the reference motion is near.
+    starts = advance_to_contact(model, chunk.starts, chunk.loads) if settings.reach else chunk.starts
+    poses, report = settle(model, starts, chunk.free, chunk.loads, tolerance=settings.settle_tolerance_n)
+    drawn = _Poses(poses, np.full(len(poses), chunk.domain, dtype=np.uint8), chunk.role)
+    drawn.drop("not settled", report.reason)
+    domain = DOMAINS[chunk.domain - 1]
+    if domain == "D4":
+        lifted_loads = model.scene.normal_loads[chunk.lifted].loads
+        held = {name: load[report.converged] for name, load in chunk.loads.items() if name not in lifted_loads}
+        lifted, reason = lift_one(
+            model,
+            drawn.poses,
+            chunk.lifted,
+            chunk.free,
+            held,
+            liftoff_mm=settings.liftoff_mm,
+            steps=settings.liftoff_steps,
+            tolerance_n=settings.settle_tolerance_n,
+        )
+        drawn.become(lifted.reshape(-1, 6))
+        drawn.drop("not settled after liftoff", reason.ravel())
+    elif domain == "D5":
+        raised = _raised(model, drawn.poses, settings)
+        known = np.asarray(np.isfinite(raised).all(axis=(1, 2)))
+        drawn.drop("not lifted off", np.where(known, "", NOT_FINITE))
+        drawn.become(raised[known].reshape(-1, 6))
+    return drawn
+
+
+def _false_contact(scene: Scene, wrenches: Array, lifted: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    """True (n,) where the fixed body pulls, and where a patch touches though it was lifted off (by its number)."""
+    pulls = (normal_forces([part.normal for part in scene.parts], wrenches) < -_PULL_N).any(axis=1)
+    touching = np.logical_or.reduceat((wrenches != 0.0).any(axis=2), scene.first_parts, axis=1)
+    return np.asarray(pulls), np.asarray(touching[:, list(lifted)].any(axis=1) & ~pulls)
+
+
+def _raised(model: ContactModel, poses: Array, settings: SamplingSettings) -> Array:
+    """Poses (n, steps, 6) of D5: all patches lifted alike [EF15 §3.3], in the plan `reach` each by a random gap."""
+    most, steps = settings.liftoff_mm, settings.liftoff_steps
+    scene = model.scene
+    if not settings.reach or len(scene.sensitive_pose) != len(scene.normal_loads):
+        return lift_all(model, poses, liftoff_mm=most, steps=steps)
+    shape = (len(poses) * steps, len(scene.normal_loads))
+    gaps = np.random.default_rng([settings.seed, DOMAINS.index("D5")]).uniform(0.0, most, shape)
+    return lift_each(model, np.repeat(poses, steps, axis=0), gaps).reshape(len(poses), steps, 6)
+
+
+def reaches_edge(teacher: WrenchModel, poses: Array) -> np.ndarray:
+    """True (n,) where contact reaches the edge of the elements: it is cut there where the grid happens to end, no part
+    of the joint [EF15 §2.2]. False for a model that cannot tell."""
+    if not hasattr(teacher, "at_edge") or not len(poses):
+        return np.zeros(len(poses), dtype=bool)
+    return np.asarray(teacher.at_edge(poses).any(axis=1))
+
+
+def part_wrenches(teacher: WrenchModel, poses: Array, parts: int) -> Array:
+    """Wrenches (n, parts, 6); parts are patches for a model that does not tell them apart.
+
+    Raises ValueError for such a model where the scene cuts patches into parts.
+    """
+    if not len(poses):
+        return np.zeros((0, parts, 6))  # a user's own model need not know what to say of no poses
+    wrenches: Array = getattr(teacher, "part_wrenches", teacher.wrenches)(poses)
+    if wrenches.shape[1] != parts:
+        raise ValueError(
+            f"the contact model tells {wrenches.shape[1]} patches apart, the scene {parts} parts: "
+            "give it part_wrenches(poses) and part_gaps(poses), or leave the patches whole (no split_z)"
+        )
+    return wrenches
+
+
+def part_gaps(teacher: WrenchModel, poses: Array, parts: int) -> Array:
+    """Gaps (n, parts), NaN where unknown."""
+    gaps = getattr(teacher, "part_gaps", getattr(teacher, "gaps", None))
+    return np.full((len(poses), parts), np.nan) if gaps is None or not len(poses) else np.asarray(gaps(poses))

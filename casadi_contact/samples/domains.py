@@ -1,0 +1,201 @@
+"""The seven domains as plans of sample-point inputs [EF15 §3.3, Table 1], deterministic for a seed.
+
+    D1, D2  per time frame: the 2^k vertices of the expanded envelope's box, filled up with Hammersley points
+    D3      one big box: Hammersley points
+    D4      one patch at the contact boundary, later lifted off in steps: Hammersley points
+    D5      all patches at the contact boundary, later lifted off: Hammersley points
+    D6, D7  one patch, all patches at the contact boundary: Hammersley points
+
+No input pulls: normal loads end at the contact boundary. With one patch, one patch out of contact is all patches out
+of contact: D4 and D6 are then left out (`left_out`).
+
+The plan `reach` (``[sampling.reach]``) follows no motion: the box of D3 to D7 has the given ranges, wide enough for
+every pose whose contact lies on the fixed surface (others are dropped where it runs off), and normal loads are drawn
+evenly in their roots √N, so that light and heavy contact are known alike. D5 lifts each patch by a gap of its own. D1
+and D2 are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from casadi_contact.core.conventions import Array
+from casadi_contact.samples.envelopes import Envelopes
+from casadi_contact.samples.hammersley import hammersley
+from casadi_contact.samples.samples import DOMAINS, TEST, TRAIN, VALIDATION
+from casadi_contact.samples.settings import SamplingSettings
+from casadi_contact.scenes.normal_load import NormalLoad
+
+_LEAST_ROWS = 10
+_FILLING, _VERTICES, _ROLES = 0, 1, 2  # streams of random numbers within one domain
+
+
+@dataclass(frozen=True)
+class Block:
+    """Inputs (n, inputs) of one domain; role (n,).
+
+    lifted: number of the patch at the contact boundary in D4 and D6, -1 elsewhere; each row of D4 and D5 becomes
+    `liftoff_steps` samples, which share its role.
+    """
+
+    domain: int
+    lifted: int
+    inputs: Array
+    role: np.ndarray
+
+
+def plan_domains(
+    envelopes: Envelopes, normals: Sequence[NormalLoad], boundary_load: float, settings: SamplingSettings
+) -> list[Block]:
+    """The inputs of all domains, in domain order.
+
+    normals: the normal load of each patch, in patch order; boundary_load: its size [N] at the contact boundary. Raises
+    ValueError where D4 to D7 are wanted and a normal load is no input.
+    """
+    fixed = {d: {name: pair[d] for name, pair in settings.fixed_offsets.items()} for d in (0, 1)}
+    if settings.reach:
+        box = Envelopes(envelopes.names, *(np.array([[settings.reach[n][k] for n in envelopes.names]]) for k in (0, 1)))
+    else:
+        box = envelopes.extremes(settings.d3_fraction, settings.d2_offset, fixed[1])
+        box = box.at_least(settings.d3_minimum_widths)
+    box = box.without_pull(normals, boundary_load)
+    patches = len(normals)
+    missing = [name for normal in normals for name in normal.loads if name not in envelopes.names]
+    skipped = left_out(normals, settings)
+    blocks = []
+    for domain, name in enumerate(DOMAINS, start=1):
+        count = _scale(name, settings)
+        if not count or name in skipped:
+            continue
+        if domain >= 4 and missing:
+            raise ValueError(f"{name} needs {', '.join(missing)} as an input, expected it there or counts.{name} = 0")
+        if domain in (1, 2):
+            rules = (settings.d1_fraction, settings.d1_offset), (settings.d2_fraction, settings.d2_offset)
+            boxes = envelopes.expand(*rules[domain - 1], fixed[domain - 1]).without_pull(normals, boundary_load)
+            parts = [(-1, _cluster(boxes, domain, count, settings))]
+        elif domain == 3:
+            parts = [(-1, _fill(box, [], count, None))]
+        elif domain in (4, 6):
+            parts = []
+            for p, n in enumerate(_shares(count, patches)):
+                shift = _rng(settings, domain, _FILLING, p).random(len(envelopes.names))
+                parts.append((p, _at_boundary(box, [normals[p]], int(n), shift, boundary_load)))
+        else:
+            shift = _rng(settings, domain, _FILLING, 0).random(len(envelopes.names))
+            parts = [(-1, _at_boundary(box, normals, count, shift, boundary_load))]
+        if settings.reach:
+            parts = [(lifted, _rooted(inputs, box, normals)) for lifted, inputs in parts]
+        roles = _roles(sum(len(inputs) for _, inputs in parts), domain, settings)
+        for lifted, inputs in parts:
+            blocks.append(Block(domain, lifted, inputs, roles[: len(inputs)]))
+            roles = roles[len(inputs) :]
+    return blocks
+
+
+def left_out(normals: Sequence[NormalLoad], settings: SamplingSettings) -> dict[str, str]:
+    """Domains that make no sense for these patches or this plan though they are wanted, with the reason."""
+    reasons = dict.fromkeys(("D1", "D2"), "the plan reach follows no motion") if settings.reach else {}
+    if len(normals) == 1:
+        alone = "one patch out of contact is all patches out of contact (D5, D7)"
+        reasons |= dict.fromkeys(("D4", "D6"), alone)
+    return {domain: reason for domain, reason in reasons.items() if settings.counts[domain]}
+
+
+def _rng(settings: SamplingSettings, *stream: int) -> np.random.Generator:
+    return np.random.default_rng([settings.seed, *stream])
+
+
+def _scale(name: str, settings: SamplingSettings) -> int:
+    """Rows of a domain's plan: its count times the scale, over liftoff_steps in D4 and D5, whose rows give as many.
+
+    A small scale leaves at least 10 rows (or all), so that every domain can still be tested.
+    """
+    per_row = settings.liftoff_steps if name in ("D4", "D5") else 1
+    rows = settings.counts[name] / per_row
+    return max(round(rows * settings.scale), min(_LEAST_ROWS, round(rows)), int(rows > 0))
+
+
+def _shares(total: int, parts: int) -> np.ndarray:
+    """total spread over parts as evenly as whole numbers allow."""
+    return np.diff(np.arange(parts + 1) * total // parts)
+
+
+def _vertices(lower: Array, upper: Array) -> Array:
+    """The 2^k vertices of a box with bounds (k,)."""
+    k = len(lower)
+    bits = (np.arange(2**k)[:, None] >> np.arange(k)) & 1
+    return np.where(bits == 1, upper, lower)
+
+
+def _cluster(boxes: Envelopes, domain: int, count: int, settings: SamplingSettings) -> Array:
+    """D1, D2: the vertices of each frame's box and a filling, each frame with another Cranley-Patterson shift.
+
+    At scale 1 each frame has all its vertices. A smaller plan keeps the proportion of vertices to filling, with
+    vertices chosen by the seed, a larger one has more filling; filling is never less than half.
+    """
+    frames, k = boxes.lower.shape
+    share = min(0.5, frames * 2**k / settings.counts[DOMAINS[domain - 1]])
+    vertex_count = min(frames * 2**k, round(share * count))
+    of_vertices = _shares(vertex_count, frames)
+    of_filling = _shares(count - vertex_count, frames)
+    rows = []
+    for f in range(frames):
+        corners = _vertices(boxes.lower[f], boxes.upper[f])
+        chosen = _rng(settings, domain, _VERTICES, f).permutation(len(corners))[: of_vertices[f]]
+        rows.append(corners[np.sort(chosen)])
+        shift = np.asarray(_rng(settings, domain, _FILLING, f).random(k))
+        frame = Envelopes(boxes.names, boxes.lower[f : f + 1], boxes.upper[f : f + 1])
+        rows.append(_fill(frame, [], int(of_filling[f]), shift))
+    return np.concatenate(rows)
+
+
+def _fill(box: Envelopes, held: Sequence[str], count: int, shift: Array | None) -> Array:
+    """Hammersley points in a box's inputs; those held stay at their upper bound."""
+    inputs = np.tile(box.upper[0], (count, 1))
+    moving = [column for column, name in enumerate(box.names) if name not in held]
+    points = hammersley(count, len(moving), None if shift is None else shift[moving])
+    inputs[:, moving] = box.lower[0, moving] + points * (box.upper[0, moving] - box.lower[0, moving])
+    return inputs
+
+
+def _rooted(inputs: Array, box: Envelopes, normals: Sequence[NormalLoad]) -> Array:
+    """Inputs whose directed normal loads are spread evenly in √N over their range instead of in N."""
+    spread = inputs.copy()
+    for normal in normals:
+        if normal.component is None or normal.loads[0] not in box.names:
+            continue
+        column = box.names.index(normal.loads[0])
+        low, high = np.sort(normal.sign * np.array([box.lower[0, column], box.upper[0, column]]))
+        share = (normal.sign * inputs[:, column] - low) / (high - low)
+        spread[:, column] = normal.sign * (np.sqrt(low) + share * (np.sqrt(high) - np.sqrt(low))) ** 2
+    return spread
+
+
+def _at_boundary(box: Envelopes, held: Sequence[NormalLoad], count: int, shift: Array, boundary_load: float) -> Array:
+    """Hammersley points in a box's inputs, with the held normal loads at the contact boundary.
+
+    A normal load without direction keeps the direction of its forces.
+    """
+    inputs = _fill(box, [n.loads[0] for n in held if n.component is not None], count, shift)
+    for normal in held:
+        columns = [box.names.index(name) for name in normal.loads]
+        inputs[:, columns] = normal.with_size(inputs[:, columns], boundary_load)
+    return inputs
+
+
+def _roles(count: int, domain: int, settings: SamplingSettings) -> np.ndarray:
+    """Test rows held back from the whole domain, validation rows from what is left [EF15 §3.3, §2.6].
+
+    Any domain of at least three rows has one of each, so that no row of an error table stays empty.
+    """
+    least = int(count >= 3)
+    test = max(least if settings.test_fraction else 0, round(settings.test_fraction * count))
+    validation = max(least if settings.validation_fraction else 0, round(settings.validation_fraction * (count - test)))
+    order = _rng(settings, domain, _ROLES).permutation(count)
+    role = np.full(count, TRAIN, dtype=np.uint8)
+    role[order[:test]] = TEST
+    role[order[test : test + validation]] = VALIDATION
+    return role

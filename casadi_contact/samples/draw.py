@@ -1,0 +1,305 @@
+"""Drawing samples: inputs -> settle on a coarse grid -> evaluate on the teacher grid, in chunks [EF15 §2.4, §3.3].
+
+Chunks go through any `concurrent.futures.Executor`. A chunk's samples depend on nothing but its inputs, so the
+samples are the same for every executor and number of workers, and after a kill and a rerun.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor, as_completed
+from dataclasses import dataclass, replace
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.contact.callable_model import CallableModel
+from casadi_contact.contact.cells.foundation import CellFoundation
+from casadi_contact.contact.choice import foundation
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.core.conventions import WRENCH_NAMES, Array, Progress, evenly
+from casadi_contact.core.workers import cancelled_if_left, worker_pool
+from casadi_contact.samples.chunk import (
+    Chunk,
+    DrawnChunk,
+    WrenchModel,
+    draw_chunk,
+    joined,
+    part_wrenches,
+    plan_chunks,
+    plan_digest,
+)
+from casadi_contact.samples.domains import left_out
+from casadi_contact.samples.folder import ChunkFolder, refuse_other
+from casadi_contact.samples.reference import ReferenceMotion
+from casadi_contact.samples.samples import DOMAINS, Dropped, Samples, partial_folder, read_samples, write_samples
+from casadi_contact.samples.settings import SamplingSettings
+from casadi_contact.samples.worker_models import ModelPair, WorkerModels, one_thread
+from casadi_contact.scenes.scene import Scene
+
+
+@dataclass(frozen=True)
+class WithinElements:
+    """A model to evaluate samples on whose rim is that of an element grid."""
+
+    model: CellFoundation
+    elements: ElasticFoundation
+
+    @property
+    def record(self) -> Mapping[str, Any]:
+        """That of the model: what it was found to be off by when it was chosen."""
+        return self.model.record
+
+    def wrenches(self, poses: Array) -> Array:
+        """Those of the model (n, patches, 6)."""
+        return self.model.wrenches(poses)
+
+    def gaps(self, poses: Array) -> Array:
+        """Those of the model (n, patches) [mm]."""
+        return self.model.gaps(poses)
+
+    def part_wrenches(self, poses: Array) -> Array:
+        """Those of the patches' parts (n, parts, 6)."""
+        return self.model.part_wrenches(poses)
+
+    def part_gaps(self, poses: Array) -> Array:
+        """Those of the patches' parts (n, parts) [mm]."""
+        return self.model.part_gaps(poses)
+
+    def at_edge(self, poses: Array) -> np.ndarray:
+        """True (n, patches) where contact reaches the outermost elements."""
+        return self.elements.at_edge(poses)
+
+
+def elastic_foundations(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
+    """Elastic foundations on the settings' settle grid and teacher grid."""
+    return ElasticFoundation(scene, settings.settle_grid), ElasticFoundation(scene, settings.teacher_grid)
+
+
+def foundations(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
+    """The scene's `contact.foundation`, both to settle on and to evaluate samples on.
+
+    A cell is several times as wide as an element of the teacher grid, whose outermost tell in its place where contact
+    reaches the rim: a third of a mesh's samples were lost to contact that ends well within.
+    """
+    model = foundation(scene)
+    if not isinstance(model, CellFoundation):
+        return model, model
+    return model, WithinElements(model, ElasticFoundation(scene, settings.teacher_grid))
+
+
+MODELS: dict[str, ModelPair] = {"elements": elastic_foundations, "foundation": foundations}
+_STORED: dict[Any, str] = {  # in samples files, which must stay readable wherever the code moves
+    elastic_foundations: "casadi_contact.samples.draw.elastic_foundations",
+    foundations: "casadi_contact.samples.draw.foundations",
+    CallableModel: "casadi_contact.contact.model.CallableModel",
+}
+
+
+def model_pair(name: str) -> ModelPair:
+    """What makes the contact models of a name in `MODELS`; raises ValueError for another."""
+    if name not in MODELS:
+        raise ValueError(f"model is {name!r}, expected one of {', '.join(MODELS)}")
+    return MODELS[name]
+
+
+def model_name_of(samples: Samples) -> str | None:
+    """The name in `MODELS` of what samples were drawn from; None for a user's own model, and for a table."""
+    return _name_of(samples.provenance.get("models", ""))
+
+
+def _name_of(full_name: str) -> str | None:
+    return next((name for name, models in MODELS.items() if _full_name(models) == full_name), None)
+
+
+def models_of(samples: Samples) -> ModelPair | None:
+    """What makes the contact models of samples, to draw more of them; None for a user's own, and for a table."""
+    name = model_name_of(samples)
+    return None if name is None else MODELS[name]
+
+
+def teacher_of(samples: Samples) -> WrenchModel | None:
+    """The contact model that samples were evaluated on; None for a user's own, and for samples from a table."""
+    models = models_of(samples)
+    return None if models is None else models(samples.scene, settings_of(samples))[1]
+
+
+def settings_of(samples: Samples) -> SamplingSettings:
+    """The settings that samples were drawn with; raises KeyError for samples that were not drawn."""
+    return SamplingSettings.from_table(samples.provenance["settings"])
+
+
+def models_identity(models: ModelPair) -> dict[str, str]:
+    """What tells models apart that samples, or a reference motion, come from."""
+    return {"models": _full_name(models), "package": _version("casadi_contact")}
+
+
+def _full_name(models: ModelPair) -> str:
+    """The name of what makes the models, or of what it says that it stands for, as files hold it."""
+    named = getattr(models, "stands_for", models)
+    return _STORED.get(named) or f"{named.__module__}.{named.__qualname__}"
+
+
+def draw_samples(
+    scene: Scene,
+    motion: ReferenceMotion,
+    path: str | Path,
+    *,
+    settings: SamplingSettings | None = None,
+    executor: Executor | None = None,
+    models: ModelPair = elastic_foundations,
+    progress: Progress | None = None,
+) -> Samples:
+    """Draw the whole sampling plan into the HDF5 file `path`, or finish it where an earlier run was killed.
+
+    executor: any `concurrent.futures.Executor` (processes on all cores if left out); models: makes the two contact
+    models in each worker, an importable function; progress(done, all) is called after every chunk.
+
+    Samples that do not settle, that pull, or that touch where they should be lifted off are dropped and counted with
+    the reason in provenance["dropped"]; domains that the plan leaves out stand in provenance["left_out"]. Raises
+    ValueError if `path` holds samples of another plan, or of a user's own model that has changed since
+    (`check_same_model`).
+    """
+    path = Path(path)
+    settings = SamplingSettings.from_scene(scene) if settings is None else settings
+    expected = settings.sample_point(scene)
+    if motion.point != expected:
+        raise ValueError(f"the reference motion has inputs {motion.point.inputs}, the settings {expected.inputs}")
+    chunks = plan_chunks(scene, motion, settings)
+    identity: dict[str, Any] = {
+        "scene": scene.digest,
+        "settings": settings.to_table(),
+        **models_identity(models),
+        "plan_digest": plan_digest(chunks),
+    }
+    job = WorkerModels.of(scene, settings, models)
+    own = _name_of(_full_name(models)) is None  # the library's are known by name, version and settings
+    if path.exists():
+        samples = read_samples(path)
+        there = {**samples.provenance, "scene": samples.scene.digest}
+        refuse_other(there, identity, path)
+        if models is foundations:
+            _refuse_coarser(samples.scene, scene, path)
+        if own:
+            check_same_model(job.pair()[1], replace(samples, scene=scene), path)
+        shutil.rmtree(partial_folder(path), ignore_errors=True)  # left where a kill came just before the clearing up
+        return samples
+    # One foundation draws all chunks: it is chosen for the tolerances.
+    folder = ChunkFolder(path, {**identity, **({"tolerances": scene.tolerances} if models is foundations else {})})
+    drawn = {number: chunk for number in range(len(chunks)) if (chunk := folder.read(number)) is not None}
+    if own and drawn:
+        check_same_model(job.pair()[1], joined(scene, list(drawn.values())), folder.folder)
+    _draw_missing(job, chunks, drawn, folder, executor, progress)
+    samples = _gather(scene, chunks, [drawn[number] for number in range(len(chunks))], identity)
+    write_samples(path, samples)
+    folder.remove()
+    return samples
+
+
+def check_same_model(model: WrenchModel, samples: Samples, where: Path, *, most: int = 10, share: float = 0.01) -> None:
+    """Raise ValueError where a user's model gives other loads than samples drawn from it.
+
+    It is evaluated at up to `most` samples with a load; each load may differ by its tolerance, or by `share` of the
+    largest force (torque) of these, RMS.
+    """
+    loaded = np.flatnonzero((samples.wrenches != 0.0).any(axis=(1, 2)))
+    rows = loaded[evenly(len(loaded), most)]
+    if not len(rows):
+        return
+    before = samples.rows(rows)
+    now = replace(before, wrenches=part_wrenches(model, before.poses, len(before.scene.parts))).loads()
+    size = np.repeat(np.abs(before.wrenches).reshape(-1, 2, 3).max(axis=(0, 2)), 3)
+    for k, name in enumerate(before.scene.load_names):
+        limit = max(before.scene.tolerances[name], share * size[WRENCH_NAMES.index(name.partition("_")[0])])
+        off = float(np.sqrt(np.mean((now[:, k] - before.loads()[:, k]) ** 2)))
+        if not off <= limit:
+            raise ValueError(
+                f"{where} was drawn from another contact model: {name} differs by {off:.3g} RMS at {len(rows)} of its "
+                f"samples, expected at most {limit:.3g}: give the same model, or delete {where}"
+            )
+
+
+def check_rejection_rate(samples: Samples, most: float) -> None:
+    """Raise ValueError where more than the share `most` of a domain's plan became no samples, with the reasons."""
+    for domain, share in samples.dropped_shares().items():
+        if share > most:
+            reasons = samples.provenance.get("dropped", {}).get(domain, {})
+            listed = "; ".join(f"{reason} ({count})" for reason, count in sorted(reasons.items(), key=lambda r: -r[1]))
+            raise ValueError(
+                f"{share:.1%} of the samples of {domain} were dropped, expected at most {most:.1%}: {listed}. Mend the "
+                "scene's patches or loads, draw closer to the reference motion (d3_fraction, d2_offset), or allow more "
+                "by most_dropped in [sampling]: the samples are kept"
+            )
+
+
+def _draw_missing(
+    job: WorkerModels,
+    chunks: Sequence[Chunk],
+    drawn: dict[int, DrawnChunk],
+    folder: ChunkFolder,
+    executor: Executor | None,
+    progress: Progress | None,
+) -> None:
+    """Draw the chunks that are not among those drawn, by number, and add each to them and to the folder as it comes."""
+    if progress is not None:
+        progress(len(drawn), len(chunks))
+    missing = [number for number in range(len(chunks)) if number not in drawn]
+    if not missing:
+        return
+    with worker_pool(executor) as workers:
+        futures = {workers.submit(_draw, job, chunks[number]): number for number in missing}
+        with cancelled_if_left(workers, futures):
+            for future in as_completed(futures):
+                number = futures[future]
+                try:
+                    drawn[number] = future.result()
+                except Exception as error:
+                    error.add_note(f"{len(drawn)} of {len(chunks)} chunks of samples are kept in {folder.folder}")
+                    raise
+                folder.write(number, drawn[number])
+                if progress is not None:
+                    progress(len(drawn), len(chunks))
+
+
+def _refuse_coarser(before: Scene, now: Scene, path: Path) -> None:
+    """ValueError where samples of `contact.foundation`, which is as good as a scene's tolerances, were drawn for larger
+    ones than those of now."""
+    for load, tolerance in now.tolerances.items():
+        if before.tolerances[load] > tolerance:
+            raise ValueError(
+                f"{path} was drawn from a foundation chosen for {load} within {before.tolerances[load]:g}, now "
+                f"{tolerance:g}: use another file, or delete it"
+            )
+
+
+def _draw(models: WorkerModels, chunk: Chunk) -> DrawnChunk:
+    """Draw one chunk; runs in a worker."""
+    with one_thread():
+        return draw_chunk(*models.pair(), chunk, models.settings())
+
+
+def _gather(scene: Scene, chunks: list[Chunk], drawn: list[DrawnChunk], identity: dict[str, Any]) -> Samples:
+    """All chunks as one set of samples, with provenance."""
+    dropped: dict[str, Counter[str]] = {}
+    for asked, got in zip(chunks, drawn, strict=True):
+        if got.dropped:
+            dropped.setdefault(DOMAINS[asked.domain - 1], Counter()).update(got.dropped)
+    provenance = {key: value for key, value in identity.items() if key != "scene"}
+    versions = {name: _version(name) for name in ("numpy", "scipy", "numba", "h5py")}
+    skipped = left_out(scene.pressed, SamplingSettings.from_table(identity["settings"]))
+    found = {"versions": versions, "dropped": dropped, "left_out": skipped}
+    lost = np.concatenate([chunk.dropped_poses for chunk in drawn])
+    lost_from = np.repeat([chunk.domain for chunk in chunks], [len(chunk.dropped_poses) for chunk in drawn])
+    return replace(joined(scene, drawn), provenance={**provenance, **found}, dropped=Dropped(lost, lost_from))
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "unknown"

@@ -1,0 +1,172 @@
+"""Samples of a contact model, and their HDF5 file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.core.conventions import Array
+from casadi_contact.core.files.containers import new_hdf5, open_hdf5
+from casadi_contact.core.files.reading import existing_file
+from casadi_contact.scenes.scene import Scene
+
+DOMAINS = ("D1", "D2", "D3", "D4", "D5", "D6", "D7")
+TRAIN, VALIDATION, TEST = 0, 1, 2
+ROLES = ("train", "validation", "test")
+
+FORMAT_NAME = "casadi_contact samples"
+FORMAT_VERSION = 2
+COLUMNS = ("poses", "wrenches", "gaps", "domain", "role")
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """Poses (m, 6) [mm, rad] that a plan asked for and that became no samples, with their domain (m,) 1..7.
+
+    Where contact runs off the elements, pulls, or finds no equilibrium (then the pose of the last iteration): regions
+    that a surrogate does not know, however close its samples are. The reasons are counted in the provenance.
+    """
+
+    poses: Array = field(default_factory=lambda: np.empty((0, 6)))
+    domain: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.uint8))
+
+    def __post_init__(self) -> None:
+        if self.poses.ndim != 2 or self.poses.shape[1] != 6 or self.domain.shape != (len(self.poses),):
+            raise ValueError(
+                f"samples: dropped poses have shapes {self.poses.shape}, {self.domain.shape}, expected (m, 6), (m,)"
+            )
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Poses and what the contact model says there (one row per sample).
+
+    poses (n, 6) [mm, rad]; wrenches (n, parts, 6) on the fixed body [N, N·mm] and gaps (n, parts) [mm] of the parts of
+    the scene's patches (most are one part), gaps NaN where the model knows none; domain (n,) 1..7 for D1..D7; role
+    (n,) TRAIN, VALIDATION or TEST; provenance says what made them (settings, versions, plan digest, number of dropped
+    samples by reason); dropped holds the poses of these.
+    """
+
+    scene: Scene
+    poses: Array
+    wrenches: Array
+    gaps: Array
+    domain: np.ndarray
+    role: np.ndarray
+    provenance: Mapping[str, Any] = field(default_factory=dict, compare=False)
+    dropped: Dropped = field(default_factory=Dropped, compare=False)
+
+    def __post_init__(self) -> None:
+        count, parts = len(self.poses), len(self.scene.parts)
+        shapes = {"poses": (count, 6), "wrenches": (count, parts, 6), "gaps": (count, parts)}
+        for name, shape in {**shapes, "domain": (count,), "role": (count,)}.items():
+            if getattr(self, name).shape != shape:
+                raise ValueError(f"samples: {name} has shape {getattr(self, name).shape}, expected {shape}")
+        if count and not (self.domain.min() >= 1 and self.domain.max() <= len(DOMAINS)):
+            raise ValueError(f"samples: domain holds numbers outside 1..{len(DOMAINS)}")
+        if count and not (self.role.min() >= 0 and self.role.max() < len(ROLES)):
+            raise ValueError(f"samples: role holds numbers outside 0..{len(ROLES) - 1}")
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def loads(self, names: Sequence[str] | None = None) -> Array:
+        """Named loads (n, loads), the scene's if no names are given; raises ValueError for an unknown name."""
+        names = self.scene.load_names if names is None else names
+        return np.einsum("lpk,npk->nl", self.scene.part_selection(names), self.wrenches)
+
+    def select(
+        self, domain: str | int | Sequence[str | int] | None = None, role: int | Sequence[int] | None = None
+    ) -> Samples:
+        """The samples of these domains ("D1" or 1) and roles (TRAIN, VALIDATION, TEST); None takes all."""
+        rows = np.ones(len(self), dtype=bool)
+        if domain is not None:
+            wanted = [domain] if isinstance(domain, str | int | np.integer) else list(domain)
+            rows &= np.isin(self.domain, [_domain_number(d) for d in wanted])
+        if role is not None:
+            rows &= np.isin(self.role, role)
+        return self.rows(rows)
+
+    def rows(self, chosen: np.ndarray) -> Samples:
+        """The samples of these rows, a mask (n,) or numbers."""
+        columns: dict[str, Any] = {name: getattr(self, name)[chosen] for name in COLUMNS}
+        return replace(self, **columns)
+
+    def join_samples(self, more: Samples) -> Samples:
+        """These samples and then more of the same scene; raises ValueError for another scene."""
+        if more.scene.digest != self.scene.digest:
+            raise ValueError("the samples to join belong to another scene (digests differ)")
+        columns: dict[str, Any] = {name: np.concatenate([getattr(self, name), getattr(more, name)]) for name in COLUMNS}
+        lost = (np.concatenate([getattr(s.dropped, name) for s in (self, more)]) for name in ("poses", "domain"))
+        return replace(self, **columns, dropped=Dropped(*lost))
+
+    def dropped_shares(self) -> dict[str, float]:
+        """Share of the plan that became no samples, by domain; empty where nothing was dropped."""
+        pairs = {
+            name: (int((self.dropped.domain == d).sum()), int((self.domain == d).sum()))
+            for d, name in enumerate(DOMAINS, start=1)
+        }
+        return {name: lost / (lost + kept) for name, (lost, kept) in pairs.items() if lost + kept and len(self.dropped)}
+
+    def counts(self) -> dict[str, dict[str, int]]:
+        """Number of samples by domain name and role name."""
+        return {
+            name: {r: int(((self.domain == d) & (self.role == k)).sum()) for k, r in enumerate(ROLES)}
+            for d, name in enumerate(DOMAINS, start=1)
+        }
+
+
+def _domain_number(domain: str | int) -> int:
+    number = DOMAINS.index(domain) + 1 if domain in DOMAINS else domain
+    if isinstance(number, str) or not 1 <= number <= len(DOMAINS):
+        raise ValueError(f"unknown domain {domain!r}, expected one of {', '.join(DOMAINS)}")
+    return int(number)
+
+
+def partial_folder(path: str | Path) -> Path:
+    """The folder beside a samples file that holds it while it is being drawn."""
+    return Path(path).with_name(Path(path).name + ".partial")
+
+
+def write_samples(path: str | Path, samples: Samples) -> None:
+    """Write samples to an HDF5 file; the same samples give the same bytes. Raises OSError where it cannot."""
+    with new_hdf5(Path(path)) as file:
+        file.attrs["format"] = FORMAT_NAME
+        file.attrs["format_version"] = FORMAT_VERSION
+        file.attrs["scene_toml"] = samples.scene.to_toml()
+        file.attrs["provenance"] = json.dumps(samples.provenance, sort_keys=True)
+        lost = {f"dropped_{name}": getattr(samples.dropped, name) for name in ("poses", "domain")}
+        for name, column in {**{name: getattr(samples, name) for name in COLUMNS}, **lost}.items():
+            # Checksums: a flipped bit is found when the file is read, not in a network's error.
+            file.create_dataset(name, data=column, fletcher32=column.size > 0, track_times=False)
+
+
+def read_samples(path: str | Path) -> Samples:
+    """Read a samples file.
+
+    Raises FileNotFoundError if it does not exist or is not complete yet, ValueError if it is damaged, is something
+    else, or has another format.
+    """
+    path = Path(path)
+    if not path.exists() and partial_folder(path).is_dir():
+        raise FileNotFoundError(f"{path} is not complete: run the same sampling again to finish it")
+    with open_hdf5(existing_file(path, "samples file")) as file:
+        if file.attrs.get("format") != FORMAT_NAME:
+            raise ValueError(f"{path} is not a samples file of casadi_contact")
+        version = file.attrs.get("format_version", 0)
+        if version != FORMAT_VERSION:
+            raise ValueError(f"{path} has samples format {version}, expected {FORMAT_VERSION}: draw the samples again")
+        columns = {name: np.asarray(file[name][()]) for name in COLUMNS}
+        dropped = Dropped(np.asarray(file["dropped_poses"][()]), np.asarray(file["dropped_domain"][()]))
+        provenance = json.loads(str(file.attrs["provenance"]))
+        return Samples(
+            Scene.from_toml(str(file.attrs["scene_toml"])), **columns, provenance=provenance, dropped=dropped
+        )

@@ -1,0 +1,130 @@
+"""Columns by name from a CSV file, checked, and into one."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.core.conventions import Array
+from casadi_contact.core.files.reading import MOST_TEXT, checked_size, existing_file, finite_number, short
+from casadi_contact.core.files.writing import replacing
+
+MOST_VALUES = 1 << 24  # of a table: each takes up to 200 bytes of memory
+
+
+@dataclass(frozen=True)
+class TextColumns:
+    """Columns of a CSV file as text, before they are known to be numbers: header, and rows with their line numbers."""
+
+    path: Path
+    header: tuple[str, ...]
+    rows: tuple[tuple[int, tuple[str, ...]], ...]
+
+    @classmethod
+    def read(cls, path: str | Path, what: str = "file") -> TextColumns:
+        """Read a file; what names it in messages.
+
+        Lines without any text are skipped, as other readers do, and so are rows of empty cells at the end. Raises
+        FileNotFoundError for no file, and ValueError, naming file and line, for what is no CSV text, ragged rows, a row
+        of empty cells before a full one, a file without rows and one of more than MOST_VALUES values.
+        """
+        path = existing_file(path, what, "a CSV file")
+        checked_size(path, MOST_TEXT)
+        rows: list[tuple[int, list[str]]] = []
+        values = lost = 0
+        try:
+            with path.open(newline="", encoding="utf-8-sig") as file:
+                lines = csv.reader(file)
+                for row in lines:
+                    number = lines.line_num  # a quoted cell may hold the end of a line
+                    if not any(cell.strip() for cell in row):
+                        lost = lost or (number if len(row) > 1 else 0)
+                        continue
+                    if lost:
+                        raise ValueError(f"{path} line {lost} has empty cells, expected numbers: is a frame missing?")
+                    rows.append((number, row))
+                    values += len(row)
+                    if values > MOST_VALUES:
+                        raise ValueError(f"{path} holds more than {MOST_VALUES} values, expected fewer: leave out rows")
+        except UnicodeDecodeError as error:
+            raise ValueError(f"{path} is not a CSV text file in UTF-8 ({error}): save it as CSV UTF-8") from None
+        except csv.Error as error:
+            raise ValueError(f"{path} is not a CSV text file ({error})") from None
+        if not rows:
+            raise ValueError(f"{path} is empty, expected a header and rows")
+        if len(rows) == 1:
+            raise ValueError(f"{path} has a header only, expected rows below it")
+        header = tuple(name.strip() for name in rows[0][1])
+        if any("\0" in name for name in header):
+            raise ValueError(f"{path} is not a CSV text file in UTF-8 (in UTF-16?): save it as CSV UTF-8")
+        if len(header) == 1 and (delimiter := next((c for c in ";\t" if c in rows[0][1][0]), "")):
+            what = "semicolons" if delimiter == ";" else "tabs"
+            raise ValueError(f"{path} has {what} between its columns, expected commas (and points in numbers)")
+        for line, row in rows[1:]:
+            if len(row) != len(header):
+                commas = ": are there commas in numbers?" if len(row) == 2 * len(header) else ""
+                raise ValueError(f"{path} line {line}: got {len(row)} values, expected {len(header)}{commas}")
+        return cls(path, header, tuple((line, tuple(cell.strip() for cell in row)) for line, row in rows[1:]))
+
+    def require(self, *names: str) -> None:
+        """ValueError naming the columns that the file lacks, and those that it has."""
+        missing = [name for name in names if name not in self.header]
+        if missing:
+            which = f"columns {', '.join(missing)}" if len(names) > 1 else f"column {missing[0]}"
+            raise ValueError(f"{self.path} lacks the {which}; it has {short(', '.join(self.header))}")
+
+    def text(self, name: str) -> list[str]:
+        """A column (n,) as it stands; ValueError where the file lacks it or has it more than once."""
+        self.require(name)
+        if self.header.count(name) > 1:
+            raise ValueError(f"{self.path} has the column {name} more than once")
+        place = self.header.index(name)
+        return [row[place] for _, row in self.rows]
+
+    def numbers(self, name: str) -> Array:
+        """A column (n,) of finite numbers; ValueError likewise, and naming line and column of anything else."""
+        numbers = np.empty(len(self.rows))
+        for k, cell in enumerate(self.text(name)):
+            numbers[k] = finite_number(cell, f"{self.path} line {self.rows[k][0]}, {name}")
+        return numbers
+
+
+def read_columns(
+    path: str | Path, *, required: Sequence[str], optional: Sequence[str] = (), what: str = "file"
+) -> dict[str, Array]:
+    """The required columns and those of the optional ones that the file has, each (n,); others are ignored.
+
+    what names the file in messages. Raises FileNotFoundError and ValueError as `TextColumns` does.
+    """
+    table = TextColumns.read(path, what)
+    table.require(*required)
+    return {name: table.numbers(name) for name in (*required, *optional) if name in table.header}
+
+
+def write_columns(
+    path: str | Path, columns: Mapping[str, Sequence[Any] | np.ndarray], *, digits: int | None = None
+) -> None:
+    """Write columns of one length as a CSV file with a header, whole or not at all.
+
+    Floating-point numbers get so many digits, or as many as `read_columns` needs to read them back bit by bit if left
+    out; anything else its text.
+    Raises ValueError for columns of different lengths.
+    """
+
+    def text(value: Any) -> str:
+        if not isinstance(value, float | np.floating):
+            return str(value)
+        return repr(float(value)) if digits is None else f"{value:.{digits}g}"
+
+    lengths = {name: len(column) for name, column in columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise ValueError(f"columns of a table have different lengths: {lengths}")
+    with replacing(Path(path)) as beside, beside.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows([text(value) for value in row] for row in zip(*columns.values(), strict=True))

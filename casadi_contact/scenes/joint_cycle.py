@@ -1,0 +1,209 @@
+"""Cycles of any joint: measured pose parameters and loads by name, from a CSV file or a scene's own harmonics.
+
+A scene's ``[motion]`` describes a reference motion:
+
+    cycles = 10, duration_s = 1.1, deviation = 0.05
+    [motion.harmonics]     c_0, then cosine and sine of 1, 2, ... periods per cycle
+    rz_rad = [-0.17, -0.35, 0.0]
+    Fy_N = [900.0, 400.0, 300.0]
+
+Each cycle's coefficients are drawn about these; their standard deviation is `deviation` times the curve's largest
+harmonic (of its constant, for a curve without harmonics).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from casadi_contact.core.conventions import POSE_NAMES, Array, possible_loads
+from casadi_contact.core.files.reading import short
+from casadi_contact.core.quantities import quantity
+from casadi_contact.scenes.checks import check_lengths, check_radians, checked_curves
+from casadi_contact.scenes.columns import TextColumns, write_columns
+from casadi_contact.scenes.load_cycle import OverTime
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.shapes.checks import fail, number
+
+MOST_CYCLES, MOST_COEFFICIENTS = 1000, 99
+_CENTRES = ("cop_x", "cop_y", "cop_z", "cop_ap", "cop_ml")  # the last two are the names of a knee's load cycle
+_FRAMES = 101
+_SEED = 2015
+
+
+@dataclass(frozen=True)
+class JointCycle(OverTime):
+    """Measured pose parameters [mm, rad], loads [N, N·mm] and centres of pressure [mm] by name over time_s [s], each
+    (n,). Raises ValueError as `checked_curves` does, for names of others, for no load, for angles too large for
+    radians, and for lengths beyond 1 m."""
+
+    name: str
+    time_s: Array
+    pose: Mapping[str, Array]
+    loads: Mapping[str, Array]
+    centres: Mapping[str, Array] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        unknown = [name for name in self.pose if name not in POSE_NAMES]
+        unknown += [name for name in (*self.loads, *self.centres) if name in POSE_NAMES]
+        if unknown:
+            raise ValueError(
+                f"cycle {self.name}: {', '.join(unknown)} given as a pose parameter or a load that it is not"
+            )
+        curves = {"time_s": self.time_s, **self.pose, **self.loads, **self.centres}
+        checked = checked_curves(self.name, curves)
+        object.__setattr__(self, "time_s", checked["time_s"])
+        for key in ("pose", "loads", "centres"):
+            object.__setattr__(self, key, {name: checked[name] for name in getattr(self, key)})
+        if not self.loads:
+            raise ValueError(f"cycle {self.name} has no load, expected those that hold the pose")
+        for name in sorted({"rx", "ry", "rz"} & set(self.pose)):
+            check_radians(f"cycle {self.name}", quantity(name).column, self.pose[name])
+        for name in (*sorted({"tx", "ty", "tz"} & set(self.pose)), *self.centres):
+            check_lengths(f"cycle {self.name}", name, checked[name])
+
+    def measured_pose(self) -> Mapping[str, Array]:
+        """The measured pose parameters."""
+        return self.pose
+
+    def targets(self) -> Mapping[str, Array]:
+        """The measured loads."""
+        return self.loads
+
+    def wanted(self) -> Mapping[str, Array]:
+        """What pose estimation asks for: the measured loads and centres of pressure."""
+        return {**self.loads, **self.centres}
+
+
+def column_names(load_names: Sequence[str]) -> dict[str, str]:
+    """Name of a pose parameter or load -> its column in a CSV file, with the unit: tx_mm, rz_rad, Fy_med_N, Tx_Nmm."""
+    return {name: quantity(name).column for name in (*POSE_NAMES, *load_names)}
+
+
+def driving_loads(scene: Scene) -> tuple[str, ...]:
+    """The loads that a scene's cycles may hold: those that it asks for, those that press its patches, and those of its
+    own motion."""
+    harmonics = scene.motion.get("harmonics")
+    columns = {quantity(name).column: name for name in possible_loads(scene.patch_names)}
+    own = [columns[column] for column in harmonics if column in columns] if isinstance(harmonics, Mapping) else []
+    pressing = [name for normal in scene.pressed for name in normal.loads]
+    return tuple(dict.fromkeys((*scene.load_names, *pressing, *own)))
+
+
+def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:
+    """Read a cycle from a CSV file: time_s, and those of the scene's pose parameters and `driving_loads` that were
+    measured, by their `column_names`, and the centre of pressure as cop_x_mm, cop_y_mm, cop_z_mm (of a joint that is
+    pressed along y also cop_ap_mm, cop_ml_mm).
+
+    Other columns are ignored, but for those named as a quantity in another unit (rz_deg), without one (rz) or by other
+    capital letters with its unit (fy_N), or as a knee's load cycle has them (flexion_rz_rad).
+    Raises FileNotFoundError, and ValueError naming file, line and column.
+    """
+    path = Path(path)
+    known = driving_loads(scene)
+    columns = {**column_names(known), **{name: quantity(name).column for name in _CENTRES}}
+    of_any_case = {column.lower(): column for column in columns.values()}
+    table = TextColumns.read(path, "cycle file")
+    table.require("time_s")
+    for got in table.header:
+        wanted = of_any_case.get(got.lower()) or columns.get(got) or columns.get(got.rpartition("_")[0])
+        if wanted is not None and got != wanted and wanted not in table.header:
+            cure = "mind capital letters" if got.lower() == wanted.lower() else "convert its unit"
+            cure = "name its unit" if got in columns else cure
+            raise ValueError(f"{path} has the column {got}, expected {wanted}: {cure}")
+        for name in POSE_NAMES:  # a knee's load cycle has flexion_rz_rad
+            if got.endswith(f"_{columns[name]}") and columns[name] not in table.header:
+                patches = ", ".join(scene.patch_names)
+                raise ValueError(
+                    f"{path} has the column {got}, expected {columns[name]}: rename it, or, since it is a knee's, take "
+                    f"a scene with the patches med and lat (scene {scene.name} has {patches})"
+                )
+    if not any(columns[name] in table.header for name in known):
+        raise ValueError(
+            f"{path} has no load of scene {scene.name}, expected some of "
+            f"{', '.join(columns[name] for name in known)}; it has {short(', '.join(table.header))}"
+        )
+    named = {name: table.numbers(column) for name, column in columns.items() if column in table.header}
+    curves = {"time": table.numbers("time_s"), **named}
+    try:
+        return joint_cycle_from_curves(path.stem, curves, scene)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def joint_cycle_from_curves(name: str, curves: Mapping[str, Array], scene: Scene) -> JointCycle:
+    """A cycle of a scene from curves by name: time [s], pose parameters [mm, rad], `driving_loads` [N, N·mm] and
+    centres of pressure cop_x, cop_y, cop_z, cop_ap, cop_ml [mm].
+
+    Raises ValueError for other names, or as `JointCycle` does.
+    """
+    kinds = (POSE_NAMES, driving_loads(scene), _CENTRES)
+    known = ("time", *(each for kind in kinds for each in kind))
+    if foreign := [each for each in curves if each not in known]:
+        raise ValueError(
+            f"a cycle of scene {scene.name} has no place for {', '.join(foreign)}, expected some of {', '.join(known)}"
+        )
+    pose, loads, centres = ({each: curves[each] for each in kind if each in curves} for kind in kinds)
+    return JointCycle(name, curves["time"], pose, loads, centres)
+
+
+def write_joint_cycle(cycle: JointCycle, path: str | Path) -> None:
+    """Write a CSV file that `read_joint_cycle` reads back bit by bit."""
+    curves = {**cycle.pose, **cycle.loads, **cycle.centres}
+    write_columns(path, {"time_s": cycle.time_s, **{quantity(name).column: curve for name, curve in curves.items()}})
+
+
+def scene_cycles(scene: Scene) -> list[JointCycle]:
+    """The reference motion that a scene describes, the same at every call.
+
+    Raises ValueError where the scene has none, naming a key at fault.
+    """
+    motion = dict(scene.motion)
+    if not motion:
+        raise ValueError(f"scene {scene.name} has no [motion], expected it there or a cycle file")
+    unknown = set(motion) - {"cycles", "duration_s", "deviation", "harmonics"}
+    harmonics = motion.get("harmonics")
+    if unknown or not isinstance(harmonics, Mapping) or not harmonics:
+        raise ValueError(
+            f"scene {scene.name}: [motion] has {', '.join(motion)}, expected cycles, duration_s, deviation and "
+            "[motion.harmonics]"
+        )
+    columns = {column: name for name, column in column_names(possible_loads(scene.patch_names)).items()}
+    count = motion.get("cycles", 10)
+    if isinstance(count, bool) or not isinstance(count, int) or not 2 <= count <= MOST_CYCLES:
+        raise fail("motion.cycles", count, f"a whole number from 2 to {MOST_CYCLES}")
+    duration = number("motion.duration_s", motion.get("duration_s", 1.0), low=0.0)
+    deviation = number("motion.deviation", motion.get("deviation", 0.05))
+    if deviation < 0.0:
+        raise fail("motion.deviation", deviation, "a number of 0 or more")
+    rng = np.random.default_rng(_SEED)
+    time = np.linspace(0.0, float(duration), _FRAMES)
+    cycles = []
+    for k in range(count):
+        curves = {}
+        for column, coefficients in harmonics.items():
+            if column not in columns:
+                raise ValueError(
+                    f"scene {scene.name}: unknown curve motion.harmonics.{column}, expected {', '.join(columns)}"
+                )
+            key = f"motion.harmonics.{column}"
+            if not isinstance(coefficients, list | tuple) or len(coefficients) not in range(
+                1, MOST_COEFFICIENTS + 1, 2
+            ):
+                raise fail(key, coefficients, f"1, 3, 5, ... numbers, {MOST_COEFFICIENTS} at most")
+            mean = np.array([number(key, value) for value in coefficients])
+            spread = deviation * np.abs(mean[1:] if len(mean) > 1 else mean).max()
+            curves[columns[column]] = _curve(mean + spread * rng.standard_normal(len(mean)), time / duration)
+        pose = {name: curve for name, curve in curves.items() if name in POSE_NAMES}
+        loads = {name: curve for name, curve in curves.items() if name not in POSE_NAMES}
+        cycles.append(JointCycle(f"reference {k + 1}", time, pose, loads))
+    return cycles
+
+
+def _curve(coefficients: Array, share: Array) -> Array:
+    """c_0 + Σ_k c_{2k-1} cos(2πkp) + c_{2k} sin(2πkp) over the share p of the cycle."""
+    angles = 2.0 * np.pi * np.outer(share, np.arange(1, len(coefficients) // 2 + 1))
+    return coefficients[0] + np.cos(angles) @ coefficients[1::2] + np.sin(angles) @ coefficients[2::2]

@@ -1,0 +1,148 @@
+"""Measured cycles of a loaded joint: what a cycle holds, and how it is read from a CSV file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from casadi_contact.core.conventions import Array
+from casadi_contact.scenes.checks import check_radians, checked_curves
+from casadi_contact.scenes.columns import read_columns, write_columns
+
+# Column of the file for each curve of a cycle; other columns are ignored.
+COLUMNS = {
+    "time_s": "time_s",
+    "rz": "flexion_rz_rad",
+    "ry": "rotation_ry_rad",
+    "fy_med": "Fy_med_N",
+    "fy_lat": "Fy_lat_N",
+    "cop_ap_mm": "cop_ap_mm",
+    "cop_ml_mm": "cop_ml_mm",
+}
+KNEE_POSE_COLUMNS = frozenset({COLUMNS["rz"], COLUMNS["ry"]})  # by which a file is a knee's
+_CURVES = ("time", "rz", "ry", "Fy_med", "Fy_lat", "cop_ap", "cop_ml", "Tz", "Tx")  # that a cycle is made of
+_LARGEST_COP_MM = 200.0
+
+
+class OverTime:
+    """One cycle of n frames over time_s (n,) [s]."""
+
+    time_s: Array
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def percent(self) -> Array:
+        """Percentage of the cycle (n,), 0 to 100."""
+        return 100.0 * (self.time_s - self.time_s[0]) / (self.time_s[-1] - self.time_s[0])
+
+
+@dataclass(frozen=True)
+class LoadCycle(OverTime):
+    """Loads and measured rotations over one cycle, each (n,): time_s [s]; rz (flexion is negative) and ry [rad];
+    fy_med, fy_lat [N], compression negative; centre of pressure cop_ap_mm = Tz/Fy, cop_ml_mm = -Tx/Fy."""
+
+    name: str
+    time_s: Array
+    rz: Array
+    ry: Array
+    fy_med: Array
+    fy_lat: Array
+    cop_ap_mm: Array
+    cop_ml_mm: Array
+
+    def __post_init__(self) -> None:
+        for key, curve in checked_curves(self.name, {key: getattr(self, key) for key in COLUMNS}).items():
+            object.__setattr__(self, key, curve)
+        for key in ("fy_med", "fy_lat"):
+            if getattr(self, key).max() > 0.0:
+                frame = int(np.argmax(getattr(self, key)))
+                raise ValueError(
+                    f"cycle {self.name}: {COLUMNS[key]} is {getattr(self, key)[frame]:g} at frame {frame}, expected "
+                    "compression as negative numbers (contact cannot pull)"
+                )
+        for key in ("rz", "ry"):
+            check_radians(f"cycle {self.name}", COLUMNS[key], getattr(self, key))
+        if max(np.abs(self.cop_ap_mm).max(), np.abs(self.cop_ml_mm).max()) > _LARGEST_COP_MM:
+            raise ValueError(f"cycle {self.name}: centre of pressure beyond {_LARGEST_COP_MM:g} mm: is it in mm?")
+
+    def targets(self) -> dict[str, Array]:
+        """Loads that hold the cycle's forces and centre of pressure: Tx = -cop_ml·Fy, Tz = cop_ap·Fy [N·mm]."""
+        fy = self.fy_med + self.fy_lat
+        return {
+            "Fy_med": self.fy_med,
+            "Fy_lat": self.fy_lat,
+            "Tx": -self.cop_ml_mm * fy,
+            "Tz": self.cop_ap_mm * fy,
+        }
+
+    def wanted(self) -> dict[str, Array]:
+        """What pose estimation asks for: the forces, and the centre of pressure itself."""
+        return {"Fy_med": self.fy_med, "Fy_lat": self.fy_lat, "cop_ap": self.cop_ap_mm, "cop_ml": self.cop_ml_mm}
+
+    def measured_pose(self) -> dict[str, Array]:
+        """Pose parameters that fluoroscopy gives well enough to lock them [EF15 §3.3]."""
+        return {"ry": self.ry, "rz": self.rz}
+
+
+def read_cycle(path: str | Path) -> LoadCycle:
+    """Read a cycle from a CSV file with at least the columns of `COLUMNS`, in any order.
+
+    Raises FileNotFoundError for no file, and ValueError naming file, line and column for missing columns, text
+    among the numbers, ragged rows, NaN, fewer than 2 frames, unsorted time, pulling forces or suspected wrong units.
+    """
+    path = Path(path)
+    columns = read_columns(path, required=tuple(COLUMNS.values()), what="cycle file")
+    curves = {key: columns[column] for key, column in COLUMNS.items()}
+    try:
+        return LoadCycle(path.stem, **curves)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def write_cycle(cycle: LoadCycle, path: str | Path) -> None:
+    """Write a CSV file that `read_cycle` reads back bit by bit."""
+    write_columns(path, {column: getattr(cycle, key) for key, column in COLUMNS.items()})
+
+
+def cycle_from_curves(name: str, curves: Mapping[str, Array]) -> LoadCycle:
+    """A cycle from curves by name: time [s], rz, ry [rad], Fy_med, Fy_lat [N], and for each centre of pressure either
+    itself (cop_ap, cop_ml [mm]) or the torque that gives it (cop_ap = Tz/Fy, cop_ml = -Tx/Fy [N·mm]).
+
+    Raises ValueError naming the curves that lack or have no place here, or as `LoadCycle` does.
+    """
+    foreign = [key for key in curves if key not in _CURVES]
+    if foreign:
+        raise ValueError(
+            f"a load cycle has no place for {', '.join(foreign)}, expected {', '.join(_CURVES)}; "
+            "poses need tx, ty, tz, rx, ry, rz and no loads, another joint's cycle its scene (--scene)"
+        )
+    missing = [key for key in ("time", "rz", "ry", "Fy_med", "Fy_lat") if key not in curves]
+    missing += [
+        f"{key} (or {torque})"
+        for key, torque in (("cop_ap", "Tz"), ("cop_ml", "Tx"))
+        if not {key, torque} & set(curves)
+    ]
+    if missing:
+        raise ValueError(f"a load cycle needs the curves {', '.join(missing)}; there are {', '.join(curves)}")
+    for key, torque in (("cop_ap", "Tz"), ("cop_ml", "Tx")):
+        if {key, torque} <= set(curves):
+            raise ValueError(f"a load cycle has {key} and {torque}, expected one of the two: leave one --map out")
+    fy = curves["Fy_med"] + curves["Fy_lat"]
+    if not {"cop_ap", "cop_ml"} <= set(curves) and not np.all(fy < 0.0):
+        frame = int(np.argmax(fy >= 0.0))
+        raise ValueError(f"frame {frame} has no compression, so that torques give no centre of pressure there")
+    return LoadCycle(
+        name,
+        time_s=curves["time"],
+        rz=curves["rz"],
+        ry=curves["ry"],
+        fy_med=curves["Fy_med"],
+        fy_lat=curves["Fy_lat"],
+        cop_ap_mm=curves["cop_ap"] if "cop_ap" in curves else curves["Tz"] / fy,
+        cop_ml_mm=curves["cop_ml"] if "cop_ml" in curves else -curves["Tx"] / fy,
+    )

@@ -1,0 +1,57 @@
+"""Bodies of closed-form contact on an elastic plane y = 0, to verify contact models on."""
+
+from __future__ import annotations
+
+from casadi_contact.geometry.elements import Cells
+from casadi_contact.geometry.height_field import plane
+from casadi_contact.geometry.moving_surface import MovingSurface, cylinder, half_space, sphere
+from casadi_contact.scenes.shapes.shape import Geometry, Parameter, Shape
+
+
+class SphereOnPlane(Shape):
+    """A sphere about the moving origin on a square of elements."""
+
+    name = "sphere_on_plane"
+    anatomical = False
+    parameters = (Parameter("radius", "mm"), Parameter("patch_side", "mm"))
+
+    def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
+        """The sphere."""
+        return [sphere(geometry["radius"])]
+
+    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
+        """The square."""
+        return [plane(grid, (geometry["patch_side"], geometry["patch_side"]))]
+
+
+class CylinderOnPlane(Shape):
+    """A cylinder about the moving z axis on a strip, patch_side along x and length along z."""
+
+    name = "cylinder_on_plane"
+    anatomical = False
+    parameters = (Parameter("radius", "mm"), Parameter("length", "mm"), Parameter("patch_side", "mm"))
+
+    def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
+        """The cylinder."""
+        return [cylinder(geometry["radius"])]
+
+    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
+        """The strip."""
+        return [plane(grid, (geometry["patch_side"], geometry["length"]))]
+
+
+class PunchOnPlane(Shape):
+    """A flat punch, the moving half-space y >= 0, on a square of the given area."""
+
+    name = "punch_on_plane"
+    anatomical = False
+    parameters = (Parameter("area", "mm²"),)
+
+    def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
+        """The punch's face."""
+        return [half_space()]
+
+    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
+        """The square."""
+        side = geometry["area"] ** 0.5
+        return [plane(grid, (side, side))]

@@ -1,0 +1,73 @@
+"""The shape of a scene without geometry: its contact model is the user's own, or a table of samples.
+
+    shape = "own_model"
+    [geometry.patches]     each with its anchor on the moving body [mm], the body's origin if left out
+    contact = { anchor = [0.0, 0.0, 0.0] }
+
+Such a scene needs neither [material] nor [grids].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NoReturn
+
+import numpy as np
+
+from casadi_contact.core.conventions import Array
+from casadi_contact.scenes.shapes.checks import fail, identifier, number, table_of
+from casadi_contact.scenes.shapes.shape import Geometry, Shape
+
+_CURE = "expected [geometry.patches] with a table for each patch, for example contact = { anchor = [0.0, 0.0, 0.0] }"
+
+
+class OwnModel(Shape):
+    """Patches and their anchors, nothing more."""
+
+    name = "own_model"
+    has_layer = False
+
+    def check(self, table: object) -> dict[str, Any]:
+        """The patches, each with a name and an anchor."""
+        values = table_of("geometry", table, ("patches",), complete=True)
+        patches = values["patches"]
+        if not isinstance(patches, Mapping) or not patches:
+            raise ValueError(f"scene: geometry.patches = {patches!r}, {_CURE}")
+        for name, patch in patches.items():
+            identifier("geometry.patches (a patch's name)", name)
+            if "_" in name:
+                raise fail("geometry.patches (a patch's name)", name, "a name without _, which sets it off in Fy_med")
+            if not isinstance(patch, Mapping) or set(patch) - {"anchor"}:
+                raise ValueError(f"scene: geometry.patches.{name} = {patch!r}, {_CURE}")
+            check_anchor(f"geometry.patches.{name}.anchor", patch)
+        return values
+
+    def patches(self, geometry: Geometry) -> tuple[str, ...]:
+        """As named."""
+        return tuple(geometry["patches"])
+
+    def anchors(self, geometry: Geometry) -> Array:
+        """As given."""
+        return patch_anchors(geometry)
+
+    def surfaces(self, geometry: Geometry) -> NoReturn:
+        """None; raises ValueError."""
+        raise ValueError("a scene of the shape own_model has no surfaces: give your own contact model")
+
+    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> NoReturn:
+        """None; raises ValueError."""
+        self.surfaces(geometry)
+
+
+def check_anchor(key: str, patch: Mapping[str, Any]) -> None:
+    """A patch's anchor, if it names one, is three numbers [mm]."""
+    anchor = patch.get("anchor", [0.0, 0.0, 0.0])
+    if not isinstance(anchor, list | tuple) or len(anchor) != 3:
+        raise fail(key, anchor, "3 numbers [mm]")
+    for value in anchor:
+        number(key, value)
+
+
+def patch_anchors(geometry: Geometry) -> Array:
+    """The anchors (patches, 3) [mm] that [geometry.patches] names, the moving body's origin if left out."""
+    return np.array([patch.get("anchor", [0.0, 0.0, 0.0]) for patch in geometry["patches"].values()], dtype=float)

@@ -1,0 +1,111 @@
+"""The record of a shape: its [geometry], its patches, its moving surface and the elements of its fixed one.
+
+A scene names its shape; all that one shape has of its own stands in its record, one file for each, and whatever holds
+for every shape asks the record. A new shape is a record and a line in `shapes.registry`.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from casadi_contact.core.conventions import Array
+from casadi_contact.geometry.elements import Cells, ElementGrid, grid_elements
+from casadi_contact.geometry.moving_surface import MovingSurface
+from casadi_contact.scenes.shapes.checks import fail, number, table_of
+
+Geometry = Mapping[str, Any]
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number in a shape's [geometry], low < number < high, in its unit; or a list of `count` of these (None: any)."""
+
+    name: str
+    unit: str
+    low: float = 0.0
+    high: float = math.inf
+    count: int | None = 1
+
+    def check(self, value: object) -> float | list[float]:
+        """The value as floats; raises ValueError with the parameter's name."""
+        key = f"geometry.{self.name}"
+        if self.count == 1:
+            return number(key, value, low=self.low, high=self.high)
+        if not isinstance(value, list | tuple) or (self.count is not None and len(value) != self.count):
+            raise fail(key, value, f"a list of {'' if self.count is None else f'{self.count} '}numbers [{self.unit}]")
+        return [number(key, each, low=self.low, high=self.high) for each in value]
+
+
+class Shape(ABC):
+    """A family of joints that differ in their [geometry] only.
+
+    has_layer: it is in contact through an elastic layer on its own elements, so that its scenes need [material] and
+    [grids]. anatomical: its axes are those of `conventions.ANATOMY`. mesh_bodies: those of its two bodies, "moving"
+    and "fixed", that are meshes.
+    """
+
+    name: ClassVar[str]
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+    has_layer: ClassVar[bool] = True
+    anatomical: ClassVar[bool] = True
+    mesh_bodies: ClassVar[tuple[str, ...]] = ()
+
+    def check(self, table: object) -> dict[str, Any]:
+        """The complete [geometry] with its numbers checked; raises ValueError naming the key at fault."""
+        values = table_of("geometry", table, tuple(p.name for p in self.parameters), complete=True)
+        return {parameter.name: parameter.check(values[parameter.name]) for parameter in self.parameters}
+
+    def patches(self, geometry: Geometry) -> tuple[str, ...]:
+        """Names of the patches, in order."""
+        return ("contact",)
+
+    def patch_geometry(self, geometry: Geometry, patch: str) -> dict[str, Any]:
+        """The numbers that hold for one patch."""
+        return dict(geometry)
+
+    def anchors(self, geometry: Geometry) -> Array:
+        """Anchor of each patch on the moving body (patches, 3) [mm]: its origin unless the shape says otherwise."""
+        return np.zeros((len(self.patches(geometry)), 3))
+
+    def start_pose(self, geometry: Geometry) -> Array:
+        """A pose (6,) from which the moving body can be brought into contact."""
+        return np.zeros(6)
+
+    def symmetric(self, geometry: Geometry) -> bool:
+        """True where the joint has two patches that mirror each other in the plane z = 0."""
+        return False
+
+    @abstractmethod
+    def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
+        """The moving surface that faces each patch, in patch order."""
+
+    @abstractmethod
+    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
+        """The fixed surface of each patch in (nx, nz) cells, in patch order."""
+
+    def elements(
+        self, geometry: Geometry, grid: tuple[int, int], z_ranges_mm: Sequence[Sequence[Range]]
+    ) -> list[ElementGrid]:
+        """The elements of each patch, shared out by their z among its ranges: range by range, in patch order."""
+        cells = self.cells(geometry, grid)
+        return [
+            grid_elements(*of_patch, z_mm)
+            for of_patch, ranges in zip(cells, z_ranges_mm, strict=True)
+            for z_mm in ranges
+        ]
+
+    def locate_files(self, geometry: Geometry, folder: Path) -> Geometry:
+        """The [geometry] of a scene file in `folder` with what it names there; the same where it names no files."""
+        return geometry
+
+    def identity(self, geometry: Geometry) -> Geometry:
+        """The [geometry] without what may differ between copies of one scene: places of files."""
+        return geometry

@@ -1,0 +1,130 @@
+"""The built-in reference motion: walking cycles from a low-order harmonic description.
+
+Each curve of a cycle is c_0 + Σ_k c_{2k-1} cos(2πkp) + c_{2k} sin(2πkp) over the share p of the cycle, with
+coefficients drawn about their mean with their deviation between measured cycles. Forces are described by the
+logarithm of their compression, so that none pulls; the medial-lateral centre of pressure by its distance from the
+point that the two condyles' forces at z = ±22 mm give, so that it stays reachable. The rotation ry is one curve for
+all cycles [EF15 §3.3]. The figures stand in ``walking.toml``, below their source; this command derives them:
+
+    python -m casadi_contact.scenes.walking CYCLE.csv [CYCLE.csv ...] > walking.toml
+"""
+
+from __future__ import annotations
+
+import sys
+import tomllib
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from casadi_contact.core.conventions import Array
+from casadi_contact.scenes.load_cycle import LoadCycle, read_cycle
+
+CONDYLE_OFFSET_MM = 22.0
+ORDERS = {"rz": 6, "ry": 6, "log_fy_med": 10, "log_fy_lat": 10, "cop_ap_mm": 8, "cop_shift_mm": 4}
+
+
+def _basis(share: Array, order: int) -> Array:
+    """1, cos(2πp), sin(2πp), ... up to the order, (n, 2·order + 1)."""
+    angles = 2.0 * np.pi * np.outer(share, np.arange(1, order + 1))
+    waves = np.stack([np.cos(angles), np.sin(angles)], axis=-1).reshape(len(share), -1)
+    return np.column_stack([np.ones(len(share)), waves])
+
+
+def _split_point(fy_med: Array, fy_lat: Array) -> Array:
+    """Medial-lateral centre of pressure [mm] of two forces at the condyles' centres."""
+    return CONDYLE_OFFSET_MM * (fy_med - fy_lat) / (fy_med + fy_lat)
+
+
+def _harmonic_curves(cycle: LoadCycle) -> dict[str, Array]:
+    for column, force in (("Fy_med_N", cycle.fy_med), ("Fy_lat_N", cycle.fy_lat)):
+        if not force.all():
+            raise ValueError(
+                f"cycle {cycle.name}: {column} is 0 at frame {int(np.argmin(force != 0.0))}, expected compression "
+                "(negative) in every frame, whose logarithm is described: leave such frames out"
+            )
+    return {
+        "rz": cycle.rz,
+        "ry": cycle.ry,
+        "log_fy_med": np.log(-cycle.fy_med),
+        "log_fy_lat": np.log(-cycle.fy_lat),
+        "cop_ap_mm": cycle.cop_ap_mm,
+        "cop_shift_mm": cycle.cop_ml_mm - _split_point(cycle.fy_med, cycle.fy_lat),
+    }
+
+
+def harmonic_description(cycles: Sequence[LoadCycle]) -> dict[str, Any]:
+    """Mean and deviation of every curve's harmonic coefficients, fitted by least squares to each cycle.
+
+    Raises ValueError for no cycle, and for one with a frame in which a side carries nothing.
+    """
+    if not cycles:
+        raise ValueError("got no cycle, expected one or more: python -m casadi_contact.scenes.walking CYCLE.csv")
+    durations = [cycle.time_s[-1] - cycle.time_s[0] for cycle in cycles]
+    spread = 1 if len(cycles) > 1 else 0
+    figures: dict[str, Any] = {
+        "duration_s": [round(float(np.mean(durations)), 4), round(float(np.std(durations, ddof=spread)), 4)],
+    }
+    for name, order in ORDERS.items():
+        fits = np.stack(
+            [
+                np.linalg.lstsq(_basis(c.percent / 100.0, order), _harmonic_curves(c)[name], rcond=None)[0]
+                for c in cycles
+            ]
+        )
+        figures[name] = {
+            "mean": [round(float(v), 5) for v in fits.mean(axis=0)],
+            "deviation": [round(float(v), 5) for v in fits.std(axis=0, ddof=spread)],
+        }
+    return figures
+
+
+def walking_description() -> dict[str, Any]:
+    """The figures of ``walking.toml``."""
+    text = (resources.files(__package__) / "walking.toml").read_text("utf-8")
+    return tomllib.loads(text)
+
+
+def _random_curve(figures: Mapping[str, Any], name: str, frames: int, rng: np.random.Generator | None) -> Array:
+    coefficients = np.array(figures[name]["mean"])
+    if rng is not None and name != "ry":
+        coefficients = coefficients + rng.standard_normal(len(coefficients)) * figures[name]["deviation"]
+    return _basis(np.linspace(0.0, 1.0, frames), (len(coefficients) - 1) // 2) @ coefficients
+
+
+def reference_cycle(frames: int = 101) -> LoadCycle:
+    """The mean cycle of the built-in reference motion."""
+    return _cycle(walking_description(), "reference", frames, None)
+
+
+def reference_cycles(count: int = 14, frames: int = 101, seed: int = 2015) -> list[LoadCycle]:
+    """`count` cycles of the built-in reference motion (the paper's envelopes come from 14), the same for a seed."""
+    figures, rng = walking_description(), np.random.default_rng(seed)
+    return [_cycle(figures, f"reference {k + 1}", frames, rng) for k in range(count)]
+
+
+def _cycle(figures: Mapping[str, Any], name: str, frames: int, rng: np.random.Generator | None) -> LoadCycle:
+    curves = {key: _random_curve(figures, key, frames, rng) for key in ORDERS}
+    mean, deviation = figures["duration_s"]
+    duration = mean + (rng.standard_normal() * deviation if rng is not None else 0.0)
+    fy_med, fy_lat = -np.exp(curves["log_fy_med"]), -np.exp(curves["log_fy_lat"])
+    return LoadCycle(
+        name=name,
+        time_s=np.linspace(0.0, duration, frames),
+        rz=curves["rz"],
+        ry=curves["ry"],
+        fy_med=fy_med,
+        fy_lat=fy_lat,
+        cop_ap_mm=curves["cop_ap_mm"],
+        cop_ml_mm=curves["cop_shift_mm"] + _split_point(fy_med, fy_lat),
+    )
+
+
+if __name__ == "__main__":
+    try:
+        sys.stdout.write(tomli_w.dumps(harmonic_description([read_cycle(path) for path in sys.argv[1:]])))
+    except (ValueError, OSError) as error:
+        sys.exit(f"motion: {error}")

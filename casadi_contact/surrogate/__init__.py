@@ -1,0 +1,1 @@
+"""Networks as a contact model: structures, files, confidence."""

@@ -1,0 +1,296 @@
+"""A surrogate: named networks, CasADi functions, file and description, whatever its structure."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from casadi_contact.core.conventions import POSE_NAMES, Array, pose_or_poses
+from casadi_contact.networks.export_c import ExportedModel
+from casadi_contact.networks.exportable import Exportable
+from casadi_contact.networks.functions import as_weights, hessian_function, weighted_hessians
+from casadi_contact.networks.kernel.networks import Bundle
+from casadi_contact.networks.kernel.source import Kernel
+from casadi_contact.networks.network import Network
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.surrogate.arrays import BATCH_FROM, SurrogateArrays, compiled_arrays
+from casadi_contact.surrogate.blocks import in_blocks
+from casadi_contact.surrogate.distrust import OffSpace
+from casadi_contact.surrogate.file import Content, write_file
+from casadi_contact.surrogate.functions import SurrogateFunctions
+from casadi_contact.surrogate.info import SurrogateInfo, describe
+from casadi_contact.surrogate.structure import Structure
+from casadi_contact.surrogate.trust import Trust
+from casadi_contact.surrogate.trust_source import OWN_ROOTS
+from casadi_contact.surrogate.trusted_kernel import TrustedKernel
+
+
+class Surrogate(Structure, SurrogateFunctions, Exportable):
+    """Networks and the scene they were trained for.
+
+    networks: by name; record: what trained them (see `casadi_contact.surrogate.info`), plain JSON values; trust: what
+    `validity` and `expected_error` are made of (see `casadi_contact.surrogate.calibration`).
+    ``load_names`` are the scene's loads that the given networks are enough for. compiled: arrays of `BATCH_FROM` poses
+    or more go through a C kernel (see `casadi_contact.surrogate.arrays`), as `load_surrogate` wants it.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        networks: Mapping[str, Network],
+        record: Mapping[str, Any] | None = None,
+        trust: Trust | None = None,
+        *,
+        compiled: bool = False,
+    ) -> None:
+        self.scene = scene
+        self._compiled = compiled
+        self._hessians: dict[tuple[str, ...], ca.Function] = {}
+        self.networks = dict(networks)
+        self.record = dict(record or {})
+        self.trust = None if trust is None else replace(trust, off_space=OffSpace.of(scene.pose_space))
+        self.patch_names = scene.patch_names
+        known, outputs = self.network_inputs(scene), self.network_outputs(scene)
+        for name, network in self.networks.items():
+            if name not in known:
+                raise ValueError(
+                    f"unknown network {name!r} for a {self.structure} surrogate of scene {scene.name!r}, "
+                    f"expected one of {', '.join(known)}"
+                )
+            size, expected = (len(network.input_shift), network.outputs), (known[name], outputs[name])
+            if size != expected:
+                raise ValueError(f"network {name!r} has (inputs, outputs) {size}, expected {expected}")
+        self.load_names = tuple(load for load in scene.load_names if not self._missing([load]))
+        if not self.load_names:
+            raise ValueError(
+                f"networks {', '.join(networks) or '(none)'} are not enough for any load of scene "
+                f"{scene.name!r}, expected some of {', '.join(known)}"
+            )
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.scene.name}, networks: {len(self.networks)})"
+
+    def needed_networks(self, loads: Sequence[str]) -> list[str]:
+        """Names of the networks that the loads need; raises ValueError for an unknown load."""
+        return self.networks_for(self.scene, loads)
+
+    @pose_or_poses
+    def __call__(self, poses: Array, loads: Iterable[str] | None = None) -> Array:
+        """Loads (n, L) for poses (n, 6), or (L,) for a pose (6,): ``load_names``, or the loads asked for."""
+        names = self.check_loads(loads)
+        arrays = self._arrays(poses, names)
+        if arrays is not None:
+            return arrays.loads(poses, names)
+        return in_blocks(lambda block: self._loads(block, names), poses)
+
+    @pose_or_poses
+    def jacobian(self, poses: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
+        """Loads (n, L) and d loads / d pose (n, L, 6) for poses (n, 6); (L,) and (L, 6) for a pose (6,)."""
+        names = self.check_loads(loads)
+        arrays = self._arrays(poses, names)
+        if arrays is not None:
+            return arrays.jacobian(poses, names)
+        return in_blocks(lambda block: self._loads_and_jacobian(block, names), poses)
+
+    @pose_or_poses
+    def hessian(self, poses: Array, weights: ArrayLike, loads: Iterable[str] | None = None) -> Array:
+        """Second derivatives by the pose (n, 6, 6) of Σ weights·loads, weights (L,) or (n, L); (6, 6) for a pose (6,).
+
+        Raises ValueError for weights of another shape.
+        """
+        names = self.check_loads(loads)
+        wanted = as_weights(weights, len(poses), names)
+        arrays = self._arrays(poses, names)
+        if arrays is not None:
+            return arrays.hessian(poses, wanted, names)
+        if names not in self._hessians:
+            self._hessians[names] = hessian_function(self.function(names))
+        return weighted_hessians(self._hessians[names], poses, wanted)
+
+    @pose_or_poses
+    def root_loads(self, poses: Array) -> tuple[Array, Array]:
+        """Signed root loads s (n, P), s = √(N/N0) in contact and negative outside, and ds/dpose (n, P, 6).
+
+        (P,) and (P, 6) for a pose (6,).
+        """
+        self.check_roots()
+        return in_blocks(lambda block: self._roots(block, derivative=True), poses)
+
+    @pose_or_poses
+    def jacobian_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
+        """All that `jacobian` and `root_loads` return; NumPy evaluates the networks once for both."""
+        arrays = self._arrays(poses, self.load_names)
+        if arrays is not None:
+            return *arrays.jacobian(poses, self.load_names), *self.root_loads(poses)
+        self.check_roots()
+        return in_blocks(self._jacobian_and_roots, poses)
+
+    @abstractmethod
+    def _loads(self, poses: Array, loads: Sequence[str]) -> Array:
+        """Loads (n, L)."""
+
+    @abstractmethod
+    def _loads_and_jacobian(self, poses: Array, loads: Sequence[str]) -> tuple[Array, Array]:
+        """Loads (n, L) and their derivatives (n, L, 6)."""
+
+    @abstractmethod
+    def _roots(self, poses: Array, *, derivative: bool) -> tuple[Array, Array]:
+        """Root loads (n, P) and their derivatives (n, P, 6), (0, P, 6) if not asked for."""
+
+    def _jacobian_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
+        """See `jacobian_and_roots`."""
+        return *self._loads_and_jacobian(poses, self.load_names), *self._roots(poses, derivative=True)
+
+    @abstractmethod
+    def _root_networks(self) -> list[str]:
+        """Names of the networks that root loads need."""
+
+    def _arrays(self, poses: Array, loads: Sequence[str]) -> SurrogateArrays | None:
+        """The kernel for so many poses; None where they are few, for other loads, and without a compiler."""
+        if not self._compiled or len(poses) < BATCH_FROM or not set(loads) <= set(self.load_names):
+            return None
+        return self._compiled_arrays
+
+    @cached_property
+    def _compiled_arrays(self) -> SurrogateArrays | None:
+        kernel = self.trusted_kernel(self.load_names)
+        return compiled_arrays(kernel, f"the kernel of the surrogate {self.scene.name}, some seconds")
+
+    def trusted_kernel(self, loads: Sequence[str]) -> TrustedKernel:
+        """C of the loads, with all else that the networks and the trust are enough for."""
+        roots = all(name in self.networks for name in self._root_networks())
+        kernel, trust = self._kernel(loads, roots=roots), self.trust if roots else None
+        bundles, inputs = self._trust_inputs() if trust is not None else ([], "")
+        classifier = [trust.classifier.bundle()] if trust is not None and trust.classifier is not None else []
+        return TrustedKernel(
+            Kernel([*kernel.bundles, *bundles, *classifier], kernel.code),
+            tuple(loads),
+            self.load_names,
+            self._first_roots() if roots else (),
+            self._root_count() if roots else 0,
+            trust,
+            inputs,
+        )
+
+    def _first_roots(self) -> Sequence[int]:
+        """Where the root loads of each patch begin among those that `_kernel` gives."""
+        return range(len(self.patch_names))
+
+    def _trust_inputs(self) -> tuple[Sequence[Bundle], str]:
+        """Networks beside the kernel's, and C function trust_inputs (see `trust_source`)."""
+        return [], OWN_ROOTS
+
+    def _missing(self, loads: Sequence[str]) -> list[str]:
+        return [name for name in self.needed_networks(loads) if name not in self.networks]
+
+    def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
+        """The loads asked for (None: all of ``load_names``); ValueError where one is unknown or lacks a network."""
+        if loads is None:
+            return self.load_names
+        if isinstance(loads, str):
+            loads = (loads,)
+        names = tuple(loads)
+        if not names:
+            raise ValueError(f"no loads asked for, expected some of {', '.join(self.load_names)}")
+        for name in names:
+            missing = self._missing([name])
+            if missing:
+                raise ValueError(
+                    f"load {name!r} needs the network {', '.join(missing)} that this surrogate lacks, "
+                    f"it gives {', '.join(self.load_names)}"
+                )
+        return names
+
+    def check_roots(self) -> None:
+        """Raise ValueError where a network of the root loads is missing."""
+        missing = [name for name in self._root_networks() if name not in self.networks]
+        if missing:
+            raise ValueError(f"root loads need the network {', '.join(missing)} that this surrogate lacks")
+
+    def require_trust(self) -> Trust:
+        """The numbers behind validity and expected error; raises ValueError for a surrogate without."""
+        if self.trust is None:
+            raise ValueError(
+                "this surrogate has no validity and expected error (it was never calibrated, or written by an older "
+                "version): build it again, or run casadi-contact calibrate on its samples"
+            )
+        self.check_roots()
+        return self.trust
+
+    def trust_roots(self, poses: Array) -> Array:
+        """Signed root loads (n, P) that validity and expected error go by: those of `root_loads`."""
+        self.check_roots()
+        return in_blocks(lambda block: self._roots(block, derivative=False)[0], poses)
+
+    def trust_claims(self, poses: Array) -> Array | None:
+        """Normal loads (n, P) [N] that `trust_roots` must confirm; None where the loads come from these roots."""
+        return None
+
+    @pose_or_poses
+    def validity(self, poses: Array) -> Array:
+        """Validity (n,) of poses (n, 6): 1 well inside the sampled region, 0 far outside; see `trust`."""
+        trust, arrays = self.require_trust(), self._arrays(poses, self.load_names)
+        if arrays is not None:
+            return arrays.validity(poses)
+        return in_blocks(lambda block: trust.validity(block, self.trust_roots(block), self.trust_claims(block)), poses)
+
+    @pose_or_poses
+    def expected_error(self, poses: Array) -> Array:
+        """Expected error (n, L) [N, N·mm] of ``load_names``: 95 % of held-back errors lie below it; see `trust`."""
+        trust, arrays = self.require_trust(), self._arrays(poses, self.load_names)
+        if arrays is not None:
+            return arrays.expected_error(poses)
+        return in_blocks(
+            lambda block: trust.expected_errors(block, self.trust_roots(block), self.trust_claims(block)), poses
+        )
+
+    @property
+    def export_title(self) -> str:
+        """Of the scene: "knee contact"."""
+        return f"{self.scene.name} contact"
+
+    def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
+        """C of the loads, and of all that the surrogate knows of them."""
+        kernel = self.trusted_kernel(self.check_loads(loads))
+        condition, made_for = kernel.outside(self.record.get("pose_range", {}))
+        return ExportedModel(
+            f"{kernel.source()}\n{condition}",
+            kernel.loads,
+            self.patch_names,
+            kernel.root_count,
+            kernel.trust is not None,
+            made_for,
+            self.scene.reference_load,
+            f"Contact loads of the scene {self.scene.name}, {self.structure} surrogate.",
+        )
+
+    def learned_pose(self) -> list[float]:
+        """A pose (6) that was learned, pressed if one is at hand; without trust the middle of the sampled ranges, or
+        zeros."""
+        if self.trust is None:
+            ranges = self.record.get("pose_range", {})
+            return [float(np.mean(ranges.get(name, 0.0))) for name in POSE_NAMES]
+        poses = np.vstack([self.trust.centres, self.trust.dense_centres]) * self.trust.scales
+        validity = self.validity(poses)
+        pressed = np.where(validity >= min(0.9, validity.max()), self.trust_roots(poses).min(axis=1), -np.inf)
+        return [float(value) for value in poses[np.argmax(pressed)]]
+
+    def example_pose(self) -> list[float]:
+        """`learned_pose`."""
+        return self.learned_pose()
+
+    def info(self) -> SurrogateInfo:
+        """What this surrogate is, what it was trained on and how wrong it is; print it."""
+        return describe(self.structure, self.scene, self.load_names, self.networks, self.record)
+
+    def save(self, path: str | Path) -> None:
+        """Write an HDF5 file that `load_surrogate` reads; raises OSError where it cannot be written."""
+        write_file(path, Content(self.structure, self.scene, self.networks, self.record, self.trust))

@@ -1,0 +1,112 @@
+"""CasADi functions of a surrogate: loads, root loads, validity and expected error of a pose, with their derivatives."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import casadi as ca
+
+from casadi_contact.core.compiler import CompilerError, warn_once
+from casadi_contact.networks.functions import ContactFunctions, function_with_derivatives
+from casadi_contact.networks.graph import Expressions, nan_if_not_finite, nan_marker
+from casadi_contact.networks.kernel.casadi_interface import compiled_function
+from casadi_contact.networks.kernel.source import Kernel
+from casadi_contact.networks.names import name_of_parts
+from casadi_contact.surrogate.trust import Trust
+
+_CALLED = {"never_inline": True}  # an SX expression calls them whole: CasADi has no logsumexp of SX
+
+
+class SurrogateFunctions(ContactFunctions):
+    """What a structure gives as CasADi expressions and as C, made into functions that optimisation can use.
+
+    Derivatives are exact and explicit; only the networks that the loads need are in a function.
+    """
+
+    patch_names: tuple[str, ...]
+
+    @abstractmethod
+    def require_trust(self) -> Trust:
+        """The numbers behind validity and expected error; raises ValueError for a surrogate without."""
+
+    @abstractmethod
+    def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
+        """Loads (L) and root loads of a pose (6) in CasADi, with derivatives up to order 0, 1 or 2."""
+
+    @abstractmethod
+    def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
+        """The loads in C, and the root loads if asked for."""
+
+    def _root_count(self) -> int:
+        """Number of root loads that `_expressions` and `_kernel` give."""
+        return len(self.patch_names)
+
+    def _patch_roots(self, roots: ca.MX) -> ca.MX:
+        """Root loads of the patches (P x n) from those (`_root_count` x n) that `_expressions` and `_kernel` give."""
+        return roots
+
+    def _trust_expressions(self, pose: ca.MX) -> tuple[ca.MX, ca.MX]:
+        """Validity (1) and expected errors (L) of a pose (6)."""
+        return self.require_trust().expressions(pose, self.root_function()(pose))
+
+    def validity_function(self, name: str = "contact_validity") -> ca.Function:
+        """casadi.Function pose (6) -> validity (1), twice continuously differentiable.
+
+        As a constraint for IPOPT write 1/validity <= 2, whose slope does not fade far outside.
+        """
+        pose = ca.MX.sym("pose", 6)
+        return ca.Function(name, [pose], [self._trust_expressions(pose)[0]], ["pose"], ["validity"], _CALLED)
+
+    def expected_error_function(self, name: str = "contact_expected_error") -> ca.Function:
+        """casadi.Function pose (6) -> expected error (L) of ``load_names``, twice continuously differentiable."""
+        pose = ca.MX.sym("pose", 6)
+        return ca.Function(name, [pose], [self._trust_expressions(pose)[1]], ["pose"], ["expected_error"], _CALLED)
+
+    def _function(
+        self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
+    ) -> ca.Function:
+        if "roots" not in wanted or self._root_count() == len(self.patch_names):
+            return self._transcription(name, loads, wanted, compiled, batch)
+        of_parts = self._transcription(name_of_parts(name), loads, wanted, compiled, batch)
+        pose = ca.MX.sym("pose", 6, batch or 1)
+        outputs = dict(zip(wanted, of_parts.call([pose]), strict=True))
+        roots = self._patch_roots(outputs["roots"])
+        outputs["roots"] = roots + ca.repmat(nan_marker(pose), roots.shape[0], 1)
+        return ca.Function(name, [pose], [outputs[key] for key in wanted], ["pose"], list(wanted))
+
+    def _transcription(
+        self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
+    ) -> ca.Function:
+        if compiled:
+            sizes = {"loads": len(loads), "roots": self._root_count()}
+            kernel = self._kernel(loads, roots="roots" in wanted)
+            try:
+                return compiled_function(kernel, name, {key: sizes[key] for key in wanted}, batch or 1)
+            except CompilerError as error:
+                warn_once(f"{error}; using the CasADi graph, which is slower")
+        pose = ca.MX.sym("pose", 6)
+        function = function_with_derivatives(name, pose, self._outputs(pose, loads, wanted))
+        return function if batch is None else function.map(batch)
+
+    def jacobian_function(self, loads: Iterable[str] | None = None, name: str = "contact_jacobian") -> ca.Function:
+        """casadi.Function pose (6) -> loads (L), Jacobian (L x 6) in one pass: for numbers, not for optimisation."""
+        pose = ca.MX.sym("pose", 6)
+        both = self._graph(pose, self.check_loads(loads), 1).loads
+        inputs: list[Any] = [pose]
+        return ca.Function(name, inputs, [both.value, both.jacobian], ["pose"], ["loads", "jacobian"])
+
+    def _graph(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
+        return nan_if_not_finite(pose, self._expressions(pose, loads, order))
+
+    def _outputs(
+        self, pose: ca.MX, loads: Sequence[str], wanted: Sequence[str]
+    ) -> dict[str, tuple[ca.MX, ca.MX, ca.MX]]:
+        """Value, Jacobian and second derivatives of "loads" and "roots", each as a graph of its own."""
+        graphs = [self._graph(pose, loads, order) for order in range(3)]
+        outputs = {}
+        for key in wanted:
+            value, jacobian, second = (getattr(graph, key) for graph in graphs)
+            outputs[key] = (value.value, jacobian.jacobian, second.second)
+        return outputs

@@ -1,0 +1,238 @@
+"""What a surrogate says about itself.
+
+The record is plain JSON data that travels in the surrogate's file. These keys are known here and printed as tables;
+all others are kept and printed as they are:
+
+    samples          {"D1": 21600, ...}                             samples trained on, per domain
+    dropped          {"D2": 0.4, ...}                               share of a domain's plan that became no samples
+    pose_range       {"tx": [-6.8, 11.0], ...}                      sampled range of the poses [mm, rad]
+    load_range       {"Fy_med": [-1900.0, 0.0], ...}                and of the loads [N, N·mm]
+    valid_share      0.98                                           share of held-back samples with validity above 0.9
+    training_errors  {"root_med": 0.6, ...}                         RMS of each network's fit [N or N·mm]
+    test_errors      {"D1": {"Fy_med": {"rms": 0.5, "max": 3.0}}}   held-back samples, per domain and load [N, N·mm]
+    test_samples     {"D1": 900, ...}                               how many those held-back samples are
+    coverage         {"D1": {"valid": 1.0, "Fy_med": 0.95}}         held-back samples, and other poses: share with
+                                                                    validity above 0.9, and of errors below the
+                                                                    expected error (see `coverage`)
+    model_errors     {"Fy": 0.9, ...}                               RMS of the contact model's own loads, which no error
+                                                                    above includes; model_errors_against: "EF 320×320"
+    stop_reasons     {"root_med": "stalled", ...}                   why each fit ended (see `training.stopping`)
+    gflop, seconds   {"root_med": 1000.0, ...}                      its work [10⁹ operations] and its CPU time [s]
+    active           [33000, 34000]                                 samples that each active round added (see `active`)
+    convergence      {"root_med": {"gflop": [...], "rms": [...]}}   how its fit fell with the work done; drawn by report
+    command, versions, seed, ...                                    how it was made
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from casadi_contact.core.conventions import POSE_NAMES, Array
+from casadi_contact.core.quantities import ANGLE, quantity, three_digits
+from casadi_contact.networks.network import Network
+from casadi_contact.networks.training.stopping import LIMITS
+from casadi_contact.samples.samples import DOMAINS, TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.scenes.scene import Scene
+
+_TABLES = (
+    "samples",
+    "dropped",
+    "pose_range",
+    "load_range",
+    "valid_share",
+    "training_errors",
+    "test_errors",
+    "test_samples",
+    "coverage",
+    "model_errors",
+    "model_errors_against",
+    "convergence",
+)
+_COVERAGE_ROWS = {  # see `trust_coverage`
+    "range": "poses of validity above 0.5, drawn evenly over the sampled ranges",
+    "led": "poses of validity above 0.5, settled on the surrogate from anywhere in these ranges, at a rim too",
+    "around": "poses of validity above 0.5, moved from the samples",
+    "edge": "moved poses and samples with validity from 0.1 to 0.9",
+    "outside": "moved poses with validity below 0.1",
+}
+
+
+@dataclass(frozen=True)
+class NetworkInfo:
+    """Size of one network."""
+
+    hidden: tuple[int, ...]
+    activation: str
+    parameters: int
+
+
+@dataclass(frozen=True)
+class SurrogateInfo:
+    """Structure, scene, networks, samples and errors of a surrogate; ``print`` it."""
+
+    structure: str
+    scene: str
+    scene_digest: str
+    loads: tuple[str, ...]
+    networks: Mapping[str, NetworkInfo]
+    record: Mapping[str, Any]
+
+    @property
+    def samples(self) -> Mapping[str, int]:
+        """Samples trained on, per domain."""
+        return self.record.get("samples", {})
+
+    @property
+    def dropped(self) -> Mapping[str, float]:
+        """Share of a domain's plan that became no samples: what the surrogate does not know, and no error tells of."""
+        return self.record.get("dropped", {})
+
+    @property
+    def reach(self) -> list[tuple[str, float, float, str]]:
+        """Sampled range of each pose parameter and load: name, low, high, unit (mm, °, N, N·mm)."""
+        rows = []
+        for name, (low, high) in (self.record.get("pose_range", {}) | self.record.get("load_range", {})).items():
+            angle = quantity(name).kind == ANGLE
+            low, high = (math.degrees(low), math.degrees(high)) if angle else (low, high)
+            rows.append((name, low, high, "°" if angle else quantity(name).unit))
+        return rows
+
+    @property
+    def training_errors(self) -> Mapping[str, float]:
+        """Root mean square error of each network's fit, N or N·mm."""
+        return self.record.get("training_errors", {})
+
+    @property
+    def test_errors(self) -> Mapping[str, Mapping[str, Mapping[str, float]]]:
+        """Per domain and load: ``rms`` and ``max`` on held-back samples, N or N·mm."""
+        return self.record.get("test_errors", {})
+
+    @property
+    def test_samples(self) -> Mapping[str, int]:
+        """Held-back samples of `test_errors`, per domain; empty for files that do not record them."""
+        return self.record.get("test_samples", {})
+
+    @property
+    def coverage(self) -> Mapping[str, Mapping[str, float]]:
+        """Per domain: share of held-back samples inside the learned region ("valid") and, per load, of errors below
+        the expected error; empty for a surrogate that was not calibrated."""
+        return self.record.get("coverage", {})
+
+    def __str__(self) -> str:
+        parameters = sum(network.parameters for network in self.networks.values())
+        lines = [
+            f"{self.structure} surrogate of scene {self.scene} ({self.scene_digest[:12]})",
+            f"loads: {', '.join(quantity(load).label for load in self.loads)}",
+            f"networks: {len(self.networks)}, {parameters} parameters",
+        ]
+        for name, network in self.networks.items():
+            size = "-".join(str(n) for n in network.hidden)
+            error = self.training_errors.get(name)
+            fit = "" if error is None else f"  fit {three_digits(error)}"
+            lines.append(f"  {name:<16} {size:<12} {network.activation}{fit}")
+        if self.samples:
+            counts = ", ".join(f"{domain} {count}" for domain, count in self.samples.items())
+            lines.append(f"trained on {sum(self.samples.values())} samples: {counts}")
+        else:
+            lines.append("trained on: not recorded")
+        if lost := [f"{domain} {100.0 * share:.1f} %" for domain, share in self.dropped.items() if share]:
+            lines.append(f"dropped, of the plan: {', '.join(lost)}")
+        if line := budget_line(self.record):
+            lines.append(line)
+        lines += self._reach_lines()
+        lines += self._test_lines()
+        lines += self._coverage_lines()
+        if line := model_line(self.record):
+            lines.append(line)
+        lines += [f"{key}: {value}" for key, value in self.record.items() if key not in _TABLES]
+        return "\n".join(lines)
+
+    def _reach_lines(self) -> list[str]:
+        if not self.reach:
+            return ["reach: not recorded"]
+        lines = [f"  {name:<7}{low:10.4g} to {high:.4g} {unit}" for name, low, high, unit in self.reach]
+        share = self.record.get("valid_share")
+        said = "" if share is None else f", {100.0 * share:.1f} % of its held-back poses called valid (above 0.9)"
+        return [f"reach (sampled){said}:", *lines]
+
+    def _test_lines(self) -> list[str]:
+        if not self.test_errors:
+            return ["test errors: not recorded"]
+        loads = list(next(iter(self.test_errors.values())))
+        width = max([20, *(len(load) + 2 for load in loads)])
+        lines = ["test errors, RMS / max:", "  domain " + "".join(f"{load:>{width}}" for load in loads)]
+        for domain, errors in self.test_errors.items():
+            cells = [
+                f"{three_digits(errors[load]['rms'])} / {three_digits(errors[load]['max'])}" if load in errors else "-"
+                for load in loads
+            ]
+            lines.append(f"  {domain:<7}" + "".join(f"{cell:>{width}}" for cell in cells))
+        return lines
+
+    def _coverage_lines(self) -> list[str]:
+        if not self.coverage:
+            return ["validity and expected error: not calibrated"]
+        columns = ("valid", *self.loads)
+        widths = [max(8, len(column) + 2) for column in columns]
+        lines = [
+            "held-back samples with validity above 0.9, errors below the expected error [%]:",
+            "  domain " + "".join(f"{column:>{width}}" for column, width in zip(columns, widths, strict=True)),
+        ]
+        for domain, shares in self.coverage.items():
+            cells = [f"{100.0 * shares[c]:.0f}" if c in shares else "-" for c in columns]
+            row = "".join(f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True))
+            lines.append(f"  {domain:<7}{row}")
+        return [*lines, *(f"  {line}" for line in other_rows(self.coverage))]
+
+
+def other_rows(coverage: Mapping[str, Any]) -> list[str]:
+    """What the rows of a coverage hold that are no domains, a line for each of those there are."""
+    return [f"{name}: {which}" for name, which in _COVERAGE_ROWS.items() if name in coverage]
+
+
+def model_line(record: Mapping[str, Any]) -> str:
+    """How far the contact model that samples were drawn with is itself off; empty where nobody measured it."""
+    errors = record.get("model_errors", {})
+    if not errors:
+        return ""
+    said = ", ".join(f"{load} {three_digits(error)}" for load, error in errors.items())
+    finer = record.get("model_errors_against", "a finer one")
+    return f"these errors are against the contact model, which is itself off by (RMS against {finer}): {said}"
+
+
+def describe(
+    structure: str, scene: Scene, loads: tuple[str, ...], networks: Mapping[str, Network], record: Mapping[str, Any]
+) -> SurrogateInfo:
+    """Collect a surrogate's description."""
+    sizes = {n: NetworkInfo(net.hidden, net.activation, net.parameter_count) for n, net in networks.items()}
+    return SurrogateInfo(structure, scene.name, scene.digest, loads, sizes, record)
+
+
+def budget_line(record: Mapping[str, Any]) -> str:
+    """Which fits ended because their budget was used up and not because they were done; empty if none did."""
+    reasons = record.get("stop_reasons", {})
+    ended = [name for name, reason in reasons.items() if reason in LIMITS]
+    if not ended:
+        return ""
+    return f"budget used up in {len(ended)} of {len(reasons)} fits, more may fit better: {', '.join(ended)}"
+
+
+def samples_record(samples: Samples) -> dict[str, Any]:
+    """The record's ``samples``, ``test_samples``, ``dropped`` and ranges of a surrogate trained on the samples that are
+    not held back."""
+    used = samples.select(role=(TRAIN, VALIDATION))
+    names = samples.scene.load_names
+    return {
+        "samples": {d: int(((samples.domain == k) & (samples.role != TEST)).sum()) for k, d in enumerate(DOMAINS, 1)},
+        "test_samples": {d: held for d, count in samples.counts().items() if (held := count["test"])},
+        "dropped": samples.dropped_shares(),
+        "pose_range": _ranges(POSE_NAMES, used.poses),
+        "load_range": _ranges(names, used.loads(names)),
+    }
+
+
+def _ranges(names: Sequence[str], columns: Array) -> dict[str, list[float]]:
+    return {name: [float(column.min()), float(column.max())] for name, column in zip(names, columns.T, strict=True)}

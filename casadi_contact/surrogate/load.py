@@ -1,0 +1,53 @@
+"""Find and load a surrogate by name or path."""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+
+from casadi_contact.scenes.ready_files import ready_scenes
+from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.surrogate.file import read_file
+from casadi_contact.surrogate.registry import STRUCTURES
+
+
+def ready_surrogates() -> list[str]:
+    """Names of the surrogates that come with the library."""
+    folder = resources.files("casadi_contact.surrogate") / "ready"
+    return (
+        sorted(entry.name[:-3] for entry in folder.iterdir() if entry.name.endswith(".h5")) if folder.is_dir() else []
+    )
+
+
+def load_surrogate(name_or_path: str | Path, *, compiled: bool = True) -> Surrogate:
+    """Load a ready-made surrogate by name ("knee"), or a surrogate file by its path (ending in .h5).
+
+    compiled: False for arrays of poses in NumPy however many they are; else `BATCH_FROM` poses or more go through a C
+    kernel on all cores, which the first such call compiles and says so.
+
+    Raises ValueError for an unknown name and for a foreign, newer or damaged file; FileNotFoundError for no file.
+    """
+    text = str(name_or_path)
+    if isinstance(name_or_path, Path) or text.endswith(".h5") or "/" in text:
+        return _load(Path(name_or_path), compiled)
+    if text not in ready_surrogates():
+        possible = ", ".join(ready_surrogates()) or "(none are installed)"
+        untrained = (
+            f"; scene {text} needs none: cc.foundation({text!r}), in problems --scene {text}"
+            if text in ready_scenes()
+            else ""
+        )
+        raise ValueError(f"unknown surrogate {text!r}, expected one of {possible}, or a path to a .h5 file{untrained}")
+    with resources.as_file(resources.files("casadi_contact.surrogate") / "ready" / f"{text}.h5") as path:
+        return _load(path, compiled)
+
+
+def _load(path: Path, compiled: bool) -> Surrogate:
+    content = read_file(path)
+    if content.structure not in STRUCTURES:
+        raise ValueError(f"{path} holds a {content.structure!r} surrogate, expected one of {', '.join(STRUCTURES)}")
+    try:
+        kind = STRUCTURES[content.structure]
+        return kind(content.scene, content.networks, content.record, content.trust, compiled=compiled)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None

@@ -1,0 +1,201 @@
+"""The paper's surrogate, [EF15 Eqs. 1-7]: one network per load in two stages.
+
+    f_i = min(net_i(pose), 0)          sensitive loads, one per patch (knee: Fy_med, Fy_lat; [EF15 Eqs. 1, 2])
+    F_j = net_j(pose, f_1, ..., f_P)   every other load ([EF15 Eqs. 3-7])
+
+The clamp is the paper's: a positive vertical force would be surfaces that pull, so it is set to zero [EF15 §3.5].
+Networks carry the names of their loads.
+
+Such networks cannot tell a false contact of some newtons from a true one. Where the samples hold gaps, small networks
+of the signed root loads (``root_med``; those of the patch structure) are therefore trained beside them: they give no
+load, but validity asks them to confirm every contact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+
+from casadi_contact.core.conventions import Array
+from casadi_contact.networks.graph import Expressions, network_value
+from casadi_contact.networks.kernel.networks import Bundle
+from casadi_contact.networks.kernel.source import Kernel
+from casadi_contact.networks.network import Regression
+from casadi_contact.samples.samples import Samples
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.surrogate.patch.names import root_name
+from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
+from casadi_contact.surrogate.patch.targets import root_regressions
+from casadi_contact.surrogate.sample_rows import finite, fitted_rows
+from casadi_contact.surrogate.two_stage.graph import two_stage_expressions
+from casadi_contact.surrogate.two_stage.kernel import confirming_inputs, two_stage_kernel
+
+# The root √|N/N0| has an infinite slope at N = 0; it is rounded off within this fraction of the boundary load,
+# which changes s by less than 3e-5 (relative) at the boundary load itself.
+ROOT_SMOOTHING = 0.01
+
+
+class TwoStageSurrogate(Surrogate):
+    """One network per load (`scene.load_names`); the sensitive ones feed the others."""
+
+    structure = "two_stage"
+    title = "two-stage surrogate"
+
+    @classmethod
+    def network_inputs(cls, scene: Scene) -> dict[str, int]:
+        """The pose (6); for loads of the second stage the sensitive loads as well. ValueError: no fit."""
+        if not cls.fits(scene):
+            raise ValueError(
+                f"scene {scene.name}: loads.sensitive has other loads than negative forces (-Fy_med), which two_stage "
+                "clamps, or [pose] locks pose parameters, which it cannot: use the patch structure"
+            )
+        names = dict.fromkeys((*scene.sensitive_loads, *scene.load_names))
+        inputs = {name: 6 if name in scene.sensitive_loads else 6 + len(scene.sensitive_loads) for name in names}
+        return inputs | {root_name(part.name): 6 for part in scene.parts}
+
+    @staticmethod
+    def fits(scene: Scene) -> bool:
+        """True where every patch is pressed along a negative force, which this structure's clamp is made for, and every
+        pose parameter is free."""
+        directed = all(normal.component is not None and normal.sign < 0.0 for normal in scene.normal_loads)
+        return directed and scene.pose_space.whole
+
+    @staticmethod
+    def regressions(samples: Samples) -> list[Regression]:
+        """One regression per load on training and validation rows: raw loads, the samples' weights, the
+        scene's tolerance.
+
+        The second stage is trained on the samples' own sensitive loads. Raises ValueError for NaN or no samples.
+        """
+        scene = samples.scene
+        rows, validation = fitted_rows(samples)
+        poses = finite("poses", samples.poses)[rows]
+        names = list(dict.fromkeys((*scene.sensitive_loads, *scene.load_names)))
+        loads = finite("loads", samples.loads(names))[rows]
+        count = len(scene.sensitive_loads)
+        with_forces = np.hstack([poses, np.minimum(loads[:, :count], 0.0)])
+        of_loads = [
+            Regression(
+                name,
+                poses if column < count else with_forces,
+                loads[:, column],
+                np.ones(rows.sum()),
+                validation,
+                float(scene.tolerances.get(name, scene.boundary_load)),
+                domain=samples.domain[rows],
+            )
+            for column, name in enumerate(names)
+        ]
+        return [*of_loads, *(root_regressions(samples) if np.isfinite(samples.gaps).all() else [])]
+
+    @property
+    def _confirming(self) -> PatchSurrogate | None:
+        """The root load networks as a surrogate; None where a patch has none."""
+        names = [root_name(part.name) for part in self.scene.parts]
+        if not all(name in self.networks for name in names):
+            return None
+        return PatchSurrogate(self.scene, {name: self.networks[name] for name in names})
+
+    def trust_roots(self, poses: Array) -> Array:
+        """Signed root loads (n, P) of the confirming networks; those of the loads where a surrogate has none."""
+        confirming = self._confirming
+        return super().trust_roots(poses) if confirming is None else confirming.trust_roots(poses)
+
+    def trust_claims(self, poses: Array) -> Array | None:
+        """Normal loads (n, P) [N] before the clamp; None without confirming networks."""
+        return None if self._confirming is None else -self._raw(poses, self.scene.sensitive_loads, derivative=False)[0]
+
+    def _trust_expressions(self, pose: ca.MX) -> tuple[ca.MX, ca.MX]:
+        confirming = self._confirming
+        if confirming is None:
+            return super()._trust_expressions(pose)
+        claims = [-network_value(self.networks[name], pose).value for name in self.scene.sensitive_loads]
+        return self.require_trust().expressions(pose, confirming.root_function()(pose), ca.vertcat(*claims))
+
+    def _trust_inputs(self) -> tuple[Sequence[Bundle], str]:
+        confirming = self._confirming
+        if confirming is None:
+            return super()._trust_inputs()
+        return confirming_inputs(confirming.known_parts(())[0], self.scene.first_parts)
+
+    @property
+    def _smoothing_load(self) -> float:
+        return ROOT_SMOOTHING * self.scene.boundary_load
+
+    @classmethod
+    def networks_for(cls, scene: Scene, loads: Sequence[str]) -> list[str]:
+        """The loads' own networks, with the sensitive ones first where a second stage takes them; ValueError for a load
+        that the scene does not ask for."""
+        first = list(scene.sensitive_loads)
+        known = cls.network_inputs(scene)
+        for load in loads:
+            if load not in known:
+                raise ValueError(
+                    f"unknown load {load!r} for a two_stage surrogate of scene {scene.name!r}, "
+                    f"expected one of {', '.join(known)}"
+                )
+        second = [load for load in loads if load not in first]
+        return [*(first if second else [name for name in first if name in loads]), *second]
+
+    def _root_networks(self) -> list[str]:
+        return list(self.scene.sensitive_loads)
+
+    def _loads(self, poses: Array, loads: Sequence[str]) -> Array:
+        first = [name for name in self.needed_networks(loads) if name in self.scene.sensitive_loads]
+        forces = np.column_stack([np.minimum(self.networks[name].value(poses), 0.0) for name in first])
+        inputs = np.hstack([poses, forces])
+        columns = [
+            forces[:, first.index(name)] if name in first else self.networks[name].value(inputs) for name in loads
+        ]
+        return np.stack(columns, axis=1)
+
+    def _loads_and_jacobian(self, poses: Array, loads: Sequence[str]) -> tuple[Array, Array]:
+        """By the chain rule through the clamped forces."""
+        first = [name for name in self.needed_networks(loads) if name in self.scene.sensitive_loads]
+        raw, d_raw = self._raw(poses, first, derivative=True)
+        forces, d_forces = np.minimum(raw, 0.0), np.where((raw < 0.0)[:, :, None], d_raw, 0.0)
+        inputs = np.hstack([poses, forces])
+        values, rows = [], []
+        for name in loads:
+            if name in first:
+                values.append(forces[:, first.index(name)])
+                rows.append(d_forces[:, first.index(name)])
+            else:
+                value, gradient = self.networks[name].value_and_gradient(inputs)
+                values.append(value)
+                rows.append(gradient[:, :6] + np.einsum("nf,nfj->nj", gradient[:, 6:], d_forces))
+        return np.stack(values, axis=1), np.stack(rows, axis=1)
+
+    def _raw(self, poses: Array, first: Sequence[str], *, derivative: bool) -> tuple[Array, Array]:
+        """First-stage outputs before the clamp (n, F) and their gradients (n, F, 6), (0, F, 6) if not asked for."""
+        if not derivative:
+            return np.stack([self.networks[name].value(poses) for name in first], axis=1), np.empty((0, len(first), 6))
+        pairs = [self.networks[name].value_and_gradient(poses) for name in first]
+        return np.stack([y for y, _ in pairs], axis=1), np.stack([g for _, g in pairs], axis=1)
+
+    def _roots(self, poses: Array, *, derivative: bool) -> tuple[Array, Array]:
+        """s = sign(N)·√(|N|/N0) of the raw first-stage output N = -net(pose), and ds/dpose: (n, P), (n, P, 6).
+
+        The best this structure can give, and not much: out of contact the networks have only learned "about zero",
+        so there the sign and the gradient of s carry no direction back into contact. The infinite slope at N = 0 is
+        rounded off: s = u/(u² + e²)^(1/4), u = N/N0, e·N0 = 1 % of the boundary load.
+        """
+        raw, d_raw = self._raw(poses, self.scene.sensitive_loads, derivative=derivative)
+        u, e2 = -raw / self.scene.reference_load, (self._smoothing_load / self.scene.reference_load) ** 2
+        q = u * u + e2
+        slope = (0.5 * u * u + e2) / q**1.25
+        return u / q**0.25, (-slope / self.scene.reference_load)[: len(d_raw), :, None] * d_raw
+
+    def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
+        first = {name: self.networks[name] for name in self.scene.sensitive_loads if name in self.networks}
+        return two_stage_expressions(
+            first, self.networks, loads, self.scene.reference_load, self._smoothing_load, pose, order
+        )
+
+    def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
+        needed = {*self.needed_networks(loads), *(self._root_networks() if roots else ())}
+        first = {name: self.networks[name] for name in self.scene.sensitive_loads if name in needed}
+        return two_stage_kernel(first, self.networks, loads, self.scene.reference_load, self._smoothing_load)

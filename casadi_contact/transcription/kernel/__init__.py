@@ -1,1 +1,0 @@
-"""Compiled kernels: one small C file per surrogate, with structured first and second derivatives."""

@@ -1,0 +1,115 @@
+"""The paper's tables for a scene: domain errors, and speed and accuracy on unseen walking (Tables 2 to 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from functools import partial
+from typing import Any
+
+from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
+from casadi_contact.core.conventions import Array
+from casadi_contact.core.machine import machine_record
+from casadi_contact.samples.draw import model_name_of, settings_of
+from casadi_contact.samples.errors import LoadModel, domain_errors, load_errors, rms_by_kind
+from casadi_contact.samples.reference import ReferenceMotion
+from casadi_contact.samples.samples import DOMAINS, TEST, Samples
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.workflow.benchmark.timing import compare, one_thread, time_batch, time_single_calls
+from casadi_contact.workflow.benchmark.walking import unseen_walking
+
+CONVERGED_REFINEMENT = 2  # the converged EF has twice the teacher's elements along each side
+FURTHER_GRIDS = ((20, 15), (160, 80))  # timed beside the scene's own, so that the EF's speed and accuracy make a curve
+
+
+def converged_elements(scene: Scene) -> tuple[int, int]:
+    """Elements per side of the EF that errors on walking are measured against."""
+    along, across = scene.grids["teacher"]
+    return CONVERGED_REFINEMENT * along, CONVERGED_REFINEMENT * across
+
+
+def evaluate_walking(surrogates: Mapping[str, Surrogate], poses: Array) -> dict[str, Any]:
+    """Errors of EF grids and surrogates against the fine and the converged EF, and their time per pose, in one run.
+
+    All on one core: EF as one batch of poses (its cheapest form), surrogates by single buffered calls of their
+    compiled kernel.
+    """
+    scene = next(iter(surrogates.values())).scene
+    converged_grid = converged_elements(scene)
+    converged = ElasticFoundation(scene, converged_grid)(poses)
+    grids = sorted({*FURTHER_GRIDS, *(scene.grids[g] for g in ("coarse", "fine", "teacher"))})
+    foundations = {f"EF {grid_text(grid)}": ElasticFoundation(scene, grid) for grid in grids}
+    fine = foundations[f"EF {grid_text(scene.grids['fine'])}"](poses)
+    measurements: dict[str, Callable[[], float]] = {
+        name: partial(time_batch, model, poses) for name, model in foundations.items()
+    }
+    measurements |= {
+        name: partial(time_single_calls, surrogate.function(compiled=True), poses)
+        for name, surrogate in surrogates.items()
+    }
+    with one_thread():
+        timings = compare(measurements)
+    rows: dict[str, Any] = {}
+    models: dict[str, LoadModel] = {**foundations, **surrogates}
+    for name, model in models.items():
+        names, loads = model.load_names, model(poses)
+        columns = [scene.load_names.index(load) for load in names]
+        errors = load_errors(names, loads, converged[:, columns])
+        rows[name] = {
+            "timing": asdict(timings[name]),
+            "converged": rms_by_kind(errors),
+            "fine": rms_by_kind(load_errors(names, loads, fine[:, columns])),
+            "loads": errors,
+        }
+    return {
+        "poses": len(poses),
+        "fine": grid_text(scene.grids["fine"]),
+        "converged": grid_text(converged_grid),
+        "models": rows,
+    }
+
+
+def _teacher(samples: Samples) -> str | None:
+    """What samples were drawn from: the EF's elements per side, or the name of another model of the library's."""
+    name = model_name_of(samples)
+    return grid_text(settings_of(samples).teacher_grid) if name == "elements" else name
+
+
+def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples, motion: ReferenceMotion | None) -> dict[str, Any]:
+    """Everything `report.evaluation_tables` shows, as plain JSON data.
+
+    Domain errors of each surrogate and of the EF's fine and coarse grids on the held-back samples, against what these
+    were drawn from ("teacher": the EF's grid, or another model's name); the walking sequence as in `evaluate_walking`.
+    Without a motion, and for samples of a user's own contact model, from which an EF of the scene differs by more than
+    the surrogates do, the domain errors of the surrogates alone. Raises ValueError without surrogates, and for one of
+    another scene than the samples'.
+    """
+    if not surrogates:
+        raise ValueError("no surrogate to evaluate, expected at least one")
+    scene = samples.scene
+    for name, surrogate in surrogates.items():
+        if surrogate.scene.digest != scene.digest:
+            raise ValueError(f"surrogate {name} belongs to another scene than the samples (digests differ)")
+    models: dict[str, LoadModel] = {}
+    compared = motion is not None and scene.layer is not None and model_name_of(samples) is not None
+    for grid in (scene.grids["coarse"], scene.grids["fine"]) if compared else ():
+        models[f"EF {grid_text(grid)}"] = ElasticFoundation(scene, grid)
+    models |= surrogates
+    test = samples.select(role=TEST)
+    content = {
+        "format": "casadi_contact evaluation",
+        "format_version": 1,
+        "scene": scene.name,
+        "scene_digest": scene.digest,
+        "machine": machine_record(),
+        "loads": list(scene.load_names),
+        "teacher": _teacher(samples),
+        "test_samples": {d: int((test.domain == k).sum()) for k, d in enumerate(DOMAINS, start=1)},
+        "domain_errors": {name: domain_errors(model, samples) for name, model in models.items()},
+        "training_seconds": {n: s.record.get("seconds") for n, s in surrogates.items()},
+    }
+    if compared and motion is not None:
+        walking = unseen_walking(ElasticFoundation(scene, scene.grids["settle"]), motion)
+        content["walking"] = evaluate_walking(surrogates, walking)
+    return content

@@ -1,0 +1,253 @@
+"""The measured speed-accuracy front: one row per model in ``speed_accuracy.csv``, which charts and choices read.
+
+The file opens with ``# key: value`` lines (scene, machine, versions, threads); then come a line of column names and a
+row per model, readable by ``pandas.read_csv(path, comment="#")``. Names carry units; a cell is empty where a model
+has no such number.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from casadi_contact.core.files.reading import MOST_TEXT, checked_size
+from casadi_contact.core.files.writing import replacing
+from casadi_contact.core.quantities import FORCE, TORQUE, Kind, of_kind, quantity
+from casadi_contact.samples.samples import DOMAINS
+from casadi_contact.workflow.benchmark.timing import Timing
+
+FILE_NAME = "speed_accuracy.csv"
+FORMAT = "casadi_contact speed-accuracy 1"
+SIZE, SAMPLES, SECONDS = "size", "samples", "training time"
+SWEEPS = (SIZE, SAMPLES, SECONDS)
+TIMES = ("value", "jacobian", "hessian", "batch")
+
+
+@dataclass(frozen=True)
+class Point:
+    """A model on the chart (see `candidate.Candidate`): times per pose, errors, and what it cost.
+
+    sweep: which series it belongs to (SWEEPS). value, jacobian, hessian, batch: µs per pose on one thread, None for
+    what the model cannot do. load_rms: RMS error of each load [N, N·mm] on the unseen walking sequence against the
+    converged EF. domain_force_rms_n, domain_torque_rms_nmm: RMS over all forces (torques) on test samples against
+    the teacher EF. A failed model has none of these, and says why.
+    """
+
+    name: str
+    family: str
+    sweep: str = SIZE
+    value: Timing | None = None
+    jacobian: Timing | None = None
+    hessian: Timing | None = None
+    batch: Timing | None = None
+    load_rms: Mapping[str, float] = field(default_factory=dict)
+    domain_force_rms_n: Mapping[str, float] = field(default_factory=dict)
+    domain_torque_rms_nmm: Mapping[str, float] = field(default_factory=dict)
+    samples: int = 0
+    training_seconds: float = 0.0
+    parameters: int = 0
+    remark: str = ""
+    failure: str = ""
+
+    def rms(self, kind: Kind, loads: Sequence[str] | None = None) -> float:
+        """RMS over those of the given loads on walking that are of a kind, in its unit; NaN if there is none."""
+        names = list(self.load_rms) if loads is None else loads
+        chosen = [self.load_rms.get(name, math.nan) for name in of_kind(names, kind)]
+        return math.sqrt(sum(rms**2 for rms in chosen) / len(chosen)) if chosen else math.nan
+
+    @property
+    def force_rms_n(self) -> float:
+        """RMS over all forces on walking [N]."""
+        return self.rms(FORCE)
+
+    @property
+    def torque_rms_nmm(self) -> float:
+        """RMS over all torques on walking [N·mm]."""
+        return self.rms(TORQUE)
+
+
+@dataclass(frozen=True)
+class Front:
+    """All measured points; header: what they were measured on, as text."""
+
+    header: Mapping[str, str]
+    points: tuple[Point, ...]
+
+    @property
+    def loads(self) -> tuple[str, ...]:
+        """The scene's loads in their order."""
+        return tuple(self.header["loads"].split())
+
+    @property
+    def models(self) -> tuple[Point, ...]:
+        """The models of the speed-accuracy chart itself: neither failures nor the swept ones."""
+        return tuple(point for point in self.points if point.sweep == SIZE and not point.failure)
+
+    @property
+    def repeats(self) -> dict[str, str]:
+        """Swept points that are an earlier point again, by name, with the name of that one: a fit that ends before its
+        budget gives the same networks under every larger one, and so every error to the last digit."""
+        first: dict[tuple[Any, ...], str] = {}
+        found = {}
+        for point in self.points:
+            errors = (point.load_rms, point.domain_force_rms_n, point.domain_torque_rms_nmm)
+            key = (point.family, point.samples, point.parameters, *(tuple(each.items()) for each in errors))
+            if first.setdefault(key, point.name) != point.name and point.sweep != SIZE and not point.failure:
+                found[point.name] = first[key]
+        return found
+
+    def swept(self, *sweeps: str) -> tuple[Point, ...]:
+        """The points of these sweeps, neither failures nor repeats."""
+        repeats = self.repeats
+        return tuple(p for p in self.points if p.sweep in sweeps and not p.failure and p.name not in repeats)
+
+
+def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
+    """Indices of the (cost, error) pairs that no other equals or beats in both, cheapest first."""
+    best, front = math.inf, []
+    for index in sorted(range(len(points)), key=lambda i: points[i]):
+        if points[index][1] < best:
+            best = points[index][1]
+            front.append(index)
+    return front
+
+
+def _rms_column(load: str) -> str:
+    return f"rms_{load}_{quantity(load).kind.plain_unit.lower()}"
+
+
+def _columns(loads: Sequence[str]) -> list[str]:
+    times = [f"{what}{end}" for what in TIMES for end in ("_us", "_low_us", "_high_us")]
+    domains = [f"{domain}_{kind}" for domain in DOMAINS for kind in ("force_rms_n", "torque_rms_nmm")]
+    errors = ["force_rms_n", "torque_rms_nmm", *map(_rms_column, loads), *domains]
+    return [
+        "name",
+        "family",
+        "sweep",
+        *times,
+        *errors,
+        "samples",
+        "training_seconds",
+        "parameters",
+        "remark",
+        "failure",
+    ]
+
+
+def _row(point: Point, loads: Sequence[str]) -> dict[str, Any]:
+    row: dict[str, Any] = {"force_rms_n": point.force_rms_n, "torque_rms_nmm": point.torque_rms_nmm}
+    for what in TIMES:
+        timing: Timing | None = getattr(point, what)
+        if timing is not None:
+            row |= {f"{what}_us": timing.median_us, f"{what}_low_us": timing.low_us, f"{what}_high_us": timing.high_us}
+    row |= {_rms_column(load): point.load_rms[load] for load in loads if load in point.load_rms}
+    row |= {f"{domain}_force_rms_n": rms for domain, rms in point.domain_force_rms_n.items()}
+    row |= {f"{domain}_torque_rms_nmm": rms for domain, rms in point.domain_torque_rms_nmm.items()}
+    cells: dict[str, Any] = {name: f"{value:.6g}" if math.isfinite(value) else "" for name, value in row.items()}
+    for name in ("name", "family", "sweep", "samples", "training_seconds", "parameters", "remark", "failure"):
+        cells[name] = getattr(point, name)
+    # No commas, quotes or comment signs in texts: numpy.genfromtxt and a shell can then read the file as well.
+    replaced = str.maketrans({",": ";", '"': "'", "#": "", "\n": " ", "\r": " "})
+    return {name: str(cell).translate(replaced) for name, cell in cells.items()}
+
+
+def write_front(path: Path, front: Front) -> None:
+    """Write the file beside and rename; raises OSError where it cannot be written."""
+    with replacing(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
+        for key, value in {"format": FORMAT, **front.header}.items():
+            file.write(f"# {key}: {' '.join(value.split())}\n")
+        writer = csv.DictWriter(file, _columns(front.loads), restval="", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(_row(point, front.loads) for point in front.points)
+
+
+def read_front(path: str | Path) -> Front:
+    """Read the file.
+
+    Raises FileNotFoundError, or ValueError naming the line that is not as `write_front` writes it.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"{path} does not exist: run casadi-contact chart first")
+    checked_size(path, MOST_TEXT)
+    try:
+        lines = path.read_text("utf-8").splitlines()
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path} is not text ({error.reason}), expected a file of casadi-contact chart") from None
+    header = {}
+    for line in lines:
+        if not line.startswith("#"):
+            break
+        key, _, value = line[1:].partition(":")
+        header[key.strip()] = value.strip()
+    if header.get("format") != FORMAT:
+        raise ValueError(f"{path} line 1: expected '# format: {FORMAT}', a file of casadi-contact chart")
+    for key in ("loads", "scene", "scene_digest"):
+        if not header.get(key):
+            raise ValueError(f"{path}: no line '# {key}: ...', expected a file of casadi-contact chart")
+    del header["format"]
+    return Front(header, tuple(_points(path, lines, header["loads"].split(), first=_count_comments(lines))))
+
+
+def _count_comments(lines: Sequence[str]) -> int:
+    return next((i for i, line in enumerate(lines) if not line.startswith("#")), len(lines))
+
+
+def _points(path: Path, lines: Sequence[str], loads: Sequence[str], first: int) -> Iterator[Point]:
+    try:
+        columns = _columns(loads)
+    except ValueError as error:
+        raise ValueError(f"{path}, # loads: {error}") from None
+    if first == len(lines) or lines[first].split(",") != columns:
+        raise ValueError(f"{path} line {first + 1}: expected the column names {columns[0]},...,{columns[-1]}")
+    try:
+        rows = list(csv.reader(lines[first + 1 :]))
+    except csv.Error as error:
+        raise ValueError(f"{path} cannot be read as a table ({error}): measure again") from None
+    for number, cells in enumerate(rows, start=first + 2):
+        where = f"{path} line {number}"
+        if len(cells) != len(columns):
+            raise ValueError(f"{where} has {len(cells)} cells, expected {len(columns)}: measure again")
+        yield _point(where, dict(zip(columns, cells, strict=True)), loads)
+
+
+def _point(where: str, row: Mapping[str, str], loads: Sequence[str]) -> Point:
+    def number(name: str) -> float:
+        try:
+            value = float(row[name])
+        except ValueError:
+            raise ValueError(f"{where}: {name} is {row[name]!r}, expected a number") from None
+        if not (math.isfinite(value) and value >= 0.0):
+            raise ValueError(f"{where}: {name} is {row[name]}, expected a finite number of 0 or more")
+        return value
+
+    def present(columns: Mapping[str, str]) -> dict[str, float]:
+        return {key: number(column) for key, column in columns.items() if row[column]}
+
+    if row["sweep"] not in SWEEPS:
+        raise ValueError(f"{where}: sweep is {row['sweep']!r}, expected one of {', '.join(SWEEPS)}")
+    if not row["name"] or not row["family"]:
+        raise ValueError(f"{where}: no name or no family, expected both")
+    timings: dict[str, Any] = {
+        what: Timing(*(number(f"{what}{end}") for end in ("_us", "_low_us", "_high_us")))
+        for what in TIMES
+        if row[f"{what}_us"]
+    }
+    return Point(
+        name=row["name"],
+        family=row["family"],
+        sweep=row["sweep"],
+        remark=row["remark"],
+        failure=row["failure"],
+        **timings,
+        load_rms=present({load: _rms_column(load) for load in loads}),
+        domain_force_rms_n=present({domain: f"{domain}_force_rms_n" for domain in DOMAINS}),
+        domain_torque_rms_nmm=present({domain: f"{domain}_torque_rms_nmm" for domain in DOMAINS}),
+        samples=int(number("samples")),
+        training_seconds=number("training_seconds"),
+        parameters=int(number("parameters")),
+    )

@@ -1,0 +1,192 @@
+"""Measure every candidate in one run on one thread: times on unseen walking poses, errors there and per domain."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from concurrent.futures import Executor
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
+from casadi_contact.core.conventions import Array, Update
+from casadi_contact.core.machine import machine_record
+from casadi_contact.core.quantities import FORCE, TORQUE
+from casadi_contact.samples.errors import domain_errors, load_errors, rms_by_kind
+from casadi_contact.samples.samples import Samples
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.workflow.benchmark.candidate import Candidate, Stopwatch
+from casadi_contact.workflow.benchmark.candidates import (
+    charted_surrogates,
+    own_name,
+    peer_candidates,
+    refuse_without_elements,
+    surrogate_candidates,
+    untrained_candidates,
+)
+from casadi_contact.workflow.benchmark.evaluate import converged_elements
+from casadi_contact.workflow.benchmark.front_file import FILE_NAME, SIZE, TIMES, Front, Point, write_front
+from casadi_contact.workflow.benchmark.sizes import train_sizes
+from casadi_contact.workflow.benchmark.timing import Timing, compare, one_thread
+from casadi_contact.workflow.benchmark.walking import unseen_walking
+from casadi_contact.workflow.project import Project, project_surrogates, read_motion
+
+# A slow model is timed on fewer poses, so that one measurement takes about this long at most.
+_MEASUREMENT_S = 0.3
+_FIRST_LOOK = 8
+
+# What a peer may fail with; a model that fails stays in the table and says why.
+_FAILURES = (ValueError, ArithmeticError, RuntimeError, MemoryError)
+
+Tell = Callable[[str], None]
+
+
+def measure_project(
+    project: Project,
+    *,
+    peers: bool = False,
+    update: Update | None = None,
+    tell: Tell | None = None,
+    executor: Executor | None = None,
+) -> Path:
+    """Train what is missing of the chart's sizes, measure everything, write ``speed_accuracy.csv``; return its path.
+
+    peers: fit and measure the peers too (extra packages). tell: called with what is measured next. Raises
+    FileNotFoundError without samples or without the preset's own surrogates, ValueError for a scene without elements or
+    samples of a table.
+    """
+    # Before an hour of training, not after it:
+    refuse_without_elements(project)
+    samples, motion = project.samples(), read_motion(project)[0]
+    own = project_surrogates(project)
+    train_sizes(project, update=update, executor=executor)
+    sweeps: dict[str, str] = {}
+    candidates = list(untrained_candidates(project.scene))
+    for name, sweep, surrogate in charted_surrogates(project):
+        graph = name in (own_name(project, structure) for structure in own)
+        for candidate in surrogate_candidates(name, surrogate, graph=graph):
+            candidates.append(candidate)
+            sweeps[candidate.name] = sweep
+    if peers:
+        candidates += peer_candidates(project)
+    walking = unseen_walking(ElasticFoundation(project.scene, project.scene.grids["settle"]), motion)
+    path = project.folder / FILE_NAME
+    front = measure(candidates, project.scene, walking, samples, sweeps, tell)
+    write_front(path, Front({**front.header, "preset": project.preset_name}, front.points))
+    return path
+
+
+def measure(
+    candidates: Iterable[Candidate],
+    scene: Scene,
+    walking: Array,
+    samples: Samples | None = None,
+    sweeps: dict[str, str] | None = None,
+    tell: Tell | None = None,
+) -> Front:
+    """Errors and times of all candidates, the times in turn within one run on one thread.
+
+    Errors on the walking poses (n, 6) are against the converged EF, those per domain against the samples' own loads;
+    without samples there are none per domain. A candidate that fails becomes a point that says why.
+
+    Raises ValueError for two candidates of one name.
+    """
+    tell = tell or (lambda what: None)
+    candidates, sweeps = list(candidates), sweeps or {}
+    tell("converged EF")
+    converged_grid = converged_elements(scene)
+    converged = ElasticFoundation(scene, converged_grid)(walking)
+    points: dict[str, Point] = {}
+    measurements: dict[str, Callable[[], float]] = {}
+    with one_thread():
+        for candidate in candidates:
+            tell(candidate.name)
+            if candidate.name in points:
+                raise ValueError(f"two candidates are called {candidate.name!r}, expected names that differ")
+            try:
+                points[candidate.name] = _errors(candidate, scene, samples, walking, converged, sweeps)
+                if not points[candidate.name].failure:
+                    measurements |= _measurements(candidate, walking)
+            except _FAILURES as error:
+                points[candidate.name] = _failed(candidate, sweeps, " ".join(str(error).split()))
+        tell("times")
+        timings = compare(measurements)
+    header = {
+        "scene": scene.name,
+        "scene_digest": scene.digest,
+        "loads": " ".join(scene.load_names),
+        "walking_poses": str(len(walking)),
+        "reference": f"EF {grid_text(converged_grid)}",
+        "threads": "1",
+        **machine_record(),
+    }
+    return Front(header, tuple(_timed(point, timings) for point in points.values()))
+
+
+def _key(name: str, what: str) -> str:
+    return f"{name}\n{what}"
+
+
+def _timed(point: Point, timings: dict[str, Timing]) -> Point:
+    keys = {what: _key(point.name, what) for what in TIMES}
+    return replace(point, **{what: timings[key] for what, key in keys.items() if key in timings})  # type: ignore[arg-type]
+
+
+def _measurements(candidate: Candidate, poses: Array) -> dict[str, Callable[[], float]]:
+    """Measurements by name and kind of time; single calls on as many poses as the time for one allows."""
+    found: dict[str, Callable[[], float]] = {}
+    for what in TIMES:
+        stopwatch: Stopwatch | None = getattr(candidate, f"time_{what}")
+        if stopwatch is None:
+            continue
+        stopwatch(poses[:_FIRST_LOOK])  # compiles, fills caches
+        seconds = stopwatch(poses[:_FIRST_LOOK])
+        count = min(len(poses), max(_FIRST_LOOK, math.ceil(_MEASUREMENT_S / max(seconds, 1e-9))))
+        found[_key(candidate.name, what)] = partial(stopwatch, poses[:count])
+    return found
+
+
+def _failed(candidate: Candidate, sweeps: dict[str, str], reason: str) -> Point:
+    return Point(
+        candidate.name,
+        candidate.family,
+        sweeps.get(candidate.name, SIZE),
+        samples=candidate.samples,
+        training_seconds=candidate.training_seconds,
+        parameters=candidate.parameters,
+        remark=candidate.remark,
+        failure=reason,
+    )
+
+
+def _errors(
+    candidate: Candidate,
+    scene: Scene,
+    samples: Samples | None,
+    walking: Array,
+    converged: Array,
+    sweeps: dict[str, str],
+) -> Point:
+    model = candidate.model
+    if model is None or candidate.failure:
+        return _failed(candidate, sweeps, candidate.failure or "no model")
+    loads = scene.load_names
+    columns = [loads.index(load) for load in model.load_names]
+    on_walking = load_errors(model.load_names, model(walking), converged[:, columns])
+    if not all(math.isfinite(error["rms"]) for error in on_walking.values()):
+        return _failed(candidate, sweeps, "gives NaN or infinity on the walking poses")
+    errors_by_domain = {} if samples is None else domain_errors(model, samples)
+    per_domain = {domain: rms_by_kind(errors) for domain, errors in errors_by_domain.items()}
+    return Point(
+        candidate.name,
+        candidate.family,
+        sweeps.get(candidate.name, SIZE),
+        load_rms={load: error["rms"] for load, error in on_walking.items()},
+        domain_force_rms_n={domain: rms[FORCE.name] for domain, rms in per_domain.items() if FORCE.name in rms},
+        domain_torque_rms_nmm={domain: rms[TORQUE.name] for domain, rms in per_domain.items() if TORQUE.name in rms},
+        samples=candidate.samples,
+        training_seconds=candidate.training_seconds,
+        parameters=candidate.parameters,
+        remark=candidate.remark,
+    )

@@ -1,0 +1,4 @@
+"""Peers: what one might use instead of these surrogates, fitted on the same samples and timed as carefully.
+
+Comparisons only; nothing else in the library needs them. Extra packages: ``pip install casadi_contact[peers]``.
+"""

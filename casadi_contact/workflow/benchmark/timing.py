@@ -1,0 +1,94 @@
+"""Time per evaluation, measured several times in turn so that models are compared within one run."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import casadi as ca
+import numba
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from casadi_contact.core.conventions import Array
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Microseconds per pose: median, lowest and highest of the repeated measurements."""
+
+    median_us: float
+    low_us: float
+    high_us: float
+
+    @classmethod
+    def of(cls, seconds_per_pose: list[float]) -> Timing:
+        """Median, lowest and highest of measured times [s]."""
+        us = 1e6 * np.array(seconds_per_pose)
+        return cls(float(np.median(us)), float(us.min()), float(us.max()))
+
+
+def time_batch(evaluate: Callable[[Array], object], poses: Array) -> float:
+    """Seconds per pose of one call with all poses."""
+    start = time.perf_counter()
+    evaluate(poses)
+    return (time.perf_counter() - start) / len(poses)
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """numba and BLAS on one thread, so that times compare models and not their use of cores."""
+    threads = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        with threadpool_limits(1):
+            yield
+    finally:
+        numba.set_num_threads(threads)
+
+
+def time_single_calls(function: ca.Function, poses: Array, *others: Array) -> float:
+    """Seconds per pose of a CasADi function (pose, *others) -> outputs, called pose by pose through its buffer.
+
+    Includes the copy of each pose into the buffer, as a simulation would make it. Other arguments stay as given.
+    """
+    buffer, call = function.buffer()
+    pose = np.zeros(6)
+    view = memoryview(pose)  # type: ignore[arg-type]
+    rows = [memoryview(row) for row in np.ascontiguousarray(poses)]
+    outputs = [np.zeros(function.sparsity_out(i).nnz()) for i in range(function.n_out())]
+    buffer.set_arg(0, view)  # type: ignore[call-arg, arg-type]
+    for i, value in enumerate(others, start=1):
+        buffer.set_arg(i, memoryview(value))  # type: ignore[call-arg, arg-type]
+    for i, output in enumerate(outputs):
+        buffer.set_res(i, memoryview(output))  # type: ignore[call-arg, arg-type]
+    start = time.perf_counter()
+    for row in rows:
+        view[:] = row
+        call()
+    return (time.perf_counter() - start) / len(poses)
+
+
+def time_mapped(mapped: ca.Function, poses: Array) -> float:
+    """Seconds per pose of one buffered call of a CasADi function poses (6 x n) -> outputs, for n = len(poses)."""
+    buffer, call = mapped.buffer()
+    columns = np.ascontiguousarray(poses).reshape(-1)  # CasADi stores columns one after the other: pose by pose
+    output = np.zeros(mapped.nnz_out(0))
+    buffer.set_arg(0, memoryview(columns))  # type: ignore[call-arg, arg-type]
+    buffer.set_res(0, memoryview(output))  # type: ignore[call-arg, arg-type]
+    start = time.perf_counter()
+    call()
+    return (time.perf_counter() - start) / len(poses)
+
+
+def compare(measurements: dict[str, Callable[[], float]], repeats: int = 7) -> dict[str, Timing]:
+    """Run each measurement (which returns seconds per pose) once to warm up, then all in turn, `repeats` times."""
+    for measure in measurements.values():
+        measure()
+    seconds: dict[str, list[float]] = {name: [] for name in measurements}
+    for _ in range(repeats):
+        for name, measure in measurements.items():
+            seconds[name].append(measure())
+    return {name: Timing.of(values) for name, values in seconds.items()}

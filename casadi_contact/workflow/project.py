@@ -1,0 +1,268 @@
+"""A project: one scene, one preset, and the folder that holds every file made from them."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import wraps
+from hashlib import sha256
+from pathlib import Path
+from typing import Concatenate, ParamSpec, TypeVar
+
+import numpy as np
+
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.core.conventions import POSE_NAMES, Array
+from casadi_contact.core.files.containers import read_npz
+from casadi_contact.core.files.writing import folder_lock, writable_folder, write_text
+from casadi_contact.samples.motion_file import motion_in
+from casadi_contact.samples.reference import ReferenceMotion, reference_motion
+from casadi_contact.samples.samples import Samples, partial_folder, read_samples
+from casadi_contact.samples.sensitive_pose import found_sensitive_pose
+from casadi_contact.samples.settings import SamplingSettings
+from casadi_contact.scenes.columns import TextColumns
+from casadi_contact.scenes.joint_cycle import JointCycle, column_names, driving_loads, read_joint_cycle, scene_cycles
+from casadi_contact.scenes.load_cycle import COLUMNS, KNEE_POSE_COLUMNS, LoadCycle, read_cycle
+from casadi_contact.scenes.loading import load_scene
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.walking import reference_cycles
+from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.surrogate.load import load_surrogate, ready_surrogates
+from casadi_contact.surrogate.registry import STRUCTURES
+from casadi_contact.workflow.presets import PRESETS, Preset
+
+
+@dataclass(frozen=True)
+class Project:
+    """A scene, a preset and the folder that holds everything made from them; own: a preset that has no name; given: the
+    scene's name or path as it was asked for."""
+
+    scene: Scene
+    preset_name: str
+    folder: Path
+    own: Preset | None = None
+    given: str = ""
+
+    @classmethod
+    def open(cls, scene: str | Path, preset: str, folder: Path | None = None) -> Project:
+        """Check the names and make the folder (results/SCENE-PRESET if left out).
+
+        The sensitive pose parameters of a scene that leaves them out are found, and kept in the folder's scene.toml.
+
+        Raises ValueError for an unknown scene or preset, OSError for a folder that cannot be made or written.
+        """
+        loaded = load_scene(scene)
+        if preset not in PRESETS:
+            raise ValueError(f"unknown preset {preset!r}, expected one of {', '.join(PRESETS)}")
+        folder = _folder_of(loaded, preset) if folder is None else Path(folder)
+        writable_folder(folder)
+        completed = loaded if loaded.sensitive_pose else _completed(loaded, folder / "scene.toml")
+        return cls(completed, preset, folder, given=str(scene))
+
+    def command(self, name: str, *options: str, preset: bool = True) -> str:
+        """The command line NAME for this scene, preset and folder, as messages and records give it to run."""
+        words = ["casadi-contact", name, self.given or self.scene.name]
+        words += ["--preset", self.preset_name] if preset else []
+        out = [] if self.folder == _folder_of(self.scene, self.preset_name) else ["--out", str(self.folder)]
+        return shlex.join([*words, *options, *out])
+
+    @property
+    def preset(self) -> Preset:
+        """How much is sampled and trained."""
+        return PRESETS[self.preset_name] if self.own is None else self.own
+
+    @property
+    def samples_path(self) -> Path:
+        """Where the drawn samples lie."""
+        return self.folder / "samples.h5"
+
+    @property
+    def motion_path(self) -> Path:
+        """Where the reference motion lies that samples were drawn around."""
+        return self.folder / "motion.npz"
+
+    def surrogate_path(self, structure: str) -> Path:
+        """Where the trained surrogate of a structure lies."""
+        return self.folder / f"{structure}.h5"
+
+    def training_folder(self, *names: str) -> Path:
+        """Where the checkpoints of a training lie: a folder for the tolerances of now, since fits to others differ."""
+        tolerances = sha256(json.dumps(self.scene.tolerances, sort_keys=True).encode()).hexdigest()[:8]
+        return self.folder.joinpath(*names[:-1], "training", f"{names[-1]}-{tolerances}")
+
+    @property
+    def begun(self) -> bool:
+        """True where the folder holds samples or a surrogate: then it speaks for itself, and nothing shipped does."""
+        return any(path.is_file() for path in (self.samples_path, *map(self.surrogate_path, STRUCTURES)))
+
+    def samples(self) -> Samples:
+        """The drawn samples, of a scene that may have had other tolerances.
+
+        Raises FileNotFoundError if there are none, ValueError if they belong to another scene.
+        """
+        if not self.samples_path.is_file() and not partial_folder(self.samples_path).is_dir():
+            raise FileNotFoundError(f"{self.samples_path} does not exist: run {self.command('sample')} first")
+        samples = read_samples(self.samples_path)
+        self.check_scene(samples.scene, f"{self.samples_path} holds samples of")
+        return samples
+
+    def check_scene(self, scene: Scene, made_for: str) -> None:
+        """ValueError where what lies in the folder is of another scene, tolerances apart; made_for: what it is."""
+        if scene.digest != self.scene.digest:
+            raise ValueError(
+                f"{made_for} another scene than {self.scene.name} as it is now: choose another --out, or remove that "
+                "folder"
+            )
+
+
+Given = ParamSpec("Given")
+Result = TypeVar("Result")
+
+
+def alone(stage: Callable[Concatenate[Project, Given], Result]) -> Callable[Concatenate[Project, Given], Result]:
+    """A stage that holds its project's folder while it runs: a second one there fails at once (`files.folder_lock`)."""
+
+    @wraps(stage)
+    def held(project: Project, /, *given: Given.args, **named: Given.kwargs) -> Result:
+        with folder_lock(project.folder):
+            return stage(project, *given, **named)
+
+    return held
+
+
+def _folder_of(scene: Scene, preset: str) -> Path:
+    """The folder of a project that names none."""
+    return Path("results") / f"{scene.name}-{preset}"
+
+
+def _completed(scene: Scene, path: Path) -> Scene:
+    """The scene with its sensitive pose parameters: those found before, else found now on the settle grid."""
+    if path.is_file():
+        before = load_scene(path)
+        known = scene.with_sensitive_pose(before.sensitive_pose)
+        if before.digest == known.digest:
+            return known
+    model = ElasticFoundation(scene, scene.grids.get("settle"))
+    completed = scene.with_sensitive_pose(found_sensitive_pose(model, reference_motion_cycles(scene, ())))
+    write_text(path, completed.to_toml())
+    return completed
+
+
+def walks(scene: Scene) -> bool:
+    """True for a knee without a motion of its own: its cycles are a knee's, and the built-in ones walking."""
+    return not scene.motion and {"Fy_med", "Fy_lat"} <= set(driving_loads(scene))
+
+
+def reference_motion_cycles(scene: Scene, cycle_files: Sequence[Path]) -> list[LoadCycle | JointCycle]:
+    """The cycles in the files, or the built-in ones: the scene's own [motion], for a knee without one its walking.
+
+    A knee's file may have the columns of any joint instead of a knee's own. Raises ValueError as the readers do, and
+    for pose parameters beside a knee's own columns, which have no place for them.
+    """
+    if walks(scene):
+        return [_knee_cycle(path, scene) for path in cycle_files] or [*reference_cycles()]
+    return [read_joint_cycle(path, scene) for path in cycle_files] or [*scene_cycles(scene)]
+
+
+def _knee_cycle(path: Path, scene: Scene) -> LoadCycle | JointCycle:
+    header, of_any_joint = TextColumns.read(path, "cycle file").header, column_names(()).values()
+    if KNEE_POSE_COLUMNS.isdisjoint(header) and not set(of_any_joint).isdisjoint(header):
+        return read_joint_cycle(path, scene)
+    if beside := [column for column in header if (column.rpartition("_")[0] or column) in POSE_NAMES]:
+        raise ValueError(
+            f"{path} has {', '.join(beside)} beside a knee's own columns, which would not be held: rename "
+            f"{COLUMNS['rz']} and {COLUMNS['ry']} to rz_rad and ry_rad, or leave out {', '.join(beside)}"
+        )
+    return read_cycle(path)
+
+
+def read_motion(project: Project) -> tuple[ReferenceMotion, list[str]]:
+    """The reference motion that the samples were drawn around, and the names of its cycles.
+
+    Raises FileNotFoundError before samples are drawn, and ValueError for a damaged file and samples of a table.
+    """
+    if project.samples_path.is_file() and not has_motion(project):
+        raise ValueError(f"{project.samples_path} was made from a table, which has no motion: sample in another --out")
+    try:
+        content = read_npz(project.motion_path)
+        motion = motion_in(content, project.scene.pose_space)
+        return motion, [str(name) for name in content["cycles"]]
+    except FileNotFoundError:
+        raise FileNotFoundError(
+            f"{project.motion_path} does not exist: run {project.command('sample')} first"
+        ) from None
+    except (ValueError, KeyError, IndexError, TypeError, OSError) as error:
+        raise ValueError(f"{project.motion_path} is damaged ({error}): remove it and sample again") from None
+
+
+def cycle_files(project: Project) -> list[str]:
+    """The files of the cycles that the samples were drawn around; none for the built-in cycles."""
+    content = read_npz(project.motion_path) if project.motion_path.is_file() else {}
+    return [str(path) for path in np.ravel(content.get("files", ()))]
+
+
+def has_motion(project: Project) -> bool:
+    """False where the samples come from a table."""
+    return project.motion_path.is_file() or "table" not in project.samples().provenance
+
+
+def project_surrogates(project: Project) -> dict[str, Surrogate]:
+    """The surrogates in the project's folder by structure; raises FileNotFoundError if there is none."""
+    made = surrogates_made(project)
+    if not made:
+        command = project.command("train" if project.samples_path.is_file() else "build")
+        raise FileNotFoundError(f"no surrogate in {project.folder}: run {command} first")
+    return made
+
+
+def surrogates_made(project: Project) -> dict[str, Surrogate]:
+    """The surrogates in the project's folder by structure, perhaps none; ValueError for one of another scene, which may
+    have had other tolerances."""
+    paths = {s: project.surrogate_path(s) for s in STRUCTURES if project.surrogate_path(s).is_file()}
+    made = {structure: load_surrogate(path) for structure, path in paths.items()}
+    for structure, surrogate in made.items():
+        project.check_scene(surrogate.scene, f"{paths[structure]} was trained for")
+    return made
+
+
+def shipped_surrogates(scene: Scene) -> dict[str, Surrogate]:
+    """The surrogates of this very scene that come with the library, by name."""
+    ready = ((name, load_surrogate(name)) for name in ready_surrogates())
+    return {name: surrogate for name, surrogate in ready if surrogate.scene.digest == scene.digest}
+
+
+def shipped_surrogate(scene: Scene) -> Surrogate | None:
+    """The surrogate of this very scene that comes with the library under its name; None if there is none."""
+    found = load_surrogate(scene.name) if scene.name in ready_surrogates() else None
+    return found if found is not None and found.scene.digest == scene.digest else None
+
+
+def surrogates_at_hand(project: Project) -> dict[str, Surrogate]:
+    """The project's surrogates by structure, or its scene's shipped ones where nothing was built (`Project.begun`).
+
+    Raises FileNotFoundError if there are neither.
+    """
+    shipped = () if project.begun else shipped_surrogates(project.scene).values()
+    return {surrogate.structure: surrogate for surrogate in shipped} or project_surrogates(project)
+
+
+def poses_at_hand(project: Project) -> Array:
+    """Poses (n, 6) of the motion at hand (`motion_at_hand`), one cycle after the other; of a table its own."""
+    if project.begun and not has_motion(project):
+        return project.samples().poses
+    return motion_at_hand(project).poses.reshape(-1, 6)
+
+
+def motion_at_hand(project: Project) -> ReferenceMotion:
+    """The reference motion that the samples were drawn around, or that of the built-in cycles, estimated anew (seconds)
+    where nothing has been built."""
+    return read_motion(project)[0] if project.begun else built_in_motion(project.scene)
+
+
+def built_in_motion(scene: Scene) -> ReferenceMotion:
+    """The reference motion of the scene's built-in cycles; raises ValueError for a scene without geometry."""
+    _ = scene.material  # refuses in words a scene that has no grids either
+    model = ElasticFoundation(scene, scene.grids["settle"])
+    return reference_motion(model, reference_motion_cycles(scene, ()), SamplingSettings.from_scene(scene))[0]

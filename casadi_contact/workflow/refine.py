@@ -1,0 +1,196 @@
+"""Refinement: new samples around the frames that fail verification, warm training, the problem solved again."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.core.conventions import Array, pose_index
+from casadi_contact.networks.network import Network
+from casadi_contact.networks.training.fit import FitOutcome, fit
+from casadi_contact.networks.training.settings import TrainingSettings
+from casadi_contact.optimisation.verification.verify import Verification, verify
+from casadi_contact.samples.around import samples_around
+from casadi_contact.samples.chunk import Chunk, WrenchModel, draw_chunk
+from casadi_contact.samples.errors import domain_errors
+from casadi_contact.samples.sample_point import SamplePoint
+from casadi_contact.samples.samples import COLUMNS, TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.samples.settings import SamplingSettings
+from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.surrogate.calibration import with_trust
+from casadi_contact.surrogate.info import samples_record
+from casadi_contact.workflow.training_record import fits_record, work_of_both
+
+SPREAD = 0.3  # of the trust's scales: how far around a failing frame its pose inputs are drawn
+LOAD_SHARES = (0.2, 1.3)  # of a frame's own loads: between which its load inputs are drawn
+LIFTED_SHARE = 0.1  # new static analyses that are lifted off (as in D5) besides those in contact
+KNOWN_PER_NEW = 3  # samples of before that are trained on again for each new one, so that they are not forgotten
+_LEAST_KNOWN = 12_000
+_TOLERANCE_SHARE = 0.2  # as in the preset `standard`: better than needed, because a few rows must be good among many
+
+Solve = Callable[[Surrogate], tuple[Array, np.ndarray]]
+"""A problem: surrogate -> poses (n, 6) of its solution, and which frames (n,) it solved."""
+
+
+class RefinementModel(ContactModel, WrenchModel, Protocol):
+    """A contact model that also gives the wrench of each patch, as elastic foundations and `CallableModel` do."""
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """The refined surrogate, all samples, a verification before the first and after each round, and what it cost:
+    added (rounds,) samples and seconds (rounds,) of drawing and training; ``print`` it."""
+
+    surrogate: Surrogate
+    samples: Samples
+    verifications: list[Verification]
+    added: list[int]
+    seconds: list[float]
+
+    @property
+    def passed(self) -> bool:
+        """True if the last verification passed."""
+        return self.verifications[-1].passed
+
+    def __str__(self) -> str:
+        lines = [
+            f"round {k}: {added} samples, {seconds:.0f} s, {int(before.failing.sum())} failing frames before it"
+            for k, (added, seconds, before) in enumerate(
+                zip(self.added, self.seconds, self.verifications[:-1], strict=True), start=1
+            )
+        ]
+        return "\n".join([*lines, str(self.verifications[-1])])
+
+
+def refine(
+    surrogate: Surrogate,
+    samples: Samples,
+    solve: Solve,
+    model: RefinementModel,
+    *,
+    rounds: int = 3,
+    gflop: float = 600.0,
+    per_frame: int = 20,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> Refinement:
+    """Solve, verify, and as long as that fails: sample around the failing frames, train on, calibrate, solve again.
+
+    solve: surrogate -> poses (n, 6) of the solution and which frames (n,) are solved. A problem may keep its poses in
+    ``record["pose_range"]``: frames that this leaves unsolved fail, and the range grows with the samples around them.
+    samples: what the surrogate was trained on. model: verifies, settles and labels the new samples
+    (`per_frame` static analyses around each failing frame). gflop: budget of each network in each round, see
+    `TrainingSettings`.
+    progress(text) is told each step. Nothing given is changed.
+
+    Raises ValueError like `verify` and `with_trust`, for another answer of solve than a tuple of two, and where no new
+    sample could be drawn.
+    """
+    if rounds < 0 or per_frame < 1:
+        raise ValueError(f"rounds is {rounds} and per_frame {per_frame}, expected at least 0 and 1")
+    tell = progress or (lambda text: None)
+    point = SamplingSettings.from_scene(surrogate.scene).sample_point(surrogate.scene)
+    result = Refinement(surrogate, samples, [_verified(surrogate, solve, model)], [], [])
+    while not result.passed and len(result.added) < rounds:
+        number = len(result.added) + 1
+        tell(f"{result.verifications[-1]}")
+        began = time.perf_counter()
+        rng = np.random.default_rng([seed, number])
+        new = _drawn_around(result.surrogate, result.verifications[-1], model, point, per_frame, rng)
+        tell(f"round {number}: {len(new)} new samples")
+        better = _trained_on(result.surrogate, result.samples, new, model, gflop, rng)
+        spent = time.perf_counter() - began
+        check = _verified(better, solve, model)
+        result = Refinement(
+            better,
+            result.samples.join_samples(new),
+            [*result.verifications, check],
+            [*result.added, len(new)],
+            [*result.seconds, spent],
+        )
+    return result
+
+
+def _verified(surrogate: Surrogate, solve: Solve, model: ContactModel) -> Verification:
+    solution = solve(surrogate)
+    if not isinstance(solution, tuple) or len(solution) != 2:
+        raise ValueError(
+            f"solve returned a {type(solution).__name__}, expected a tuple of poses (n, 6) and which (n,) are solved"
+        )
+    poses, solved = solution
+    return verify(surrogate, poses, model, solved)
+
+
+def _drawn_around(
+    surrogate: Surrogate,
+    check: Verification,
+    model: RefinementModel,
+    point: SamplePoint,
+    per_frame: int,
+    rng: np.random.Generator,
+) -> Samples:
+    """Samples whose pose inputs lie around those of failing frames, settled on the model under shares of the loads
+    that the surrogate gives there, some of them lifted off: as D1 and D5 lie around a motion, and counted as these."""
+    scene, trust = surrogate.scene, surrogate.require_trust()
+    frames = check.poses[np.repeat(np.flatnonzero(check.failing), per_frame)]
+    columns = [pose_index(name) for name in point.pose_inputs]
+    starts = frames.copy()
+    starts[:, columns] += SPREAD * trust.scales[columns] * rng.uniform(-1.0, 1.0, (len(frames), len(columns)))
+    starts = scene.pose_space.onto(starts)
+    loads = surrogate(frames, point.load_inputs) * rng.uniform(*LOAD_SHARES, (len(frames), len(point.load_inputs)))
+    role = rng.choice([TRAIN, VALIDATION, TEST], len(frames), p=[0.8, 0.1, 0.1]).astype(np.uint8)
+    lifted = rng.random(len(frames)) < LIFTED_SHARE
+    for normal in scene.normal_loads:
+        if set(normal.loads) <= set(point.load_inputs):
+            columns = [point.load_inputs.index(name) for name in normal.loads]
+            pressed = normal.at_least(loads[:, columns], scene.boundary_load)
+            loads[:, columns] = np.where(lifted[:, None], normal.with_size(pressed, scene.boundary_load), pressed)
+    parts = []
+    for domain, rows in ((1, ~lifted), (5, lifted)):
+        wanted = dict(zip(point.load_inputs, loads[rows].T, strict=True))
+        chunk = Chunk(domain, -1, point.free, starts[rows], wanted, role[rows])
+        parts.append(draw_chunk(model, model, chunk, SamplingSettings.from_scene(scene)))
+    if not any(len(part.poses) for part in parts):
+        reasons = sorted({reason for part in parts for reason in part.dropped})
+        raise ValueError(f"no sample could be drawn around the failing frames: {'; '.join(reasons)}")
+    drawn: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS}
+    return Samples(scene, **drawn)
+
+
+def _fitted_on(
+    surrogate: Surrogate, samples: Samples, gflop: float
+) -> tuple[dict[str, Network], dict[str, FitOutcome]]:
+    """The networks trained on, and their fits by name."""
+    networks, fits = dict(surrogate.networks), dict[str, FitOutcome]()
+    for regression in surrogate.regressions(samples):
+        start = networks[regression.name]
+        settings = TrainingSettings(sizes=(start.hidden,), activation=start.activation, max_gflop=gflop, restarts=0)
+        closer = replace(regression, tolerance=_TOLERANCE_SHARE * regression.tolerance)
+        result = fits[regression.name] = fit(closer, settings, start=start)
+        networks[regression.name] = result.network
+    return networks, fits
+
+
+def _trained_on(
+    surrogate: Surrogate, known: Samples, new: Samples, model: WrenchModel, gflop: float, rng: np.random.Generator
+) -> Surrogate:
+    """The surrogate's networks trained on from where they are, on the new samples and some of the known ones, and
+    calibrated on all, and on the model around them."""
+    count = max(KNOWN_PER_NEW * len(new), _LEAST_KNOWN)
+    kept = np.sort(rng.permutation(len(known))[:count])
+    some = Samples(known.scene, **{name: getattr(known, name)[kept] for name in COLUMNS})
+    networks, fits = _fitted_on(surrogate, some.join_samples(new), gflop)
+    everything, kind, before = known.join_samples(new), type(surrogate), surrogate.record
+    of_fits = fits_record(fits)
+    record = {**before, **samples_record(everything), **of_fits, **work_of_both(before, of_fits)}
+    record["refined"] = int(before.get("refined", 0)) + 1
+    if not before.get("refined"):
+        record["command"] = f"cc.refine in Python, of what this makes: {before.get('command', 'not known')}"
+    record["test_errors"] = domain_errors(kind(surrogate.scene, networks, record), everything)
+    around = samples_around(everything, model, count=len(everything) // 3)
+    return with_trust(kind(surrogate.scene, networks, record), everything, around, model)

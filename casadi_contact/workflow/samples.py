@@ -1,0 +1,145 @@
+"""A project's samples: drawn from a contact model around the reference motion, or taken from a table."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.core.conventions import Update, in_stage
+from casadi_contact.samples.check_table import check_gaps, conflicting_rows
+from casadi_contact.samples.chunk import WrenchModel
+from casadi_contact.samples.draw import (
+    check_rejection_rate,
+    draw_samples,
+    elastic_foundations,
+    model_name_of,
+    model_pair,
+    models_identity,
+)
+from casadi_contact.samples.folder import begun
+from casadi_contact.samples.motion_file import kept_motion, motion_origin, write_motion
+from casadi_contact.samples.reference import ReferenceReport, reference_motion
+from casadi_contact.samples.samples import Samples, write_samples
+from casadi_contact.samples.settings import SamplingSettings
+from casadi_contact.samples.table import read_sample_table
+from casadi_contact.samples.worker_models import ModelPair
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.workflow.project import Project, alone, reference_motion_cycles, surrogates_made
+
+_log = logging.getLogger(__name__)
+
+
+class DrawnModel(ContactModel, WrenchModel, Protocol):
+    """A contact model that samples can be drawn from."""
+
+
+def check_table(table: str | Path | None, cycles: Sequence[str | Path], model: DrawnModel | str) -> None:
+    """ValueError for cycles or another model beside a table of samples: nothing is drawn then."""
+    if table is not None and (cycles or model != "elements"):
+        raise ValueError(f"got a table of samples and {'cycles' if cycles else 'a model'}, expected one of them")
+
+
+def draw(
+    project: Project,
+    cycles: Sequence[Path],
+    model: DrawnModel | str,
+    update: Update | None,
+    executor: Executor | None,
+) -> None:
+    """Draw the samples of the scene's elastic foundation, of another model by its name, or of a user's own."""
+    if isinstance(model, str):
+        sample(project, cycles, update, executor, model_pair(model))
+        return
+    if model.scene.digest != project.scene.digest:
+        raise ValueError(f"the model stands for another scene than {project.scene.name}: make it for this one")
+
+    with ThreadPoolExecutor(1) as here:  # a user's model may not reach worker processes
+        sample(project, cycles, update, here, models=_Given(model))
+
+
+@dataclass(frozen=True)
+class _Given:
+    """A user's own model, to settle on and to evaluate samples on; samples are named after its class."""
+
+    model: DrawnModel
+
+    @property
+    def stands_for(self) -> type:
+        return type(self.model)
+
+    def __call__(self, scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
+        return self.model, self.model
+
+
+@alone
+def sample(
+    project: Project,
+    cycle_files: Sequence[Path] = (),
+    update: Update | None = None,
+    executor: Executor | None = None,
+    models: ModelPair = elastic_foundations,
+) -> tuple[Samples, ReferenceReport]:
+    """Estimate the poses of the reference cycles and draw the samples, or go on where an earlier run stopped.
+
+    cycle_files: measured cycles (§3.3); the built-in reference motion if empty. models: as in `draw_samples`, for
+    another contact model than the elastic foundation.
+
+    The reference motion is kept beside the samples, and a later call goes on around it.
+
+    Raises ValueError for samples or surrogates of something else in the folder, where more of a domain was dropped than
+    the settings' ``most_dropped`` and for gaps of the wrong sign (the file is kept).
+    """
+    surrogates_made(project)
+    cycles = reference_motion_cycles(project.scene, cycle_files)
+    settings = SamplingSettings.from_scene(project.scene, scale=project.preset.sampling_scale)
+    origin = motion_origin(project.scene, cycles, settings, models_identity(models))
+    drawn, space = begun(project.samples_path), project.scene.pose_space
+    kept = None if drawn is None else kept_motion(project.motion_path, space, origin, drawn)
+    if kept is None:
+        model = models(project.scene, settings)[0]
+        motion, report = reference_motion(model, cycles, settings, in_stage(update, "reference motion"))
+    else:
+        motion, report = kept
+    if drawn is None:
+        write_motion(project.motion_path, motion, report, cycle_files, origin)
+    samples = draw_samples(
+        project.scene,
+        motion,
+        project.samples_path,
+        settings=settings,
+        executor=executor,
+        models=models,
+        progress=in_stage(update, "samples"),
+    )
+    if drawn is not None and kept is None:  # what a version before began, or whose motion was lost: it is the same
+        write_motion(project.motion_path, motion, report, cycle_files, origin)
+    check_rejection_rate(samples, settings.most_dropped)
+    if model_name_of(samples) is None:
+        check_gaps(samples, str(project.samples_path))
+    return samples, report
+
+
+@alone
+def take_table(project: Project, table: Path) -> Samples:
+    """Make the samples file from a table of samples (`dataset.read_sample_table`) instead of drawing them.
+
+    Raises ValueError for a folder in which other samples are drawn or learned already. A logged warning names rows that
+    contradict each other at one pose.
+    """
+    samples = read_sample_table(table, project.scene)
+    if project.samples_path.is_file():
+        there = project.samples().provenance
+        learned = (project.folder / "training").exists() or surrogates_made(project)
+        if there.get("table_digest") != samples.provenance["table_digest"] and (learned or "table" not in there):
+            changed = f"was made from {table} as it was before" if there.get("table") == str(table) else "is of others"
+            raise ValueError(f"{project.samples_path} {changed}: choose another --out, or remove that folder")
+    if warning := conflicting_rows(samples):
+        _log.warning("%s: %s", table, warning)
+    project.motion_path.unlink(missing_ok=True)  # of a draw that was left for the table
+    write_samples(project.samples_path, samples)
+    return samples

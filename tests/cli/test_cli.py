@@ -1,0 +1,236 @@
+"""The command line: versions, help and mistakes."""
+
+import io
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+from typer.testing import CliRunner
+
+import casadi_contact
+from casadi_contact.cli.examples import _EXAMPLES
+from casadi_contact.cli.main import app
+from casadi_contact.core.terminal import new_app, progress_bars, run_app, run_program
+from tests.support.interrupted import Interrupted, interrupts_remembered
+
+ROOT = Path(__file__).parents[1]
+
+
+def output(*arguments):
+    result = CliRunner().invoke(app, arguments, terminal_width=120)
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def test_the_package_runs_as_a_module_and_says_its_version():
+    done = subprocess.run(
+        [sys.executable, "-m", "casadi_contact", "--version"], capture_output=True, text=True, check=True, cwd=ROOT
+    )
+    assert done.stdout.strip() == f"casadi_contact {casadi_contact.__version__}" == output("--version").strip()
+
+
+def test_a_terminal_of_few_letters_shows_what_it_can():
+    command = [sys.executable, "-m", "casadi_contact", "info", "knee"]
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert "Fz [N], Tx [N?mm]" in done.stdout
+
+
+def test_every_command_shows_examples_that_it_accepts(monkeypatch):
+    """Each example is parsed by its command as the shell would hand it over; nothing is run."""
+    group = typer_group()
+    assert set(_EXAMPLES) - {""} == set(group.commands)
+    for lines in _EXAMPLES.values():
+        for line in lines:
+            name, *arguments = line.split()
+            group.commands[name].make_context(name, arguments)
+    for name in group.commands:
+        assert f"casadi-contact {name}" in " ".join(output(name, "--help").split())
+
+
+def typer_group():
+    from typer.main import get_group
+
+    return get_group(app)
+
+
+def test_help_shows_brackets_of_extras():
+    assert "casadi_contact[peers]" in " ".join(output("chart", "--help").split())
+
+
+def test_the_list_of_commands_shows_whole_sentences():
+    assert "..." not in output("--help").partition("Commands:")[2]
+
+
+def test_shell_completion_can_be_installed():
+    assert "--install-completion" in output("--help")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("scene none.stl cup.stl", "none.stl does not exist"),
+        ("scene a.stl b.stl --side up", "--side is 'up', expected right or left"),
+        ("scene a.stl b.stl --out a.png", "--out is a.png, expected a scene file"),
+        ("scene a.stl b.stl --out $(id).toml", "name = '$(id)', expected a letter"),
+        ("scene a.stl b.stl --out /proc/nowhere/a.toml", "cannot write in folder /proc/nowhere"),
+        ("report knee --out r.pdf", "--out is r.pdf, expected a page's name, for example r.html"),
+        ("page knee --out x.txt", "--out is x.txt, expected a page's name, for example x.html"),
+        ("show folder.toml", "folder.toml is a folder, expected the TOML file of the scene"),
+        ("report knee --out /proc/nowhere/a.html", "cannot write in folder /proc/nowhere"),
+        ("choose knee --force-tol abc", "Invalid value for '--force-tol'"),
+        ("choose knee --force-tol -1 --torque-tol 5", "force tolerance is -1.0"),
+        ("choose knee", "no force tolerance given"),
+        ("show knee --pose 1,2", "expected"),
+        ("show knee --pose a,b", "expected six numbers"),
+        ("show knee --poses none.csv", "none.csv"),
+        ("info none.h5", "none.h5"),
+        ("info /", "/"),
+        ("cycle none.mot --map a=b", "none.mot"),
+        ("build knee --table none.csv", "none.csv"),
+        ("build knee --table none.csv --model foundation", "got a table of samples and a model, expected one"),
+        ("sample knee --table none.csv --cycles walk.csv", "got a table of samples and cycles, expected one"),
+        ("build knee --cycles none.csv", "none.csv"),
+        ("build none.toml", "none.toml"),
+        ("export hip", "run casadi-contact build hip --preset quick first"),
+        ("speed hip", "run casadi-contact build hip --preset quick first"),
+        ("evaluate knee", "samples.h5 does not exist"),
+        ("nothing", "nothing"),
+        ("build", "scene"),
+        ("build knee --colour", "--colour"),
+        ("show knee --out=", "--out is empty, expected a value"),
+    ],
+)
+def test_every_mistake_is_told_without_a_traceback_and_exits_non_zero(arguments, said, tmp_path, monkeypatch, capsys):
+    from casadi_contact.cli.main import main
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder.toml").mkdir()
+    monkeypatch.setattr("sys.argv", ["casadi-contact", *arguments.split()])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code not in (0, None)
+    message = f"{ended.value.code} {capsys.readouterr().err}"
+    assert said.lower() in message.lower()
+    assert len(message.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--colour", "red"], "squat: No such option"),
+        (["--intervals", "many"], "squat: Invalid value for '--intervals'"),
+        (["--out", ""], "squat: --out is empty, expected a value"),
+        (["--out", "", "--intervals", "3"], "squat: --out is empty, expected a value"),
+    ],
+)
+def test_a_mistake_in_the_options_of_a_problem_ends_as_one_of_casadi_contact_does(arguments, said, monkeypatch):
+    from problems import squat
+
+    monkeypatch.setattr("sys.argv", ["squat", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        run_program(squat.main)
+    assert str(ended.value.code).startswith(said)
+    assert len(str(ended.value.code).splitlines()) == 1
+
+
+def test_help_of_a_problem_shows_units_in_brackets():
+    """Read as markup, [N] and [deg] would be dropped."""
+    from problems.static_equilibrium.__main__ import app as equilibrium
+
+    shown = " ".join(CliRunner().invoke(equilibrium, ["--help"], terminal_width=120).output.split())
+    assert "medial force on the insert [N]" in shown
+    assert "flexion angles [deg]" in shown
+
+
+@pytest.mark.parametrize("arrives_as", [KeyboardInterrupt, SystemError])
+def test_ctrl_c_ends_without_a_traceback_wherever_it_arrives(arrives_as):
+    """In a loop that numba compiled it arrives as a SystemError that a KeyboardInterrupt caused."""
+    app = new_app(add_completion=False)
+
+    @app.command()
+    def work() -> None:
+        with progress_bars(Console(file=io.StringIO())):
+            try:
+                raise KeyboardInterrupt
+            except KeyboardInterrupt as interrupt:
+                raise arrives_as from interrupt
+
+    with pytest.raises(SystemExit) as ended:
+        run_app(app, "work", [])
+    assert ended.value.code == 130
+
+
+@pytest.mark.parametrize("module", ["casadi_contact", "problems.squat"])
+def test_ctrl_c_while_a_command_still_imports_ends_without_a_traceback(module, tmp_path):
+    (tmp_path / "typer.py").write_text("raise KeyboardInterrupt", "utf-8")
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    command = [sys.executable, "-m", module, "--help"]
+    ended = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stderr) == (130, "")
+
+
+SWALLOWING = """
+import os, signal, time
+try:
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(5.0)
+except BaseException:
+    pass
+raise ArithmeticError("went on")
+"""
+
+
+INTERRUPTIBLE = """
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.SIG_DFL)  # tests that run in the background ignore it
+os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="interrupts itself as POSIX does")
+@pytest.mark.parametrize("module", ["casadi_contact", "problems.squat"])
+def test_ctrl_c_is_not_lost_in_an_import_that_catches_everything(module, tmp_path):
+    (tmp_path / "typer.py").write_text(SWALLOWING, "utf-8")
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    command = [sys.executable, "-c", INTERRUPTIBLE, "-m", module, "--help"]
+    ended = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stderr) == (130, "")
+
+
+def test_an_error_while_a_command_still_imports_is_told_as_ever(tmp_path):
+    (tmp_path / "typer.py").write_text("raise ArithmeticError('no typer')", "utf-8")
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    command = [sys.executable, "-m", "problems.squat"]
+    ended = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert ended.returncode == 1
+    assert ended.stderr.endswith("ArithmeticError: no typer\n")
+
+
+@pytest.mark.parametrize(("error", "status"), [(KeyboardInterrupt, 130), (ArithmeticError("no sum"), "work: ")])
+def test_ctrl_c_in_a_function_that_casadi_evaluates_is_no_mistake_of_the_user(error, status, monkeypatch):
+    """CasADi makes a RuntimeError of both."""
+    app = new_app(add_completion=False)
+
+    @app.command()
+    def work() -> None:
+        Interrupted(error)(1.0)
+
+    with interrupts_remembered(monkeypatch), pytest.raises(SystemExit) as ended:
+        run_app(app, "work", [])
+    assert ended.value.code == status if status == 130 else ended.value.code.startswith(status)
+
+
+def test_an_error_of_the_system_is_not_taken_for_ctrl_c():
+    app = new_app(add_completion=False)
+
+    @app.command()
+    def work() -> None:
+        raise SystemError("bad call")
+
+    with pytest.raises(SystemError, match="bad call"):
+        run_app(app, "work", [])

@@ -1,0 +1,190 @@
+"""A user's own contact model, as a Python callable or as a table, becomes a surrogate with no elastic foundation."""
+
+import shlex
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.cli import pipeline
+from casadi_contact.pictures.report.tables import evaluation_tables, read_evaluation
+from casadi_contact.samples.draw import model_name_of
+from casadi_contact.workflow.benchmark.choose import choose
+from casadi_contact.workflow.benchmark.speed import speed
+from casadi_contact.workflow.presets import PRESETS, Effort, Preset
+from tests.support import own_contact
+from tests.support.own_contact import table_rows, write_csv, write_hdf5
+
+SMALL = Preset(0.1, {"patch": {"root": Effort(((10, 10),), 30.0), "ratio": Effort(((6, 6),), 6.0)}})
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small():
+    PRESETS["small"] = SMALL
+    yield
+    del PRESETS["small"]
+
+
+@pytest.fixture
+def scene_file(tmp_path):
+    path = tmp_path / "socket.toml"
+    path.write_text(own_contact.SCENE.to_toml())
+    return path
+
+
+def check_surrogate(project):
+    """The surrogate and its CasADi function say what the user's own model says, and nothing out of contact."""
+    surrogate = cc.load_surrogate(project.surrogate_path("patch"))
+    rng = np.random.default_rng(5)
+    directions = np.array([0.1, 0.9, 0.1]) + rng.uniform(-0.05, 0.05, (50, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    poses = np.hstack([own_contact.CENTRE_MM + 0.44 * directions, np.zeros((50, 3))])
+    want = own_contact.wrenches(poses)[:, 0]
+    np.testing.assert_allclose(surrogate(poses), want, atol=0.05 * np.abs(want).max(axis=0).max())
+    function = ca.Function.load(str(project.folder / "export" / "patch" / "socket.casadi"))
+    np.testing.assert_allclose(function(poses[0]).full().ravel(), surrogate(poses[:1])[0], rtol=1e-10, atol=1e-9)
+    inside = np.hstack([own_contact.CENTRE_MM + 0.38 * directions, np.zeros((50, 3))])
+    assert not surrogate(inside).any()
+    # IPOPT finds the pose that carries a wanted force.
+    pose, wanted = ca.MX.sym("pose", 6), want[0, :3]
+    load = surrogate.function(["Fx", "Fy", "Fz"])
+    problem = {"x": pose, "f": ca.sumsqr(pose[3:]), "g": load(pose) - ca.DM(wanted)}
+    solver = ca.nlpsol("solver", "ipopt", problem, {"ipopt.print_level": 0, "print_time": 0, "ipopt.sb": "yes"})
+    found = solver(x0=poses[0] + [0.005, 0.01, 0.0, 0.0, 0.0, 0.0], lbg=0.0, ubg=0.0)["x"].full().T
+    assert solver.stats()["success"]
+    np.testing.assert_allclose(surrogate(found)[0, :3], wanted, atol=1e-4)
+    content = read_evaluation(project.folder / "evaluation.json")
+    assert content["domain_errors"]["patch"]["D1"]["Fy"]["rms"] < 15.0
+    assert len(evaluation_tables(content)) == 2
+    assert "no picture: " in (project.folder / "report.html").read_text("utf-8"), "there is no geometry to draw"
+
+
+def test_a_callable_is_sampled_trained_evaluated_and_transcribed(scene_file, tmp_path):
+    model = cc.CallableModel(cc.load_scene(scene_file), own_contact.wrenches, own_contact.gaps)
+    seen = set()
+    surrogates = cc.build(
+        scene_file, "small", model=model, folder=tmp_path / "out", progress=lambda what, *_: seen.add(what)
+    )
+    assert set(surrogates) == {"patch"}
+    assert {"reference motion", "samples", "patch root_contact"} <= seen
+    project = pipeline.Project.open(scene_file, "small", tmp_path / "out")
+    samples = project.samples()
+    assert samples.provenance["models"] == "casadi_contact.contact.model.CallableModel"
+    assert (samples.select("D5").wrenches == 0.0).all()
+    record = surrogates["patch"].record
+    assert record["command"].startswith(f"cc.build({str(scene_file)!r}, 'small', model=...)"), "no command line can"
+    np.testing.assert_allclose(np.linalg.norm(samples.select("D7").wrenches[:, 0, :3], axis=1), 5.0, atol=0.01)
+    check_surrogate(project)
+    changed = scene_file.read_text().replace("reference_load = ", "reference_load = 2")
+    scene_file.write_text(changed)
+    other = pipeline.Project.open(scene_file, "small", tmp_path / "out")
+    for stage in (pipeline.export, pipeline.report, speed):
+        with pytest.raises(ValueError, match=r"patch\.h5 was trained for another scene than socket as it is now"):
+            stage(other)
+
+
+@pytest.mark.parametrize(("name", "write"), [("samples.csv", write_csv), ("samples.h5", write_hdf5)])
+def test_a_table_is_trained_evaluated_and_transcribed(scene_file, tmp_path, name, write):
+    table = write(tmp_path / name, table_rows())
+    cc.build(scene_file, "small", table=table, folder=tmp_path / "out")
+    project = pipeline.Project.open(scene_file, "small", tmp_path / "out")
+    samples = project.samples()
+    assert samples.counts()["D1"] == {"train": 960, "validation": 120, "test": 120}
+    check_surrogate(project)
+    assert speed(project).is_file()  # on poses of the table
+    with pytest.raises(ValueError, match="compares with elastic foundations, and scene socket has no geometry for one"):
+        pipeline.chart(project)
+    with pytest.raises(ValueError, match=r"compares with elastic foundations.*casadi-contact info"):
+        choose(scene_file, force_tolerance_n=2.0, preset="small", folder=project.folder)
+    with pytest.raises(ValueError, match="made from a table, which has no motion"):
+        pipeline.read_motion(project)
+    assert pipeline.take_table(project, table).provenance["table"] == str(table)
+    command = cc.load_surrogate(project.surrogate_path("patch")).record["command"]
+    assert command == shlex.join(
+        [
+            "casadi-contact",
+            "build",
+            str(scene_file),
+            "--preset",
+            "small",
+            "--table",
+            str(table),
+            "--out",
+            str(project.folder),
+        ]
+    )
+    with pytest.raises(ValueError, match="is of others: choose another --out"):
+        pipeline.take_table(project, write(tmp_path / f"other-{name}", table_rows(50)))
+    with pytest.raises(ValueError, match=f"was made from {table} as it was before"):
+        pipeline.take_table(project, write(table, table_rows(50)))
+
+
+def test_rows_of_one_pose_with_different_loads_are_named_as_a_table_is_taken(scene_file, tmp_path, caplog):
+    columns = table_rows(60)
+    pressed = int(columns["Fy"].argmax())
+    again = {name: np.append(column, column[pressed]) for name, column in columns.items()}
+    again["Fy"][-1] *= 0.95
+    project = pipeline.Project.open(scene_file, "small", tmp_path / "out")
+    samples = pipeline.take_table(project, write_csv(tmp_path / "t.csv", again))
+    assert f"row {pressed + 1}: Fy" in caplog.text
+    assert len(samples) == 61
+
+
+def test_a_table_that_was_mended_replaces_one_that_nothing_was_learned_from(scene_file, tmp_path):
+    columns, table = table_rows(60), tmp_path / "t.csv"
+    gaps = columns.pop("gap")
+    project = pipeline.Project.open(scene_file, "small", tmp_path / "out")
+    pipeline.take_table(project, write_csv(table, table_rows(50)))
+    mended = pipeline.take_table(project, write_csv(table, columns | {"gap": gaps}))
+    assert len(project.samples()) == len(mended) == 60
+
+
+def test_a_named_model_is_drawn_from(tmp_path):
+    with pytest.raises(ValueError, match="model is 'foundations', expected one of elements, foundation"):
+        cc.build("hip", "small", model="foundations", folder=tmp_path / "out")
+    cc.build("hip", "small", model="foundation", folder=tmp_path / "out")
+    project = pipeline.Project.open("hip", "small", tmp_path / "out")
+    assert model_name_of(project.samples()) == "foundation"
+
+
+def test_the_error_of_an_own_model_is_known_between_its_samples(scene_file, tmp_path):
+    model = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, own_contact.gaps)
+    (surrogate,) = cc.build(scene_file, "small", model=model, folder=tmp_path / "out").values()
+    assert set(surrogate.record["coverage"]) & {"around", "edge", "outside"}
+    with pytest.raises(ValueError, match=r"calibrated on the contact model .* which is not here: build again"):
+        pipeline.calibrate(pipeline.Project.open(scene_file, "small", tmp_path / "out"))
+
+
+def test_a_model_of_another_scene_and_a_table_with_a_model_are_refused(scene_file, tmp_path):
+    model = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, own_contact.gaps)
+    with pytest.raises(ValueError, match="another scene than knee"):
+        cc.build("knee", model=model, folder=tmp_path / "out")
+    with pytest.raises(ValueError, match="a table of samples and a model, expected one"):
+        cc.build(scene_file, "small", model=model, table="table.csv", folder=tmp_path / "out")
+
+
+def test_an_elastic_foundation_says_that_it_has_no_geometry(scene_file, tmp_path):
+    with pytest.raises(ValueError, match="no geometry for an elastic foundation"):
+        cc.ElasticFoundation(own_contact.SCENE)
+    with pytest.raises(ValueError, match="no geometry for an elastic foundation"):
+        pipeline.sample(pipeline.Project.open(scene_file, "small", tmp_path / "out"))
+
+
+@pytest.mark.parametrize("name", ["step_mm", "step_rad", "approach_mm", "reach_mm"])
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
+def test_lengths_that_would_never_end_a_search_are_refused(name, value):
+    with pytest.raises(ValueError, match=f"{name} is .*, expected a finite number above 0"):
+        cc.CallableModel(own_contact.SCENE, own_contact.wrenches, **{name: value})
+
+
+def test_a_gap_is_never_beyond_the_reach():
+    scene = cc.load_scene("sphere_on_plane")
+    model = cc.CallableModel(scene, lambda poses: np.zeros((len(poses), 1, 6)), approach_mm=0.4, reach_mm=1.0)
+    np.testing.assert_allclose(model.gaps(scene.start_pose), 1.0)
+
+
+def test_no_poses_have_no_derivatives():
+    model = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, own_contact.gaps)
+    values, slopes = model.jacobian(np.zeros((0, 6)))
+    assert (values.shape, slopes.shape) == ((0, 6), (0, 6, 6))

@@ -1,0 +1,231 @@
+"""Static analyses: equilibrium is found from far away, and honestly reported (§2.4)."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.contact.cup.choice import CANDIDATES
+from casadi_contact.contact.cup.foundation import CupFoundation
+from casadi_contact.core.conventions import LEVER_MM
+from casadi_contact.scenes.scene import Scene
+from tests.support import two_spheres
+from tests.support.ready_poses import at, walking
+from tests.support.two_spheres import TwoSpheres
+
+PRESSED = ("ty",), {"Fy_med": -400.0}
+
+
+@pytest.fixture(scope="module")
+def knee():
+    return cc.ElasticFoundation(cc.load_scene("knee"), (40, 20))
+
+
+@pytest.mark.parametrize("lift_mm", [-2.0, 0.5, 3.0, 10.0])
+def test_wanted_forces_are_found_from_out_of_contact_and_from_too_deep(knee, lift_mm):
+    poses, targets = walking(60)
+    poses[:, 1] += lift_mm
+    settled, report = cc.settle(knee, poses, free=("ty", "rx"), targets=targets)
+    assert report.converged.all(), report.reason
+    np.testing.assert_allclose(knee(settled)[:, :2], np.column_stack(list(targets.values())), atol=1e-4)
+    locked = [0, 2, 4, 5]
+    np.testing.assert_array_equal(settled[:, locked], poses[:, locked])
+
+
+def test_four_free_parameters_meet_forces_and_centre_of_pressure(knee):
+    poses, targets = walking(40)
+    truth, _ = cc.settle(knee, poses, ("ty", "rx"), targets)
+    names = ("Fy_med", "Fy_lat", "Tx", "Tz")
+    wanted = dict(zip(names, knee(truth)[:, [0, 1, 4, 6]].T, strict=True))
+    start = truth.copy()
+    start[:, [0, 2]] = 0.0
+    start[:, 1] += 1.0
+    found, report = cc.settle(knee, start, ("tx", "ty", "tz", "rx"), wanted)
+    assert report.converged.mean() >= 0.95, report.reason
+    np.testing.assert_allclose(found[report.converged], truth[report.converged], atol=1e-3)
+
+
+def test_two_mm_and_five_degrees_off_four_free_parameters_come_back(knee):
+    """Too deep by 2 mm a knee carries tens of thousands of newtons, whose torques would lead astray."""
+    poses, targets = walking(60)
+    truth, _ = cc.settle(knee, poses, ("ty", "rx"), targets)
+    wanted = dict(zip(("Fy_med", "Fy_lat", "Tx", "Tz"), knee(truth)[:, [0, 1, 4, 6]].T, strict=True))
+    off = np.random.default_rng(5).uniform(-1.0, 1.0, (60, 4)) * [2.0, 2.0, 2.0, np.radians(5.0)]
+    start = truth + np.pad(off, ((0, 0), (0, 2)))
+    found, report = cc.settle(knee, start, ("tx", "ty", "tz", "rx"), wanted)
+    assert report.converged.all(), report.reason
+    np.testing.assert_allclose(found, truth, atol=1e-3)
+
+
+class WavySpheres(TwoSpheres):
+    """Centres of pressure that go to and fro, as those on a mesh do: x + 0.06·sin(20·x)."""
+
+    def _centres(self, poses):
+        centres, slopes = super()._centres(poses)
+        x = centres[..., 0].copy()
+        centres[..., 0] += 0.06 * np.sin(20.0 * x)
+        slopes[..., 0, :] *= 1.0 + 1.2 * np.cos(20.0 * x)[..., None]
+        return centres, slopes
+
+
+def test_torques_that_rise_and_fall_on_the_way_are_met_all_the_same():
+    model, rng = WavySpheres(two_spheres.knee()), np.random.default_rng(2)
+    truth = np.repeat(at(26.94), 60, axis=0)
+    truth[:, 0] = rng.uniform(-3.0, 3.0, 60)
+    wanted = dict(zip(("Fy_med", "Fy_lat", "Tx", "Tz"), model(truth)[:, [0, 1, 4, 6]].T, strict=True))
+    start = truth + np.pad(rng.uniform(-1.0, 1.0, (60, 4)) * [1.0, 0.5, 1.0, 0.01], ((0, 0), (0, 2)))
+    found, report = cc.settle(model, start, ("tx", "ty", "tz", "rx"), wanted)
+    assert report.converged.all(), report.reason
+    np.testing.assert_allclose(model(found), model(truth), atol=1e-3)
+
+
+def test_poses_that_carry_their_loads_stay(knee):
+    poses, targets = walking(5)
+    truth, _ = cc.settle(knee, poses, ("ty", "rx"), targets)
+    wanted = dict(zip(("Fy_med", "Fy_lat", "Tx", "Tz"), knee(truth)[:, [0, 1, 4, 6]].T, strict=True))
+    found, report = cc.settle(knee, truth, ("tx", "ty", "tz", "rx"), wanted)
+    assert not report.iterations.any()
+    np.testing.assert_array_equal(found, truth)
+
+
+def test_a_pulling_target_is_reported_not_hidden(knee):
+    poses, targets = walking(4)
+    targets["Fy_lat"][2] = 50.0
+    _, report = cc.settle(knee, poses, ("ty", "rx"), targets)
+    assert report.converged.tolist() == [True, True, False, True]
+    assert report.reason[2].startswith("no equilibrium: a wanted load pulls")
+    assert report.residual[2] > 1.0
+    assert "3 of 4" in str(report)
+
+
+def test_an_unreachable_load_ends_at_the_nearest_pose_with_a_reason():
+    model = cc.ElasticFoundation(cc.load_scene("sphere_on_plane"))
+    _, report = cc.settle(model, at(29.9), ("ty",), {"Fx": -100.0})  # a plane without friction carries no Fx
+    assert not report.converged[0]
+    assert "Fx is off by 100 N" in report.reason[0]
+
+
+def test_the_reason_names_what_is_most_wrong_torques_over_25_mm(knee):
+    """Two forces alone hold ty and rx: a torque that is no third one leaves all three off, and the forces most."""
+    poses, _ = walking(1)
+    _, report = cc.settle(knee, poses, ("ty", "rx"), {"Fy_med": -700.0, "Fy_lat": -700.0, "Tx": 3000.0})
+    off_n = {name: abs(float(off[0])) / (LEVER_MM if name[0] == "T" else 1.0) for name, off in report.misfit.items()}
+    worst = max(off_n, key=lambda name: off_n[name])
+    assert not report.converged[0]
+    assert abs(report.misfit["Tx"][0]) > abs(report.misfit[worst][0])  # N·mm are many
+    assert report.reason[0].endswith(f"{worst} is off by {report.misfit[worst][0]:.4g} N")
+
+
+def test_a_torque_counts_as_the_force_that_makes_it_at_a_condyles_distance(knee):
+    """A misfit of 250 N·mm is one of 10 N: 25 mm are about what a condyle lies off the middle."""
+    assert np.abs(knee.scene.anchors_mm[:, 2]) == pytest.approx(LEVER_MM, rel=0.2)
+    poses = settled = at(27.3)
+    wanted = dict(zip(knee.load_names, knee(poses)[0], strict=True))
+    targets = {"Fy_med": wanted["Fy_med"], "Tz": wanted["Tz"] + 250.0}
+    for limit, converged in ((9.9, False), (10.1, True)):
+        settled, report = cc.settle(knee, poses, ("ty", "tx"), targets, tolerance=limit, max_iterations=0)
+        assert report.residual[0] == pytest.approx(10.0)
+        assert report.converged.tolist() == [converged]
+    np.testing.assert_array_equal(settled, poses)
+    _, moved = cc.settle(knee, poses, ("ty", "tx"), targets, tolerance=0.01)
+    assert abs(moved.misfit["Tz"][0]) <= 0.25
+
+
+def test_contradicting_loads_end_where_squares_with_torques_over_25_mm_are_least():
+    model = cc.ElasticFoundation(cc.load_scene("sphere_in_dish"), (60, 60))
+    start = at(29.9, tx=0.5)
+    wanted = {"Fx": 200.0, "Tz": 9000.0}  # a resultant through the dish's centre has Tz = -45 mm·Fx
+    nearest, report = cc.settle(model, start, ("tx",), wanted)
+    assert not report.converged[0]
+    columns = [model.load_names.index(name) for name in wanted]
+    slope = model.jacobian(nearest)[1][0, columns, 0] / (1.0, 25.0)
+    misfit = (model(nearest)[0, columns] - list(wanted.values())) / (1.0, 25.0)
+    assert np.abs(misfit).min() > 1.0
+    assert misfit @ slope == pytest.approx(0.0, abs=1e-4 * np.linalg.norm(misfit) * np.linalg.norm(slope))
+
+
+@pytest.mark.parametrize(
+    ("free", "targets", "said"),
+    [
+        (("ty", "ty"), {"Fy_med": -1.0}, "each named once"),
+        (("up",), {"Fy_med": -1.0}, "unknown pose parameter 'up'"),
+        (("ty",), {}, "targets is empty"),
+        (("ty",), {"Fq": -1.0}, "unknown target 'Fq', expected one of Fx, Fy, .*, Fy_med"),
+        (("ty",), {"Fy_med": np.nan}, "NaN"),
+        (("ty",), {"Fy_med": np.zeros(3)}, r"shape \(3,\), expected a number or \(4,\)"),
+    ],
+)
+def test_bad_requests_are_refused(knee, free, targets, said):
+    with pytest.raises(ValueError, match=said):
+        cc.settle(knee, walking(4)[0], free, targets)
+
+
+def test_no_poses_give_no_poses(knee):
+    settled, report = cc.settle(knee, np.zeros((0, 6)), ("ty",), {"Fy_med": -1.0})
+    assert settled.shape == (0, 6)
+    assert str(report) == "no poses"
+
+
+def test_a_ball_that_lies_free_in_its_cup_or_beside_it_is_pressed_along_the_wanted_force():
+    """Between the walls of a cup no step closes the gap where the force is to be carried."""
+    scene = cc.load_scene("hip")
+    model = cc.ElasticFoundation(scene, scene.grids["settle"])
+    neutral = scene.start_pose[None]
+    force = np.array([-150.0, 600.0, 115.0])
+    wanted = dict(zip(("Fx", "Fy", "Fz"), force, strict=True))
+    (pose,), report = cc.settle(model, neutral, ("tx", "ty", "tz"), wanted)
+    assert report.converged.all()
+    starts = np.tile(pose, (40, 1))
+    starts[:, :3] += np.random.default_rng(0).uniform(-1.0, 1.0, (40, 3)) - 1.0 * force / np.linalg.norm(force)
+    found, report = cc.settle(model, starts, ("tx", "ty", "tz"), wanted)
+    assert report.converged.all(), set(report.reason)
+    np.testing.assert_allclose(found[:, :3], np.tile(pose[:3], (40, 1)), atol=1e-4)
+
+
+def by_elements(scene):
+    return cc.ElasticFoundation(scene, (30, 30))
+
+
+def by_callable(scene):
+    elements = by_elements(scene)
+    return cc.CallableModel(scene, elements.wrenches, elements.gaps)
+
+
+def by_cup(scene):
+    return CupFoundation(scene, CANDIDATES[0])
+
+
+def asking_for(load, like):
+    return Scene.from_toml(f'format = 1\nname = "fewer"\nlike = "{like}"\n[loads]\nnames = ["{load}"]\n')
+
+
+@pytest.mark.parametrize(
+    ("name", "model_of"),
+    [("knee", by_elements), ("knee", TwoSpheres), ("hip", by_callable), ("hip", by_cup)],
+)
+def test_a_body_settles_alike_whichever_loads_are_asked_for(name, model_of):
+    """Loads that are balanced need not be among those that a scene asks for: contact does not know of them."""
+    scene = cc.load_scene(name)
+    whole, fewer = model_of(scene), model_of(asking_for("Tx", name))
+    knee = name == "knee"
+    pose = [[0.0, 26.9, 0.0, 0.0, -0.05, -0.3]] if knee else [[69.96, -65.56, -83.89, 0.0, 0.0, 0.0]]
+    free = ("ty", "rx") if knee else ("tx", "ty", "tz")
+    wanted = {"Fy_med": -700.0, "Fy_lat": -400.0} if knee else {"Fx": -100.0, "Fy": 1200.0, "Fz": 300.0}
+    assert not set(wanted) <= set(fewer.load_names)
+    (there, first), (same, second) = (cc.settle(model, pose, free, wanted) for model in (whole, fewer))
+    assert first.converged.all()
+    assert second.converged.all()
+    np.testing.assert_allclose(same, there, rtol=0.0, atol=1e-7)
+
+
+def test_a_body_relaxes_under_loads_that_are_not_asked_for():
+    model, wanted = TwoSpheres(asking_for("Tx", "knee")), {"Fy_med": -700.0, "Fy_lat": -400.0}
+    settled, _ = cc.settle(model, [[0.0, 26.9, 0.0, 0.0, 0.0, 0.0]], ("ty", "rx"), wanted)
+    relaxed, report = cc.relax(model, [[0.0, 26.9, 0.0, 0.0, 0.0, 0.0]], ("ty", "rx"), wanted)
+    assert report.converged.all()
+    np.testing.assert_allclose(relaxed, settled, rtol=0.0, atol=1e-5)
+
+
+def test_a_surrogate_settles_under_the_loads_that_it_has_learned_alone():
+    surrogate = cc.load_surrogate("knee")
+    with pytest.raises(ValueError, match="unknown target 'Fy', expected one of Fy_med"):
+        cc.settle(surrogate, np.zeros((1, 6)), ("ty",), {"Fy": -900.0})

@@ -1,0 +1,186 @@
+"""Work on a Dask cluster: the same results as on one machine, whatever dies on the way."""
+
+import json
+import multiprocessing
+import os
+import signal
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from casadi_contact.core.workers import cluster_workers
+from casadi_contact.networks.training.settings import TrainingSettings
+from casadi_contact.networks.training.side_by_side import fit_all
+from casadi_contact.networks.training.weights import flatten
+from casadi_contact.samples.samples import partial_folder
+from tests.support.drawn_spheres import draw
+from tests.support.regressions import smooth
+
+distributed = pytest.importorskip("distributed", reason="extra cluster is not installed")
+WORKERS = 4
+PATIENCE = 3000  # tenths of a second
+
+
+@pytest.fixture(scope="module")
+def forked():
+    """Workers are forked from a process that has imported what they need, which each would take seconds for."""
+    import dask
+    from distributed.utils import get_mp_context
+
+    with dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"}):
+        get_mp_context()  # sets what it imports by itself
+        multiprocessing.set_forkserver_preload(
+            ["distributed", "casadi_contact.networks.training", "tests.support.drawn_spheres"]
+        )
+        yield
+
+
+@pytest.fixture
+def cluster(forked):
+    """Four worker processes; a task may end as many of them as the tests kill."""
+    import dask
+
+    settings = {
+        "distributed.scheduler.allowed-failures": 20,
+        "distributed.admin.large-graph-warning-threshold": "1GB",
+        "distributed.comm.timeouts.connect": "10s",  # to one that was killed, 30 s by default
+    }
+    with (
+        dask.config.set(settings),
+        distributed.LocalCluster(
+            n_workers=WORKERS, threads_per_worker=1, processes=True, dashboard_address=None
+        ) as running,
+    ):
+        yield running
+
+
+class Killer:
+    """Kills one worker after another, each time it is called, until `count` are dead."""
+
+    def __init__(self, address, count):
+        self.client, self.left, self.killed = distributed.Client(address, set_as_default=False), count, []
+
+    def __call__(self, *progress):
+        self.kill(lambda: None)
+
+    def kill(self, workers):
+        """One of `workers()`, addresses, that lives; the scheduler starts another for each that is killed."""
+        if not self.left:
+            return
+        for _ in range(PATIENCE):
+            pids = self.client.run(os.getpid, workers=workers(), on_error="ignore").values()
+            fresh = sorted(set(pids) - set(self.killed))
+            if fresh:
+                self.killed.append(fresh[0])
+                os.kill(fresh[0], signal.SIGKILL)
+                self.left -= 1
+                return
+            time.sleep(0.1)
+        raise TimeoutError("no worker was started in the place of those killed, or none is at work")
+
+
+class KillingExecutor:
+    """An executor whose workers are killed at the work that they are given."""
+
+    def __init__(self, executor, killer):
+        self.executor, self.killer = executor, killer
+
+    def submit(self, *task):
+        future = self.executor.submit(*task)
+        self.killer.kill(lambda: [worker for worker, tasks in self.killer.client.processing().items() if tasks])
+        return future
+
+
+class HeldExecutor:
+    """An executor whose workers finish the first tasks, and begin no other while the file `gate` is missing."""
+
+    def __init__(self, executor, free, gate):
+        self.executor, self.free, self.gate = executor, free, gate
+
+    def submit(self, *task):
+        self.free -= 1
+        return self.executor.submit(*task) if self.free >= 0 else self.executor.submit(held, self.gate, *task)
+
+
+def held(gate, work, *given):
+    for _ in range(PATIENCE):
+        if gate.exists():
+            break
+        time.sleep(0.1)
+    return work(*given)
+
+
+def test_ten_killed_workers_do_not_change_a_sample(cluster, tmp_path):
+    with ThreadPoolExecutor(1) as executor:
+        draw(tmp_path / "here.h5", executor)
+    killer = Killer(cluster.scheduler_address, 10)
+    with killer.client, cluster_workers(cluster.scheduler_address) as executor:
+        draw(tmp_path / "there.h5", executor, progress=killer)
+    assert len(set(killer.killed)) == 10
+    assert (tmp_path / "there.h5").read_bytes() == (tmp_path / "here.h5").read_bytes()
+
+
+def test_networks_trained_on_a_cluster_that_loses_a_worker_are_those_of_one_machine(cluster, tmp_path):
+    data = [smooth(seed=seed, name=name) for seed, name in enumerate(("root_med", "Fx/lat"))]
+    settings = TrainingSettings(sizes=((6, 5),), max_gflop=300.0, max_iterations=1000)
+    scheduler_file = tmp_path / "scheduler.json"
+    scheduler_file.write_text(json.dumps({"address": cluster.scheduler_address}))
+    killer = Killer(cluster.scheduler_address, 1)
+    with killer.client, cluster_workers(str(scheduler_file)) as executor:
+        there = fit_all(data, lambda r: settings, KillingExecutor(executor, killer), tmp_path / "checkpoints")
+    here = fit_all(data, lambda r: settings)
+    assert killer.left == 0
+    for name, fit in here.items():
+        np.testing.assert_array_equal(flatten(there[name].network), flatten(fit.network))
+
+
+def test_a_scheduler_without_workers_says_how_to_start_some(monkeypatch):
+    monkeypatch.setattr("casadi_contact.core.workers._CONNECT_S", 1)
+    cluster = distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None)
+    with (
+        cluster,
+        pytest.raises(ConnectionError, match=r"has no workers after 1 s: start some \(dask worker "),
+        cluster_workers(cluster.scheduler_address),
+    ):
+        pass
+
+
+def test_a_lost_scheduler_is_one_line_and_its_samples_are_kept(cluster, tmp_path, caplog):
+    path = tmp_path / "samples.h5"
+
+    def lose(done, total):
+        if done == 3:
+            cluster.close()
+
+    with pytest.raises(ConnectionError, match="was lost: run the same command again"):  # noqa: SIM117
+        with cluster_workers(cluster.scheduler_address) as executor:
+            draw(path, HeldExecutor(executor, 3, tmp_path / "never"), progress=lose)
+    assert not [record for record in caplog.records if record.name == "distributed.client"], "no traceback beside it"
+    assert len(list(partial_folder(path).glob("*.npz"))) >= 3
+    with ThreadPoolExecutor(1) as executor:
+        draw(path, executor)
+        draw(tmp_path / "whole.h5", executor)
+    assert path.read_bytes() == (tmp_path / "whole.h5").read_bytes()
+
+
+def test_an_error_of_the_work_arrives_as_it_is(cluster):
+    with cluster_workers(cluster.scheduler_address) as executor, pytest.raises(ZeroDivisionError):
+        executor.submit(divmod, 1, 0).result()
+
+
+@pytest.mark.parametrize(
+    ("scheduler", "reason"),
+    [
+        ("nowhere.json", "expected an address as tcp://host:8786"),
+        ("other.json", "is no scheduler file"),
+        ("tcp://127.0.0.1:9", "no Dask scheduler answers"),
+    ],
+)
+def test_a_scheduler_that_is_none_is_one_line(scheduler, reason, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "other.json").write_text("[1]")
+    monkeypatch.setattr("casadi_contact.core.workers._CONNECT_S", 1)
+    with pytest.raises((ValueError, ConnectionError), match=reason), cluster_workers(scheduler):
+        pass

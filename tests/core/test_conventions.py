@@ -1,0 +1,94 @@
+"""Rotations, poses and named loads."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from casadi_contact.core.conventions import (
+    angular_velocity_map,
+    as_poses,
+    evenly,
+    finite_numbers,
+    load_selection,
+    rotation,
+)
+
+angles = st.tuples(*[st.floats(-3.0, 3.0)] * 3)
+
+
+def about(axis: int, angle: float) -> np.ndarray:
+    """Elementary rotation about one axis, written out."""
+    c, s = np.cos(angle), np.sin(angle)
+    i, j = [(1, 2), (2, 0), (0, 1)][axis]
+    matrix = np.eye(3)
+    matrix[i, i], matrix[i, j], matrix[j, i], matrix[j, j] = c, -s, s, c
+    return matrix
+
+
+@given(angles)
+def test_rotation_is_the_body_fixed_xyz_product(a):
+    R = rotation(a)
+    np.testing.assert_allclose(R, about(0, a[0]) @ about(1, a[1]) @ about(2, a[2]), atol=1e-14)
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-14)
+    assert np.linalg.det(R) == pytest.approx(1.0)
+
+
+@given(angles, st.integers(0, 2))
+def test_angular_velocity_map_is_the_rate_of_the_rotation(a, axis):
+    h, a = 1e-6, np.array(a)
+    step = h * np.eye(3)[axis]
+    spin = (rotation(a + step) - rotation(a - step)) / (2 * h) @ rotation(a).T
+    omega = np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
+    np.testing.assert_allclose(angular_velocity_map(a)[:, axis], omega, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("poses", "said"),
+    [
+        (np.zeros((3, 5)), r"shape \(3, 5\), expected \(n, 6\)"),
+        (np.zeros(6), r"shape \(6,\)"),
+        ([[0, 0, 0, 0, 0, np.nan]], r"nan at row 0 \(rz\)"),
+        ([[0, np.inf, 0, 0, 0, 0]], r"inf at row 0 \(ty\)"),
+        ([["a", 0, 0, 0, 0, 0]], "not numbers"),
+        (np.zeros((1, 6), complex), r"complex, expected real \(n, 6\)"),
+    ],
+)
+def test_bad_poses_are_refused_with_what_was_got(poses, said):
+    with pytest.raises(ValueError, match=said):
+        as_poses(poses)
+
+
+def test_named_loads_pick_a_patch_or_the_sum():
+    wrenches = np.arange(24.0).reshape(2, 2, 6)
+    S = load_selection(("Fy_med", "Fy_lat", "Fy", "Tz"), ("med", "lat"))
+    loads = np.einsum("lpk,npk->nl", S, wrenches)
+    np.testing.assert_array_equal(loads[:, 0], wrenches[:, 0, 1])
+    np.testing.assert_array_equal(loads[:, 0] + loads[:, 1], loads[:, 2])
+    np.testing.assert_array_equal(loads[:, 3], wrenches[:, :, 5].sum(axis=1))
+    with pytest.raises(ValueError, match=r"unknown load 'Fy_medial'.*Fy_med"):
+        load_selection(("Fy_medial",), ("med", "lat"))
+
+
+@pytest.mark.parametrize("value", ["x", 1j, np.array([1.0 + 1j]), np.nan, [[1.0], [1.0, 2.0]], None, ca.MX.sym("x")])
+def test_what_is_no_finite_number_is_told_from_numbers(value):
+    assert finite_numbers(value) is None
+
+
+def test_numbers_keep_their_shape():
+    assert finite_numbers(2).shape == ()
+    assert finite_numbers(ca.DM([[1.0, 2.0]])).shape == (1, 2)
+
+
+@pytest.mark.parametrize(("count", "most"), [(2, 5), (3, 3), (100, 7)])
+def test_rows_are_spread_from_the_first_to_the_last(count, most):
+    rows = evenly(count, most)
+    assert len(rows) == min(count, most)
+    assert (rows[0], rows[-1]) == (0, count - 1)
+    assert np.ptp(np.diff(rows)) <= 1
+
+
+def test_of_no_rows_none_are_chosen_and_of_one_that():
+    assert evenly(0, 3).tolist() == []
+    assert evenly(1, 3).tolist() == [0]

@@ -1,0 +1,51 @@
+"""A result says what it was measured on, down to the instruction set."""
+
+import pytest
+
+from casadi_contact.core.machine import blas_environment, instruction_set, machine_record
+
+
+@pytest.mark.parametrize(
+    ("flags", "name"),
+    [
+        ("fpu sse2 sse4_2 avx avx2 avx512f", "AVX-512"),
+        ("fpu sse2 sse4_2 avx avx2", "AVX2"),
+        ("fpu sse2 sse4_2", "SSE4.2"),
+        ("fp asimd evtstrm", "NEON"),
+        ("", "unknown"),
+    ],
+)
+def test_the_widest_vector_instructions_are_named(flags, name):
+    assert instruction_set(flags) == name
+
+
+def test_a_record_names_the_flags_that_kernels_are_compiled_with(monkeypatch):
+    monkeypatch.setenv("CASADI_CONTACT_CFLAGS", "-march=x86-64-v2")
+    assert machine_record()["kernel_flags"] == "-march=x86-64-v2"
+    monkeypatch.delenv("CASADI_CONTACT_CFLAGS")
+    record = machine_record()
+    assert record["kernel_flags"] == "-march=native"
+    assert all(isinstance(value, str) and value for value in record.values())
+
+
+AVX512 = "fpu avx2 avx512f avx512bw avx512cd avx512dq avx512vl"
+
+
+@pytest.mark.parametrize(
+    ("vendor", "flags", "chosen"),
+    [
+        ("AuthenticAMD", AVX512, {"OPENBLAS_CORETYPE": "SkylakeX"}),
+        ("AuthenticAMD", "fpu avx2", {}),
+        ("AuthenticAMD", "fpu avx2 avx512f", {}),
+        ("GenuineIntel", AVX512, {}),
+        ("", "", {}),
+    ],
+)
+def test_blas_is_told_of_avx512_where_it_overlooks_it(vendor, flags, chosen, monkeypatch):
+    monkeypatch.delenv("OPENBLAS_CORETYPE", raising=False)
+    assert blas_environment(vendor, flags) == chosen
+
+
+def test_blas_is_as_the_user_chose_it(monkeypatch):
+    monkeypatch.setenv("OPENBLAS_CORETYPE", "Haswell")
+    assert blas_environment("AuthenticAMD", AVX512) == {}

@@ -1,0 +1,150 @@
+"""A quantity's name says what it measures; units, columns, labels, tables and comparisons follow from that."""
+
+import math
+
+import numpy as np
+import pytest
+
+from casadi_contact.core.conventions import POSE_NAMES, POSE_UNITS, WRENCH_NAMES
+from casadi_contact.core.quantities import (
+    AREA,
+    FORCE,
+    KINDS,
+    PRESSURE,
+    TORQUE,
+    beside,
+    newton_scales,
+    of_kind,
+    quantity,
+    three_digits,
+    two_digits,
+)
+from casadi_contact.pictures.report.tables import evaluation_tables
+from casadi_contact.samples.errors import load_errors, rms_by_kind
+from casadi_contact.scenes.joint_cycle import column_names
+from casadi_contact.scenes.opensim.mapping import ColumnMap, loads_table
+from casadi_contact.workflow.benchmark.front_file import Front, Point, read_front, write_front
+
+LOADS = ("Fy_med", "Tz", "peak_pressure_med", "contact_area")  # an implant's outputs beyond forces and torques
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "unit", "column", "patch"),
+    [
+        ("Fy_med", "force", "N", "Fy_med_N", "med"),
+        ("F", "force", "N", "F_N", ""),
+        ("Tx", "torque", "N·mm", "Tx_Nmm", ""),
+        ("peak_pressure_lat", "pressure", "MPa", "peak_pressure_lat_MPa", "lat"),
+        ("contact_area_med_2", "area", "mm²", "contact_area_med_2_mm2", "med_2"),
+        ("rz", "angle", "rad", "rz_rad", ""),
+        ("cop_ap", "length", "mm", "cop_ap_mm", ""),
+        ("penetration_med", "length", "mm", "penetration_med_mm", "med"),
+    ],
+)
+def test_a_name_says_kind_unit_column_and_patch(name, kind, unit, column, patch):
+    found = quantity(name)
+    assert (found.name, found.kind.name, found.unit, found.column, found.patch) == (name, kind, unit, column, patch)
+    assert found.label == f"{name} [{unit}]"
+
+
+def test_no_name_is_read_in_two_ways():
+    for measure in KINDS:
+        assert not [other for other in KINDS if measure.startswith(f"{other}_")]
+        assert quantity(f"{measure}_med").measure == measure
+
+
+@pytest.mark.parametrize("name", ["flexion", "Fq", "Fy_", "", "pressure", "fy_med", "Force"])
+def test_a_name_that_measures_nothing_is_refused_with_those_that_do(name):
+    with pytest.raises(ValueError, match=r"unknown quantity .*expected one of tx, .*peak_pressure"):
+        quantity(name)
+
+
+def test_poses_and_wrenches_have_the_conventions_units():
+    assert POSE_UNITS == ("mm", "mm", "mm", "rad", "rad", "rad")
+    assert [quantity(name).unit for name in WRENCH_NAMES] == ["N"] * 3 + ["N·mm"] * 3
+    assert column_names(LOADS)["peak_pressure_med"] == "peak_pressure_med_MPa"
+    assert column_names(())["ry"] == "ry_rad"
+    assert set(column_names(())) == set(POSE_NAMES)
+
+
+def test_forces_and_torques_compare_by_a_lever_and_nothing_else_does():
+    np.testing.assert_array_equal(newton_scales(("Fx", "Tz", "Fy_med"), 25.0), [1.0, 25.0, 1.0])
+    with pytest.raises(ValueError, match="peak_pressure_med is a pressure, expected forces and torques"):
+        newton_scales(LOADS, 25.0)
+
+
+def test_error_tables_keep_kinds_apart():
+    reference = np.zeros((2, 4))
+    got = np.array([[3.0, 10.0, 0.5, 2.0], [-4.0, 10.0, 0.5, -2.0]])
+    errors = load_errors(LOADS, got, reference)
+    rms = rms_by_kind(errors)
+    assert rms == pytest.approx({"force": math.sqrt(12.5), "torque": 10.0, "pressure": 0.5, "area": 2.0})
+    assert set(rms_by_kind(load_errors(("Fx",), got[:, :1], reference[:, :1]))) == {"force"}
+    content = {
+        "loads": list(LOADS),
+        "teacher": "320×160",
+        "domain_errors": {"patch": {"D1": errors}},
+        "test_samples": {"D1": 2},
+        "walking": {
+            "poses": 2,
+            "fine": "80×40",
+            "converged": "640×320",
+            "models": {
+                "patch": {
+                    "timing": {"low_us": 1.0, "median_us": 2.0, "high_us": 3.0},
+                    "converged": rms,
+                    "fine": rms,
+                }
+            },
+        },
+    }
+    domains, _, walking = evaluation_tables(content)
+    assert [str(column.header) for column in domains.columns][3:] == [
+        *("Fy_med (N)", "Tz (N·mm)", "peak_pressure_med (MPa)", "contact_area (mm²)")
+    ]
+    assert [str(column.header) for column in walking.columns][3:7] == [
+        *("RMS force (N)", "RMS torque (N·mm)", "RMS pressure (MPa)", "RMS area (mm²)")
+    ]
+    assert list(walking.columns[5].cells) == ["0.5"]
+    assert "against EF 640×320" in str(walking.title)
+
+
+def test_the_measured_front_keeps_a_column_in_each_loads_unit(tmp_path):
+    point = Point("patch", "patch", load_rms={"Fy_med": 3.0, "Tz": 10.0, "peak_pressure_med": 0.5, "contact_area": 2.0})
+    header = {"loads": " ".join(LOADS), "scene": "knee", "scene_digest": "0"}
+    write_front(tmp_path / "front.csv", Front(header, (point,)))
+    text = (tmp_path / "front.csv").read_text("utf-8")
+    for column in ("rms_Fy_med_n", "rms_Tz_nmm", "rms_peak_pressure_med_mpa", "rms_contact_area_mm2"):
+        assert column in text
+    (again,) = read_front(tmp_path / "front.csv").points
+    assert again.load_rms == point.load_rms
+    assert (again.rms(FORCE), again.rms(TORQUE)) == (3.0, 10.0)
+    assert (again.rms(PRESSURE), again.rms(AREA)) == (0.5, 2.0)
+    assert of_kind(LOADS, AREA) == ["contact_area"]
+
+
+def test_opensim_tables_hold_pressures_in_pascal_and_areas_in_square_metres():
+    table = loads_table([0.0, 1.0], np.array([[1.0, 1000.0, 2.0, 50.0]] * 2), LOADS, "contact")
+    assert [float(table.column(name)[0]) for name in LOADS] == pytest.approx([1.0, 1.0, 2e6, 5e-5])
+    assert ColumnMap("peak_pressure_med", "peak_pressure_med").curve(table)[0] == pytest.approx(2.0)
+    with pytest.raises(ValueError, match="unit 'N' does not suit contact_area, expected one of m2, mm2"):
+        ColumnMap("area", "contact_area", unit="N")
+
+
+@pytest.mark.parametrize(("value", "limit", "text"), [
+    (2.0, 1.5, "2"), (1.50342, 1.5, "1.503"), (1.5000001, 1.5, "1.5000001"), (1234.6, 1234.5, "1235"),
+    (1.50342, 2.0, "1.5"), (1.5, 1.5, "1.5"), (1823.4, 200.0, "1820"), (math.inf, 1.5, "inf"), (math.nan, 1.5, "nan"),
+])  # fmt: skip
+def test_a_number_above_a_limit_is_told_from_it(value, limit, text):
+    assert beside(value, limit) == text
+
+
+@pytest.mark.parametrize("value", [1.234e-4, 0.0567, 0.94, 9.96, 27.4, 99.6, 101.0, 184.0, 1260.0, -56789.0, 9.4e5])
+def test_two_and_three_digits_of_what_people_measure_have_no_exponent(value):
+    for text, share in ((two_digits(value), 0.05), (three_digits(value), 0.005)):
+        assert set(text) <= set("-.0123456789")
+        assert abs(float(text) - value) <= share * 10.0 ** math.floor(math.log10(abs(value)))
+
+
+def test_two_digits_of_what_is_hardly_anything_have_one():
+    assert [two_digits(value) for value in (0.0, 3.21e-9, math.inf)] == ["0", "3.2e-09", "inf"]

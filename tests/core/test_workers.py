@@ -1,0 +1,140 @@
+"""Work in several processes: a script needs no guard, a killed worker is one line, a killed parent leaves nobody."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from casadi_contact.core.workers import worker_pool
+
+SCRIPT = """
+import os, sys, time
+from casadi_contact.core.workers import worker_pool
+
+print("ran", flush=True)
+
+def square(x):
+    return x * x
+
+with worker_pool() as workers:
+    print(sum(workers.map(square, range(5))), flush=True)
+    if "wait" in sys.argv:
+        print(workers.submit(os.getpid).result(), flush=True)
+        workers.submit(time.sleep, 600).result()
+"""
+
+
+@pytest.fixture
+def script(tmp_path):
+    path = tmp_path / "unguarded.py"
+    path.write_text(SCRIPT)
+    return path
+
+
+def test_a_script_without_a_main_guard_runs_once_and_simply_works(script):
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["ran", "30"]
+
+
+def test_workers_have_the_variables_that_their_matrix_products_ask_for(monkeypatch):
+    monkeypatch.setattr("casadi_contact.core.workers.blas_environment", lambda: {"OPENBLAS_CORETYPE": "Nehalem"})
+    with worker_pool() as workers:
+        assert workers.submit(os.getenv, "OPENBLAS_CORETYPE").result() == "Nehalem"
+    assert os.environ.get("OPENBLAS_CORETYPE") != "Nehalem"
+
+
+def test_a_killed_worker_is_one_line():
+    with pytest.raises(ChildProcessError, match="a worker process was killed") as error, worker_pool() as workers:
+        workers.submit(os._exit, 9).result()
+    assert "\n" not in str(error.value)
+
+
+def test_work_that_is_left_by_an_error_is_not_ended_first(tmp_path):
+    done = tmp_path / "done"
+
+    def leave():
+        with worker_pool() as workers:
+            workers.submit(os.getpid).result()
+            workers.submit(lambda: (time.sleep(120.0), done.touch()))
+            raise RuntimeError("left")
+
+    with pytest.raises(RuntimeError, match="left"):
+        leave()
+    assert not done.exists()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="kills as POSIX does")
+def test_workers_end_when_their_parent_is_killed(script):
+    with subprocess.Popen([sys.executable, script, "wait"], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        worker = int([process.stdout.readline() for _ in range(3)][-1])
+        process.send_signal(signal.SIGKILL)
+    for _ in range(600):
+        if not alive(worker):
+            return
+        time.sleep(0.1)
+    pytest.fail("the worker lives on")
+
+
+def alive(process):
+    try:
+        os.kill(process, 0)
+        with open(f"/proc/{process}/stat") as stat:
+            return stat.read().rsplit(")")[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_an_error_in_a_worker_reaches_the_caller_as_it_is():
+    with pytest.raises(ZeroDivisionError), worker_pool() as workers:
+        workers.submit(divmod, 1, 0).result()
+
+
+ENDED_BY_AN_ERROR = """
+import time
+from casadi_contact.core.workers import cancelled_if_left, worker_pool
+
+with worker_pool() as workers:
+    futures = [workers.submit(time.sleep, 0.1) for _ in range(40)]
+    with cancelled_if_left(workers, futures):
+        futures[0].result()
+        raise SystemExit("the disc is full")
+"""
+
+
+def test_a_pool_that_an_error_ends_says_nothing_of_the_work_that_waited():
+    """A command's own line is told, and no traceback of a thread before it."""
+    done = subprocess.run([sys.executable, "-c", ENDED_BY_AN_ERROR], capture_output=True, text=True, check=False)
+    assert done.stderr.strip() == "the disc is full"
+
+
+TERMINATED = """
+import os, signal, time
+from rich.console import Console
+from casadi_contact.core.terminal import new_app, progress_bars, run_app
+from casadi_contact.core.workers import worker_pool
+
+app = new_app(add_completion=False)
+
+@app.command()
+def work() -> None:
+    with progress_bars(Console()), worker_pool() as workers:
+        workers.submit(os.getpid).result()
+        workers.submit(time.sleep, 600)
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(600)
+
+run_app(app, "work", [])
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="kills as POSIX does")
+def test_a_command_that_is_terminated_ends_with_its_workers_in_one_line():
+    """As by Ctrl-C; killed under their parent, the workers' library warned of what was left."""
+    done = subprocess.run([sys.executable, "-c", TERMINATED], capture_output=True, text=True, check=False, timeout=60)
+    assert done.stdout.split("\n")[0] == "interrupted: run the same command again to go on"
+    assert done.stderr == ""
+    assert done.returncode == 130

@@ -1,0 +1,59 @@
+"""Files are whole or absent; what stood there stays where writing fails; links are replaced, pipes refused."""
+
+import os
+import stat
+
+import pytest
+
+from casadi_contact.core.files.writing import replacing, write_text
+
+posix = pytest.mark.skipif(os.name != "posix", reason="pipes and permissions as POSIX has them")
+
+
+@posix
+def test_a_pipe_or_folder_is_refused_and_kept(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "folder").mkdir()
+    for name in ("pipe", "folder"):
+        with pytest.raises(OSError, match=name):
+            write_text(tmp_path / name, "text")
+    assert stat.S_ISFIFO((tmp_path / "pipe").stat().st_mode)
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+@posix
+@pytest.mark.parametrize("before", ["old", None])
+def test_a_link_is_replaced_and_what_it_points_to_kept(tmp_path, before):
+    old, link = tmp_path / "old", tmp_path / "link"
+    if before:
+        old.write_text(before)
+    link.symlink_to(old)
+    write_text(link, "new")
+    assert (link.read_text(), link.is_symlink()) == ("new", False)
+    assert (old.read_text() if old.exists() else None) == before
+
+
+@posix
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o444])
+def test_who_may_read_a_file_stays_as_it_was(tmp_path, mode):
+    path = tmp_path / "own.txt"
+    write_text(path, "before")
+    path.chmod(mode)
+    write_text(path, "after")
+    assert path.read_text() == "after"
+    assert path.stat().st_mode & 0o777 == mode
+
+
+def test_a_failed_block_leaves_the_file_as_it_was(tmp_path):
+    path = tmp_path / "result.json"
+    path.write_text("before")
+
+    def fail():
+        with replacing(path) as temporary:
+            temporary.write_bytes(b"half")
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail()
+    assert path.read_text() == "before"
+    assert list(tmp_path.iterdir()) == [path]

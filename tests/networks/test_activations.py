@@ -1,0 +1,159 @@
+"""An activation is one record: value and derivatives are the same in NumPy, training, CasADi, C and autograd."""
+
+import math
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from casadi_contact.networks.activations import ACTIVATIONS, Activation, activation_of
+from casadi_contact.networks.graph import network_value
+from casadi_contact.networks.network import Network
+from casadi_contact.networks.training.arrays import NumpyArrays
+from casadi_contact.networks.training.mlp import Mlp
+from casadi_contact.networks.training.settings import TrainingSettings
+from casadi_contact.networks.training.weights import flatten, initial_network
+from casadi_contact.scenes.loading import load_scene
+from tests.support.agreement import close
+from tests.support.compiler import needs_compiler
+from tests.support.random_surrogates import random_poses, random_surrogate
+from tests.support.regressions import smooth
+from tests.support.second_derivatives import second_derivatives
+
+torch = pytest.importorskip("torch", reason="its autograd is the oracle")
+
+
+def _arctan(xp, z, order):
+    slope = 1.0 / (1.0 + (0.5 * math.pi) ** 2 * z * z)
+    value = (2.0 / math.pi) * (xp.atan if hasattr(xp, "atan") else xp.arctan)(0.5 * math.pi * z)
+    return (value, slope, -2.0 * (0.5 * math.pi) ** 2 * z * slope * slope)[: order + 1]
+
+
+ARCTAN = Activation(
+    _arctan,
+    lambda xp, a: xp.cos(0.5 * math.pi * a) ** 2,
+    f"""\
+const double t = {0.5 * math.pi!r} * z;
+value = {2.0 / math.pi!r} * atan(t);
+slope = 1.0 / (1.0 + t * t);
+curvature = {-2.0 * (0.5 * math.pi) ** 2!r} * z * slope * slope;""",
+)
+
+
+@pytest.fixture(params=[*ACTIVATIONS, "arctan"])
+def name(request, monkeypatch):
+    """The library's own activations, and (2/π)·arctan(πz/2), which is only this record."""
+    if request.param == "arctan":
+        monkeypatch.setitem(ACTIVATIONS, "arctan", ARCTAN)
+    return request.param
+
+
+def autograd(function, z):
+    """Value and two derivatives of an elementwise function in torch."""
+    z = torch.tensor(z, dtype=torch.float64, requires_grad=True)
+    value = function(z)
+    (slope,) = torch.autograd.grad(value.sum(), z, create_graph=True)
+    (curvature,) = torch.autograd.grad(slope.sum(), z)
+    return value.detach().numpy(), slope.detach().numpy(), curvature.numpy()
+
+
+def test_the_record_s_formulas_are_each_other_s_derivatives(name):
+    z = np.linspace(-6.0, 6.0, 241)
+    record = activation_of(name)
+    want = autograd(lambda x: record.derivatives(torch, x, 0)[0], z)
+    symbol = ca.MX.sym("z", len(z))
+    in_casadi = ca.Function("sigma", [symbol], list(record.derivatives(ca, symbol, 2)))(z)
+    for got, also, oracle in zip(record.derivatives(np, z, 2), in_casadi, want, strict=True):
+        np.testing.assert_allclose(got, oracle, rtol=1e-11, atol=1e-13)
+        np.testing.assert_allclose(also.full().ravel(), oracle, rtol=1e-11, atol=1e-13)
+    np.testing.assert_allclose(record.slope_from_value(np, want[0]), want[1], rtol=1e-9, atol=1e-12)
+    for order in range(3):
+        assert len(record.derivatives(np, z, order)) == order + 1
+
+
+def test_the_oracles_are_the_textbook_formulas(name):
+    z = np.linspace(-6.0, 6.0, 241)
+    textbook = {
+        "algebraic": z / np.hypot(1.0, z),
+        "tanh": np.tanh(z),
+        "arctan": np.arctan(0.5 * np.pi * z) / (0.5 * np.pi),
+    }
+    np.testing.assert_allclose(activation_of(name).derivatives(np, z, 0)[0], textbook[name], rtol=1e-14, atol=1e-15)
+
+
+@needs_compiler
+def test_numpy_graph_and_kernel_agree_on_a_surrogate(name):
+    surrogate = random_surrogate(load_scene("sphere_on_plane"), "two_stage", name, seed=2)
+    graph, kernel = surrogate.function(), surrogate.function(compiled=True)
+    assert kernel.class_name() == "External"
+    poses, weights = random_poses(6), np.arange(1.0, 1.0 + graph.numel_out(0))
+    assert np.abs(surrogate(poses)).max() > 0.0
+    pairs = [(f, f.jacobian(), second_derivatives(f)) for f in (graph, kernel)]
+    for x in poses:
+        value, slopes = surrogate.jacobian(x)
+        for f, jacobian, _ in pairs:
+            close(f(x).full().ravel(), value, 10)
+            close(jacobian(x, 0).full(), slopes, 9)
+        close(pairs[0][2](x, weights).full(), pairs[1][2](x, weights).full(), 9)
+
+
+def test_the_graph_s_hessian_is_autograd_s(name):
+    rng = np.random.default_rng(0)
+    network = Network(
+        np.zeros(3),
+        np.ones(3),
+        (rng.normal(size=(5, 3)), rng.normal(size=(1, 5))),
+        (rng.normal(size=5), rng.normal(size=1)),
+        activation=name,
+    )
+    first, last = (torch.tensor(w) for w in network.weights)
+    bias = torch.tensor(network.biases[0])
+
+    def in_torch(x):
+        return (last @ activation_of(name).derivatives(torch, first @ x + bias, 0)[0]).sum()
+
+    x, symbol = rng.normal(size=3), ca.MX.sym("x", 3)
+    hessian = ca.Function("hessian", [symbol], [network_value(network, symbol, 2).hessian])(x).full()
+    close(hessian, torch.autograd.functional.hessian(in_torch, torch.tensor(x)).numpy(), 10)
+
+
+def test_training_has_its_jacobian(name):
+    """Columns of J, one for each parameter, against central differences of the residuals."""
+    data, step = smooth(30), 1e-5
+    network = initial_network(data.inputs, data.targets, (4, 3), name, seed=3)
+    mlp, parameters = Mlp(network, data.inputs, data.targets, data.weights, 0.0, NumpyArrays()), flatten(network)
+    mlp.accept(mlp.evaluate(parameters, solve_output=False)[0])
+    for column, shift in enumerate(step * np.eye(len(parameters))):
+        ends = [mlp.weighted_residuals(parameters + way * shift) for way in (1.0, -1.0)]
+        close(mlp.jacobian(slice(None))[:, column], (ends[0] - ends[1]) / (2.0 * step), 5)
+
+
+def test_an_unknown_activation_is_refused_everywhere():
+    network = initial_network(smooth().inputs, smooth().targets, (3,), "tanh", seed=0)
+    with pytest.raises(ValueError, match="unknown activation 'relu', expected one of algebraic, tanh"):
+        Network(network.input_shift, network.input_scale, network.weights, network.biases, activation="relu")
+    with pytest.raises(ValueError, match="unknown activation 'relu'"):
+        TrainingSettings(activation="relu")
+
+
+def test_a_network_without_layers_or_with_a_scale_of_zero_is_refused():
+    layers = {"weights": (np.ones((1, 2)),), "biases": (np.zeros(1),)}
+    with pytest.raises(ValueError, match=r"1 layers has input scales \[1.0, 0.0\], expected .* no scale of 0"):
+        Network(np.zeros(2), np.array([1.0, 0.0]), **layers)
+    with pytest.raises(ValueError, match=r"0 layers .* expected at least one layer"):
+        Network(np.zeros(2), np.ones(2), (), ())
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_network_with_weights_that_are_not_finite_is_refused(value):
+    network = initial_network(smooth().inputs, smooth().targets, (3,), "tanh", seed=0)
+    for where in ("weights", "biases", "input_scale", "output_scale"):
+        parts = {k: getattr(network, k) for k in ("input_shift", "input_scale", "weights", "biases", "output_scale")}
+        if where == "output_scale":
+            parts[where] = value
+        else:
+            bad = parts[where][0].copy() if where != "input_scale" else parts[where].copy()
+            bad.flat[0] = value
+            parts[where] = bad if where == "input_scale" else (bad, *parts[where][1:])
+        with pytest.raises(ValueError, match="NaN or infinity"):
+            Network(**parts)

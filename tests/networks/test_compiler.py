@@ -1,0 +1,268 @@
+"""The cache of compiled kernels: made once, safe against races and damage, and never in the way."""
+
+import ctypes
+import os
+import re
+import shlex
+import subprocess
+import sys
+import warnings
+from functools import partial
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.core import compiler
+from casadi_contact.core.compiler import warn_once
+from casadi_contact.scenes.loading import load_scene
+from tests.support.compiler import needs_compiler
+from tests.support.random_surrogates import random_poses, random_surrogate
+
+SOURCE = "int answer(void) { return 42; }\n"
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    folder = tmp_path / "new" / "home" / "cache"  # nothing of it is there yet
+    monkeypatch.setenv(compiler.CACHE_VARIABLE, str(folder))
+    return folder
+
+
+@pytest.fixture
+def surrogate():
+    return random_surrogate(load_scene("sphere_on_plane"), "patch")
+
+
+@needs_compiler
+def test_the_same_source_is_compiled_once(cache):
+    first = compiler.shared_library(SOURCE)
+    made = first.stat().st_mtime_ns
+    assert compiler.shared_library(SOURCE) == first
+    assert first.stat().st_mtime_ns == made
+    other = compiler.shared_library(SOURCE.replace("42", "43"))
+    assert {path.name for path in cache.iterdir()} == {first.name, other.name}
+
+
+@needs_compiler
+def test_an_environment_variable_chooses_the_instruction_set_and_each_choice_is_kept(cache, monkeypatch):
+    """The compiler names in its macros what it was asked for; the cache tells libraries apart by it."""
+    source = """
+    int answer(void) {
+    #ifdef WANTED
+      return WANTED;
+    #else
+      return 0;
+    #endif
+    }
+    """
+    answers = {}
+    for flags in (None, "", "-DWANTED=1", "-DWANTED=2 -O1"):
+        monkeypatch.delenv(compiler.CFLAGS_VARIABLE, raising=False)
+        if flags is not None:
+            monkeypatch.setenv(compiler.CFLAGS_VARIABLE, flags)
+        library = compiler.shared_library(source)
+        assert compiler.shared_library(source) == library
+        answers[library] = ctypes.CDLL(str(library)).answer()
+    assert list(answers.values()) == [0, 0, 1, 2]
+
+
+@needs_compiler
+def test_flags_that_the_compiler_refuses_are_an_error_not_replaced(cache, monkeypatch):
+    monkeypatch.setenv(compiler.CFLAGS_VARIABLE, "-march=no-such-processor")
+    with pytest.raises(compiler.CompilerError, match="failed"):
+        compiler.shared_library(SOURCE)
+
+
+@needs_compiler
+@pytest.mark.parametrize("damage", [b"", b"half"])
+def test_a_damaged_library_is_made_again(cache, damage):
+    library = compiler.shared_library(SOURCE)
+    good = library.read_bytes()
+    library.write_bytes(damage and good[: len(good) // 2])
+    again = compiler.shared_library(SOURCE)
+    assert again.read_bytes() == good
+    assert list(cache.iterdir()) == [again]
+
+
+@needs_compiler
+def test_processes_that_compile_at_once_all_get_a_whole_library(cache, surrogate):
+    code = (
+        "import sys; sys.path.insert(0, '')\n"
+        "from tests.support.random_surrogates import random_surrogate, random_poses\n"
+        "from casadi_contact.scenes import load_scene\n"
+        "s = random_surrogate(load_scene('sphere_on_plane'), 'patch')\n"
+        "f = s.function(compiled=True)\n"
+        "print(f.class_name(), repr(float(f(random_poses(1)[0])[0])))"
+    )
+    processes = [
+        subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, env=os.environ)
+        for _ in range(3)
+    ]
+    answers = {process.communicate()[0].strip() for process in processes}
+    assert all(process.returncode == 0 for process in processes)
+    (answer,) = answers
+    kind, value = answer.split()
+    assert kind == "External"
+    np.testing.assert_allclose(float(value), surrogate(random_poses(1))[0, 0], rtol=1e-12, atol=1e-12)
+    assert not [path for path in cache.iterdir() if path.name.startswith(".")]
+
+
+@needs_compiler
+def test_a_cache_that_cannot_be_written_is_not_needed(tmp_path, monkeypatch, surrogate):
+    blocked = tmp_path / "file"
+    blocked.write_text("no folder")
+    monkeypatch.setenv(compiler.CACHE_VARIABLE, str(blocked / "cache"))
+    function = surrogate.function(compiled=True)
+    assert function.class_name() == "External"
+    np.testing.assert_allclose(function(random_poses(1)[0]).full().ravel(), surrogate(random_poses(1))[0], rtol=1e-12)
+
+
+@pytest.mark.parametrize("cc", ["no-such-compiler", "false"])
+def test_without_a_working_compiler_one_warning_and_the_same_results(cache, monkeypatch, surrogate, cc):
+    monkeypatch.setenv("CC", cc)
+    warn_once.cache_clear()
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        functions = [surrogate.function(compiled=True) for _ in range(3)]
+        batch = surrogate.function(compiled=True, batch=5)
+    assert [w.category for w in told] == [RuntimeWarning]
+    assert "CasADi graph" in str(told[0].message)
+    poses = random_poses(5)
+    for function in functions:
+        assert function.class_name() != "External"
+        np.testing.assert_allclose(function(poses[0]).full().ravel(), surrogate(poses)[0], rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(batch(poses.T).full().T, surrogate(poses), rtol=1e-12, atol=1e-9)
+
+
+@needs_compiler
+@pytest.mark.skipif(os.name != "posix", reason="needs a shell")
+def test_a_compiler_may_say_what_is_no_text(cache, tmp_path, monkeypatch):
+    """Messages name folders, in the bytes that they are called by, or are in a language of another encoding."""
+    says = tmp_path / "says"
+    says.write_text(
+        f'#!/bin/sh\nprintf "in \\374ber: a note\\n" >&2\nexec {shlex.join(compiler.compiler_command())} "$@"\n'
+    )
+    says.chmod(0o700)
+    monkeypatch.setenv("CC", str(says))
+    assert compiler.shared_library(SOURCE).is_file()
+    monkeypatch.setenv(compiler.CFLAGS_VARIABLE, "-no-such-flag")
+    with pytest.raises(compiler.CompilerError, match=r"failed: .*no-such-flag"):  # and not the note before the error
+        compiler.shared_library(SOURCE)
+
+
+@needs_compiler
+@pytest.mark.skipif(os.name != "posix", reason="needs a shell")
+def test_a_library_for_another_machine_is_one_warning_and_the_same_results(cache, tmp_path, monkeypatch, surrogate):
+    """A cross compiler's library cannot be loaded, nor can any from a disc that is mounted without programs."""
+    crossed = tmp_path / "crossed"  # compiles, then names another machine in byte 18 of the library's header
+    crossed.write_text(
+        f'#!/bin/sh\n{shlex.join(compiler.compiler_command())} "$@" || exit\n'
+        'for word; do test "$last" = -o && printf "\\000" | dd of="$word" bs=1 seek=18 conv=notrunc 2>&-; '
+        "last=$word; done; exit 0\n"
+    )
+    crossed.chmod(0o700)
+    monkeypatch.setenv("CC", str(crossed))
+    warn_once.cache_clear()
+    with pytest.warns(RuntimeWarning, match=r"cannot be loaded .*expected a compiler for this machine") as told:
+        function = surrogate.function(compiled=True)
+    assert "\n" not in str(told[0].message)
+    assert not list(cache.iterdir()), "what cannot be loaded is not kept"
+    pose = random_poses(1)[0]
+    np.testing.assert_allclose(function(pose).full().ravel(), surrogate(pose[None])[0], rtol=1e-12, atol=1e-9)
+
+
+@needs_compiler
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such names")
+def test_a_cache_whose_name_is_no_text_is_one_warning_and_the_same_results(tmp_path, monkeypatch, surrogate):
+    """CasADi opens libraries by text, and ended with an error of the system's loader."""
+    monkeypatch.setenv(compiler.CACHE_VARIABLE, os.fsdecode(os.fsencode(tmp_path) + b"/caf\xe9"))
+    warn_once.cache_clear()
+    with pytest.warns(RuntimeWarning, match="no text in this locale"):
+        function = surrogate.function(compiled=True)
+    pose = random_poses(1)[0]
+    np.testing.assert_allclose(function(pose).full().ravel(), surrogate(pose[None])[0], rtol=1e-12, atol=1e-9)
+
+
+@pytest.fixture
+def refused(cache):
+    """No library comes out of the cache as it is, and the reason is one line."""
+
+    def check(message):
+        with pytest.raises(compiler.CompilerError, match=message) as error:
+            compiler.shared_library(SOURCE)
+        assert "\n" not in str(error.value)
+
+    return check
+
+
+@needs_compiler
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only the superuser can give files away")
+def test_a_cache_or_library_of_another_user_is_refused(cache, refused):
+    library = compiler.shared_library(SOURCE)
+    os.chown(library, 65534, 65534)
+    refused("belongs to user 65534")
+    os.chown(library, 0, 0)
+    os.chown(cache, 65534, 65534)
+    refused("belongs to user 65534")
+    os.chown(cache, 0, 0)
+    os.chown(cache.parent, 65534, 65534)
+    refused("where another user can replace it")
+
+
+@needs_compiler
+@pytest.mark.skipif(os.name != "posix", reason="mode bits are POSIX")
+def test_a_cache_that_others_can_write_is_refused(cache, refused):
+    cache.mkdir(parents=True)
+    for mode in (0o777, 0o1777, 0o770):
+        cache.chmod(mode)
+        refused("can be written by other users")
+    cache.chmod(0o755)
+    cache.parent.chmod(0o777)
+    refused("where another user can replace it")
+    cache.parent.chmod(0o1777)  # sticky, like /tmp: only the owner can rename
+    assert compiler.shared_library(SOURCE).stat().st_mode & 0o077 == 0
+
+
+@needs_compiler
+def test_a_library_that_others_could_have_changed_is_made_again(cache):
+    library = compiler.shared_library(SOURCE)
+    library.chmod(0o777)
+    assert compiler.shared_library(SOURCE) == library
+    assert library.stat().st_mode & 0o022 == 0
+
+
+@needs_compiler
+def test_a_folder_or_a_link_in_place_of_a_library_is_refused(cache, refused, tmp_path):
+    library = compiler.shared_library(SOURCE)
+    elsewhere = library.rename(tmp_path / "elsewhere")
+    library.symlink_to(elsewhere)
+    refused("is a folder or a link")
+    library.unlink()
+    library.mkdir()
+    refused("is a folder or a link")
+
+
+@pytest.mark.parametrize("variable", ["CC", compiler.CFLAGS_VARIABLE])
+@needs_compiler
+def test_an_unbalanced_quote_in_a_variable_is_one_line(cache, monkeypatch, refused, variable):
+    monkeypatch.setenv(variable, "gcc '-O2")
+    refused("No closing quotation")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("batch", [0, -3, 2.5, 2.0, True, "3", float("nan")])
+def test_a_batch_that_is_no_number_of_poses_is_refused(surrogate, batch, compiled):
+    foundation = cc.PolarFoundation(cc.load_scene("knee"), cc.contact.Rays(8, 3))
+    several = partial(foundation.function, parameters="thickness")
+    for function in (surrogate.function, surrogate.load_and_root_function, foundation.root_function, several):
+        with pytest.raises(ValueError, match=re.escape(f"batch is {batch!r}, expected a whole number of 1 or more")):
+            function(compiled=compiled, batch=batch)
+
+
+@pytest.mark.parametrize("batch", [np.int64(3), 3])
+def test_a_batch_of_any_kind_of_whole_number_gives_so_many_poses(surrogate, batch):
+    for compiled in (True, False):
+        assert surrogate.function(compiled=compiled, batch=batch).size1_in(0) == 6
+        assert surrogate.function(compiled=compiled, batch=batch).size2_in(0) == 3

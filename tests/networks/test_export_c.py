@@ -1,0 +1,172 @@
+"""Exported C, compiled without warnings, gives the same numbers."""
+
+import re
+import shutil
+import subprocess
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact import load_surrogate
+from casadi_contact.contact.cells.basis import Cells
+from casadi_contact.contact.cells.foundation import CellFoundation
+from casadi_contact.contact.polar.foundation import PolarFoundation
+from casadi_contact.core.compiler import compiler_command
+from casadi_contact.scenes.loading import load_scene
+from casadi_contact.scenes.scene import Scene
+from tests.support.compiler import needs_compiler
+from tests.support.random_surrogates import IN_PARTS, random_poses, random_surrogate, scene_called
+from tests.support.second_derivatives import second_derivatives
+
+
+@needs_compiler
+@pytest.mark.parametrize("structure", ["patch", "two_stage"])
+@pytest.mark.parametrize("activation", ["algebraic", "tanh"])
+def test_compiled_c_equals_numpy(structure, activation, tmp_path):
+    surrogate = random_surrogate(load_scene("knee"), structure, activation, seed=6)
+    poses = random_poses(40, seed=3)
+    written = surrogate.export_c(tmp_path, example_pose=poses[0])
+    names = {path.name for path in written}
+    assert names == {p.name for p in tmp_path.iterdir()}
+    assert {"knee_contact.h", "knee_contact.c", "example.c", "Makefile"} <= names
+    command = [
+        *compiler_command(),
+        "-std=c99",
+        "-O1",
+        "-Wall",
+        "-Wextra",
+        "-pedantic",
+        "-Werror",
+        "-o",
+        str(tmp_path / "example"),
+    ]
+    sources = [str(path) for path in written if path.suffix == ".c" and not path.stem.endswith("_mex")]
+    subprocess.run([*command, *sources, "-lm"], check=True, capture_output=True, text=True)
+
+    text = "\n".join(" ".join(f"{x:.17g}" for x in pose) for pose in poses)
+    result = subprocess.run([tmp_path / "example"], input=text, check=True, capture_output=True, text=True).stdout
+    rows = result.split("\n")
+    values, jacobians = surrogate.jacobian(poses)
+    hessian, weights = second_derivatives(surrogate.function()), np.ones(len(surrogate.load_names))
+    for i, (pose, value, jacobian) in enumerate(zip(poses, values, jacobians, strict=True)):
+        block = [np.array(row.split(), dtype=float) for row in rows[14 * i : 14 * i + 14]]
+        np.testing.assert_allclose(block[0], value, rtol=1e-12, atol=1e-12 * np.abs(value).max())
+        np.testing.assert_allclose(np.stack(block[1:8]), jacobian, rtol=1e-9, atol=1e-12 * np.abs(jacobian).max())
+        want = hessian(pose, weights).full()
+        np.testing.assert_allclose(np.stack(block[8:]), want, rtol=1e-9, atol=1e-12 * np.abs(want).max())
+
+    demo = subprocess.run([tmp_path / "example", "demo"], check=True, capture_output=True, text=True).stdout
+    assert [line.split()[0] for line in demo.splitlines()] == list(surrogate.load_names)
+    np.testing.assert_allclose([float(line.split()[1]) for line in demo.splitlines()], values[0], atol=1e-6)
+
+
+def in_parts():
+    return random_surrogate(scene_called(IN_PARTS), "patch", seed=6), random_poses(1)[0]
+
+
+def cells():
+    model = CellFoundation(load_scene("sphere_on_plane"), Cells(2.0, 2.0))
+    return model, model.example_pose()
+
+
+@needs_compiler
+@pytest.mark.parametrize("made", [in_parts, cells])
+def test_code_that_casadi_generates_is_linked_with_the_exported_files(made, tmp_path, monkeypatch):
+    """All compiled functions of a model are called by their names there, in one program, with their derivatives."""
+    monkeypatch.chdir(tmp_path)  # where Function.generate writes
+    (model, at), pose, inputs = made(), ca.MX.sym("pose", 6), ca.MX.sym("inputs", 4)
+    name, given = model.export_name, ca.vertcat(pose, inputs)
+    outputs = [
+        model.function(name=name, compiled=True)(pose),
+        model.root_function(name=f"{name}_root_loads", compiled=True)(pose),
+        *model.load_and_root_function(name=f"{name}_loads_and_roots", compiled=True)(pose),
+    ]
+    if made is cells:
+        parameters = ("youngs_modulus", "thickness", "fixed_ty", "fixed_rz")
+        outputs.append(model.function(name=name, parameters=parameters)(pose, inputs))
+    both = ca.vertcat(*outputs)
+    cost = ca.sumsqr(both * np.linspace(1.0, 2.0, both.numel()))
+    mine = ca.Function("mine", [pose, inputs], [both, ca.gradient(cost, given), ca.hessian(cost, given)[0]])
+    mine.generate("mine.c")
+    sources = ["mine.c"]
+    for path in model.export_c(tmp_path):
+        if path.suffix == ".c" and path.stem in (name, f"{name}_patch_wrenches"):
+            sources.append(path.name)
+    command = [*compiler_command(), "-O0", "-shared", "-fPIC", "-Wno-psabi", *sources, "-o", "mine.so", "-lm"]
+    subprocess.run(command, check=True, capture_output=True, text=True)
+    linked = ca.external("mine", str(tmp_path / "mine.so"))
+    at = at, [450.0, 6.5, 0.01, 0.002]
+    for got, want in zip(linked(*at), mine(*at), strict=True):
+        np.testing.assert_allclose(got.full(), want.full(), rtol=1e-9, atol=1e-9 * np.abs(want.full()).max())
+        assert want.full().any()
+
+
+@needs_compiler
+@pytest.mark.parametrize("kind", ["surrogate", "foundation"])
+def test_code_for_many_poses_does_not_call_the_exported_function_of_one(kind, tmp_path, monkeypatch):
+    """Linked with it, it would take the first pose for all: it calls for another name, which no linker finds there."""
+    monkeypatch.chdir(tmp_path)
+    model = load_surrogate("knee") if kind == "surrogate" else PolarFoundation(load_scene("sphere_on_plane"))
+    poses, name = ca.MX.sym("poses", 6, 3), model.export_name
+    loads = model.function(name=name, compiled=True, batch=3)(poses)
+    ca.Function("mine", [poses], [loads, ca.jacobian(ca.vec(loads), ca.vec(poses))]).generate("mine.c")
+    calls = set(re.findall(rf"\w*{name}(?=\()", (tmp_path / "mine.c").read_text()))
+    assert calls == {f"map3_{name}", f"jac_map3_{name}"}
+
+
+@needs_compiler
+@pytest.mark.skipif(shutil.which("make") is None, reason="no make found")
+@pytest.mark.parametrize("loads", [["Fy", "Tx"], ["Fy"]])  # with and without ratio networks
+def test_makefile_builds_the_example(loads, tmp_path):
+    random_surrogate(load_scene("sphere_on_plane"), "patch").export_c(tmp_path, name="ball", loads=loads)
+    built = subprocess.run(
+        ["make", "-C", str(tmp_path), f"CC={compiler_command()[0]}"], check=True, capture_output=True, text=True
+    )
+    assert "warning" not in built.stdout + built.stderr
+    demo = subprocess.run([tmp_path / "example", "demo"], check=True, capture_output=True, text=True).stdout
+    assert [line.split()[0] for line in demo.splitlines()] == loads
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["not-a-c-name", "int", "main", "class", "example", "linear", "dense", "work_of", "dense_pose", "BATCH", "sinf"],
+)
+def test_bad_name_is_refused(name, tmp_path):
+    surrogate = random_surrogate(load_scene("sphere_on_plane"), "patch")
+    with pytest.raises(ValueError, match="not usable"):
+        surrogate.export_c(tmp_path, name=name)
+    assert not list(tmp_path.iterdir())
+
+
+@needs_compiler
+def test_a_compiled_function_is_not_named_as_what_its_c_is_made_of():
+    surrogate = random_surrogate(load_scene("sphere_on_plane"), "patch")
+    for model in (surrogate, cc.foundation("sphere_on_plane")):
+        for name in ("linear", "block_diagonal", "memset", "NAN"):
+            with pytest.raises(ValueError, match=f"'{name}' is not usable, C or the C of contact models has it"):
+                model.function(name=name, compiled=True)
+    assert surrogate.function(name="example", compiled=True).name() == "example"
+
+
+@pytest.mark.parametrize(
+    ("pose", "said"), [([0.5, 27.0], r"shape \(1, 2\), expected \(n, 6\)"), ([np.nan] * 6, r"nan at row 0 \(tx\)")]
+)
+def test_a_pose_that_c_could_not_hold_is_refused_before_anything_is_written(pose, said, tmp_path):
+    surrogate = random_surrogate(load_scene("sphere_on_plane"), "patch")
+    with pytest.raises(ValueError, match=said):
+        surrogate.export_c(tmp_path, example_pose=pose)
+    with pytest.raises(ValueError, match=said):
+        surrogate.export_fmu(tmp_path / "ball.fmu", start=pose)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["my-knee.2", "ball--on__plane-"])
+def test_what_is_exported_has_a_name_that_c_takes(name, tmp_path):
+    """Scenes may hold '-' and '.' in their names; what is built of them is exported long after."""
+    tables = {**load_scene("sphere_on_plane").tables, "name": name}
+    written = random_surrogate(Scene.from_tables(tables), "patch").export_c(tmp_path)
+    stem = next(path.stem for path in written if path.suffix == ".h")
+    assert stem.isidentifier()
+    assert "__" not in stem

@@ -1,0 +1,179 @@
+"""Every function of an exported model gives Python's numbers, and a status that says whether the pose was learned."""
+
+import ctypes
+import re
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.contact.cells.foundation import CellFoundation
+from casadi_contact.core.compiler import compiler_command
+from casadi_contact.core.quantities import quantity
+from tests.support.agreement import close
+from tests.support.compiler import needs_compiler
+from tests.support.random_surrogates import IN_PARTS, random_poses, random_surrogate, scene_called
+from tests.support.random_trust import random_trust
+
+OK, OUTSIDE, NOT_FINITE = range(3)
+pytestmark = [needs_compiler, pytest.mark.skipif(shutil.which("make") is None, reason="no make found")]
+
+
+class Exported:
+    """The functions of a model's shared library, built by its own makefile."""
+
+    def __init__(self, model, folder, **keywords):
+        model.export_c(folder, name="joint", **keywords)
+        flags = "CFLAGS=-O1 -Wall -Wextra -Wno-psabi"  # the makefile's -O3 takes long
+        command = ["make", "-C", str(folder), "joint.so", f"CC={compiler_command()[0]}", flags]
+        built = subprocess.run(command, check=True, capture_output=True, text=True)
+        assert "warning" not in built.stderr
+        self.library, self.header = ctypes.CDLL(str(folder / "joint.so")), (folder / "joint.h").read_text()
+        self.loads, self.patches = len(model.load_names), len(model.patch_names)
+
+    def __call__(self, function, pose, *outputs):
+        """Status, and the arrays that were filled in."""
+        arrays = [np.full(output, 7.0) if isinstance(output, tuple) else np.array(output, float) for output in outputs]
+        pose = np.array(pose, dtype=float)
+        pointers = [a.ctypes.data_as(ctypes.c_void_p) for a in (pose, *arrays)]
+        return getattr(self.library, f"joint_{function}")(*pointers), *arrays
+
+    def all_of(self, pose):
+        status, loads = self("loads", pose, (self.loads,))
+        same, again, jacobian = self("jacobian", pose, (self.loads,), (self.loads, 6))
+        other, roots, slopes = self("roots", pose, (self.patches,), (self.patches, 6))
+        last, validity, errors = self("trust", pose, (1,), (self.loads,))
+        assert status == same == other == last
+        np.testing.assert_allclose(again, loads, rtol=1e-9)
+        return status, loads, jacobian, roots, slopes, validity[0], errors
+
+
+@pytest.mark.parametrize(("scene", "structure"), [("knee", "patch"), (IN_PARTS, "patch"), ("knee", "two_stage")])
+def test_an_exported_surrogate_gives_loads_roots_validity_and_expected_error_and_says_what_was_learned(
+    scene, structure, tmp_path
+):
+    made = random_surrogate(scene_called(scene), structure)
+    size = 800.0 if structure == "two_stage" else 1.0
+    trust = random_trust(len(made.patch_names), len(made.load_names), confirmation=size > 1.0, root_size=size)
+    surrogate = type(made)(made.scene, made.networks, made.record, trust)
+    exported = Exported(surrogate, tmp_path)
+    poses, weights = random_poses(30), np.linspace(1.0, 2.0, len(surrogate.load_names))
+    poses[0] = trust.centres[0] * trust.scales
+    for pose in poses:
+        status, *got = exported.all_of(pose)
+        wanted = (*surrogate.jacobian(pose), *surrogate.root_loads(pose))
+        for number, want in zip(got, (*wanted, surrogate.validity(pose), surrogate.expected_error(pose)), strict=True):
+            close(number, want, 8)
+        assert status == (OK if surrogate.validity(pose) >= 0.5 else OUTSIDE)
+        close(exported("hessian", pose, weights, (6, 6))[2], surrogate.hessian(pose, weights), 8)
+    assert exported.all_of(poses[0] * [1e-3, 1e-3, 1e-3, 1.0, 1.0, 1.0])[0] == OUTSIDE, "a pose in metres"
+    status, *numbers = exported.all_of([0.0, np.nan, 0.0, 0.0, 0.0, 0.0])
+    assert status == NOT_FINITE
+    assert all(np.isnan(number).all() for number in numbers)
+
+
+def test_loads_that_were_not_calibrated_have_no_expected_error(tmp_path):
+    """Wrench components of a patch can be asked for by name; here the other patch has no part in any load."""
+    surrogate, names = cc.load_surrogate("knee"), ["Fy_med", "Fz_med"]
+    exported = Exported(surrogate, tmp_path, loads=names)
+    pose = np.array(surrogate.example_pose())
+    status, loads = exported("loads", pose, (2,))
+    assert status == OK
+    close(loads, surrogate(pose, names), 8)
+    errors = exported("trust", pose, (1,), (2,))[2]
+    close(errors[0], surrogate.expected_error(pose)[0], 8)
+    assert np.isnan(errors[1])
+
+
+def test_the_shipped_knee_starts_from_a_learned_pose_and_refuses_one_in_metres(tmp_path):
+    exported = Exported(cc.load_surrogate("knee"), tmp_path)
+    assert "tx [mm]" in exported.header
+    assert "Fy_med [N]" in exported.header
+    assert "Tz [Nmm]" in exported.header
+    subprocess.run(["make", "-C", str(tmp_path), f"CC={compiler_command()[0]}"], check=True, capture_output=True)
+    demo = subprocess.run([tmp_path / "example", "demo"], capture_output=True, text=True, check=True)
+    name, load, unit, *_ = demo.stdout.split()
+    assert (name, unit) == ("Fy_med", "N")
+    assert -2000.0 < float(load) < -10.0
+    metres = "0.0005 0.02723 0.0001 0 -0.05 -0.3"
+    told = subprocess.run([tmp_path / "example"], input=metres, capture_output=True, text=True)
+    assert told.returncode == 1
+    assert told.stderr.startswith("pose out of the model's range (validity of at least 1/2)")
+    for arguments, given, said in ((metres.split(), "", "got the argument 0.0005"), ([], "1 2 3", "pose of 3 numbers")):
+        wrong = subprocess.run([tmp_path / "example", *arguments], input=given, capture_output=True, text=True)
+        assert wrong.returncode == 2
+        assert said in wrong.stderr
+
+
+def test_without_calibration_the_sampled_range_decides_and_without_that_nothing_does(tmp_path):
+    made = random_surrogate(scene_called("sphere_on_plane"), "patch")
+    ranges = {name: [-40.0, 40.0] for name in ("tx", "ty", "tz", "rx", "ry", "rz")}
+    ranged = Exported(type(made)(made.scene, made.networks, {"pose_range": ranges}), tmp_path / "ranged")
+    unknown = Exported(made, tmp_path / "unknown")
+    for pose, status in (([0.0, 39.0, 0.0, 0.0, 0.0, 0.0], OK), ([0.0, 41.0, 0.0, 0.0, 0.0, 0.0], OUTSIDE)):
+        assert ranged.all_of(pose)[0] == status
+        assert unknown.all_of(pose)[0] == OK
+        assert np.isnan(unknown.all_of(pose)[-1]).all()
+    assert "within its sampled range" in ranged.header
+    assert "pressures none" in ranged.header
+    assert not hasattr(ranged.library, "joint_pressures")
+    assert "never calibrated" in unknown.header
+
+
+@pytest.mark.parametrize("scene", ["knee", "hip", "sphere_on_plane"])
+def test_an_exported_foundation_gives_its_loads_and_refuses_what_no_layer_can_bear(scene, tmp_path):
+    # Cubic cells, which the sphere gets here, keep their tables in a file of their own.
+    model = CellFoundation(cc.load_scene(scene)) if scene == "sphere_on_plane" else cc.foundation(scene)
+    pole = model.scene.geometry.get("cup_pole", (0.0, -1.0, 0.0))
+    away = np.array([*(np.negative(pole) / np.linalg.norm(pole)), 0.0, 0.0, 0.0])
+    nearest = model.scene.start_pose + np.outer(np.linspace(30.0, -30.0, 601), away)
+    pressed = nearest[np.flatnonzero(model.gaps(nearest).min(axis=1) < -0.1)[0]]
+    exported = Exported(model, tmp_path, example_pose=pressed)
+    status, *got, validity, errors = exported.all_of(pressed)
+    assert status == OK
+    for number, want in zip(got, (*model.jacobian(pressed), *model.root_loads(pressed)), strict=True):
+        close(number, want, 8)
+    assert np.isnan(validity)
+    assert np.isnan(errors).all()
+    assert_pressures_are_python_s(exported, model, [pressed, pressed + 0.05 * away, pressed + 20.0 * away])
+    weights = np.ones(len(model.load_names))
+    close(exported("hessian", pressed, weights, (6, 6))[2], model.hessian(pressed, weights), 8)
+    assert exported.all_of(pressed - 10.0 * away)[0] == OUTSIDE
+    for distance in (1e3, 1e50, 1e155, 1e300):  # squares of the last two are no numbers
+        status, *numbers = exported.all_of(pressed + distance * away)[:5]
+        assert status == (OK if distance < 1e100 else OUTSIDE)
+        assert status == OUTSIDE or all(np.isfinite(array).all() for array in numbers)
+    if scene == "knee":
+        assert re.search(r"\d+ rays x \d points", exported.header)
+        metres = [0.0005, 0.02723, 0.0001, 0.0, -0.05, -0.3]
+        assert exported.all_of(metres)[0] == OUTSIDE, "the surfaces have passed through each other"
+    if scene == "hip":
+        for way in (-away[:3], np.array([1.0, 0.0, 0.0])):
+            behind = np.array([*(model.scene.geometry["cup_centre"] + 30.0 * way), 0.0, 0.0, 0.0])
+            assert -4.0 < model.gaps(behind)[0] < 0.0, "presses the cup from behind, and but a little"
+            assert exported.all_of(behind)[0] == OUTSIDE
+
+
+def test_an_exported_foundation_without_caps_compiles_without_warnings(tmp_path):
+    model = cc.foundation("patellofemoral")
+    start = model.scene.start_pose
+    close(Exported(model, tmp_path)("loads", start, (len(model.load_names),))[1], model(start), 8)
+
+
+def assert_pressures_are_python_s(exported, model, poses):
+    """Pressures of poses, the last of them out of contact."""
+    count = len(model.pressure_names)
+    listed = " ".join(exported.header.replace("*", "").split())
+    assert ", ".join(f"{name} [{quantity(name).kind.plain_unit}]" for name in model.pressure_names) in listed
+    for pose in poses:
+        status, found = exported("pressures", pose, (count,))
+        assert status == OK
+        np.testing.assert_allclose(found, model.pressures(pose)[0], rtol=1e-12, atol=1e-12)  # symmetry gives zeros
+    centres = np.array(["cop" in name for name in model.pressure_names])
+    assert np.isnan(found[centres]).all()
+    assert not found[~centres].any()
+    status, found = exported("pressures", [0.0, np.inf, 0.0, 0.0, 0.0, 0.0], (count,))
+    assert status == NOT_FINITE
+    assert np.isnan(found).all()

@@ -1,0 +1,236 @@
+"""Compiled kernels: torch = NumPy = kernel in values and both derivatives, everywhere a pose may go."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from casadi_contact.core.conventions import rotation
+from casadi_contact.networks.activations import ACTIVATIONS
+from casadi_contact.scenes.loading import load_scene
+from casadi_contact.surrogate.load import load_surrogate
+from tests.support.agreement import CANCELLED, agree, usual_size
+from tests.support.compiler import needs_compiler
+from tests.support.meshes import ball_mesh, scene_of, sheet_mesh
+from tests.support.random_surrogates import (
+    IN_PARTS,
+    POSE_CENTRE,
+    POSE_SPREAD,
+    random_poses,
+    random_surrogate,
+    scene_called,
+)
+from tests.support.second_derivatives import by_hessians, by_jacobian_of_jacobian, evaluated
+
+torch_oracle = pytest.importorskip("tests.support.torch_oracle", reason="torch is not installed", exc_type=ImportError)
+pytestmark = needs_compiler
+
+CASES = [(scene, structure) for scene in ("knee", "sphere_on_plane") for structure in ("patch", "two_stage")]
+CASES += [("hip", "patch"), ("patellofemoral", "patch"), (IN_PARTS, "patch")]  # N as a magnitude, N = +Fx
+
+
+def far_poses(count: int) -> np.ndarray:
+    """Poses from inside to a hundred times outside the random surrogates' range."""
+    reach = np.geomspace(0.5, 100.0, count)[:, None]
+    return POSE_CENTRE + reach * POSE_SPREAD * np.random.default_rng(4).uniform(-1.0, 1.0, (count, 6))
+
+
+def at_liftoff(surrogate, poses: np.ndarray) -> np.ndarray:
+    """Poses moved along ty to where the first patch just touches, and a hair to both sides."""
+    low, high = poses.copy(), poses.copy()
+    low[:, 1], high[:, 1] = POSE_CENTRE[1] - 3.0, POSE_CENTRE[1] + 3.0
+    sign = np.sign(surrogate.root_loads(low)[0][:, 0])
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        same = (np.sign(surrogate.root_loads(middle)[0][:, 0]) == sign)[:, None]
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    hair = np.array([0.0, 1e-6, 0.0, 0.0, 0.0, 0.0])
+    return np.vstack([low, high, low - hair, high + hair])
+
+
+@pytest.mark.parametrize("activation", ACTIVATIONS)
+@pytest.mark.parametrize(("scene", "structure"), CASES)
+def test_kernel_equals_numpy_and_torch(scene, structure, activation):
+    surrogate = random_surrogate(scene_called(scene), structure, activation, seed=3)
+    touching = at_liftoff(surrogate, random_poses(1, seed=2))
+    if scene == IN_PARTS:  # in the very kink rounding decides which bears, and so the curvature
+        touching = touching[2:]
+    poses = np.vstack([random_poses(6, seed=1), far_poses(5), touching])
+    function = surrogate.load_and_root_function(compiled=True)
+    called = [function, *(function.get_function(name) for name in function.get_function())]
+    assert called[-1].class_name() == "External"  # the parts' root loads are put together around it
+    pose = ca.MX.sym("pose", 6)
+    # The root of two_stage turns by a right angle within 0.05 N, where rounding errors of the forces count for more.
+    stiff = 1e3 if structure == "two_stage" else 1.0
+    for what, in_numpy, amplified in (
+        ("loads", surrogate(poses), 1.0),
+        ("roots", surrogate.root_loads(poses)[0], stiff),
+    ):
+        single = ca.Function(what, [pose], [function(pose)[what == "roots"]])
+        weights = np.random.default_rng(5).normal(size=in_numpy.shape)
+        found = evaluated(single, poses, weights)
+        agree(found[0], in_numpy, amplified=amplified)
+        wanted = torch_oracle.oracles(surrogate, poses, weights, loads=what == "loads")
+        for order, (got, want) in enumerate(zip(found, wanted, strict=True)):
+            agree(got, want, order, amplified=amplified)
+
+
+@pytest.mark.usefixtures("as_shipped")
+@pytest.mark.parametrize("structure", ["patch", "two_stage"])
+def test_loads_and_roots_together_and_single_loads(structure):
+    surrogate, pose, poses = (
+        random_surrogate(load_scene("knee"), structure, seed=8),
+        ca.MX.sym("pose", 6),
+        random_poses(8),
+    )
+    for loads in (["Fy_lat"], ["Tx", "Fy_med"]):
+        kernel, graph = (
+            ca.Function("f", [pose], [ca.vertcat(*surrogate.load_and_root_function(loads, compiled=compiled)(pose))])
+            for compiled in (True, False)
+        )
+        weights = np.random.default_rng(2).normal(size=(len(poses), graph.numel_out(0)))
+        wanted = evaluated(graph, poses, weights)
+        for order, (got, want) in enumerate(zip(evaluated(kernel, poses, weights), wanted, strict=True)):
+            agree(got, want, order)
+
+
+@pytest.mark.usefixtures("as_shipped")
+@pytest.mark.parametrize("structure", ["patch", "two_stage"])
+@pytest.mark.parametrize("batch", [33])
+def test_batches_equal_single_calls(structure, batch):
+    surrogate = random_surrogate(load_scene("knee"), structure, seed=9)
+    poses = random_poses(batch, seed=6)
+    function = surrogate.load_and_root_function(compiled=True, batch=batch)
+    values, roots = function(poses.T)
+    agree(values.full().T, surrogate(poses))
+    agree(roots.full().T, surrogate.root_loads(poses)[0])
+    loads = surrogate.function(compiled=True, batch=batch)
+    jacobian = loads.jacobian()(poses.T, 0)
+    assert jacobian.nnz() == batch * 6 * values.shape[0]
+    whole = jacobian.full().reshape(batch, values.shape[0], batch, 6)
+    agree(whole[range(batch), :, range(batch)], surrogate.jacobian(poses)[1], 1)
+
+    pose = ca.MX.sym("pose", 6 * batch)
+    hessians = [
+        ca.Function("h", [pose], [ca.hessian(ca.sumsqr(f(ca.reshape(pose, 6, batch))), pose)[0]])
+        for f in (loads, surrogate.function(batch=batch))
+    ]
+    got, want = (hessian(poses.ravel()) for hessian in hessians)
+    assert got.nnz() == 36 * batch
+    agree(got.full()[None, None], want.full()[None, None], 2)
+
+
+@pytest.mark.parametrize(("scene", "structure"), [*CASES[:3], (IN_PARTS, "patch")])
+def test_the_jacobian_of_the_jacobian_is_the_hessian_of_every_output(scene, structure):
+    """Loads and roots together, and either alone, against the graph."""
+    surrogate, poses = random_surrogate(scene_called(scene), structure, seed=3), random_poses(4, seed=1)
+    want = by_hessians(surrogate.load_and_root_function(), poses)
+    together = by_jacobian_of_jacobian(surrogate.load_and_root_function(compiled=True), poses)
+    (loads,) = by_jacobian_of_jacobian(surrogate.function(compiled=True), poses)
+    (roots,) = by_jacobian_of_jacobian(surrogate.root_function(compiled=True), poses)
+    stiff = 1e3 if structure == "two_stage" else 1.0
+    for got in (together, (loads, roots)):
+        agree(got[0], want[0], 2)
+        agree(got[1], want[1], 2, amplified=stiff)
+
+
+@pytest.mark.usefixtures("as_shipped")
+def test_the_jacobian_of_the_jacobian_of_a_shipped_kernel_is_every_load_s_hessian():
+    knee = load_surrogate("knee")
+    low, high = np.array(list(knee.record["pose_range"].values())).T
+    poses = low + (high - low) * np.random.default_rng(1).random((10, 6))
+    (got,) = by_jacobian_of_jacobian(knee.function(compiled=True), poses)
+    (want,) = by_hessians(knee.function(), poses)
+    agree(got, want, 2)
+
+
+def test_second_derivatives_of_a_batch_are_each_pose_s_own():
+    surrogate, batch = random_surrogate(load_scene("knee"), "patch", seed=9), 3
+    poses, pose = random_poses(batch, seed=6), ca.MX.sym("pose", 6, batch)
+    for kind in ("function", "root_function"):
+        single, several = (getattr(surrogate, kind)(compiled=True, batch=count) for count in (None, batch))
+        output = several(pose)
+        second = ca.Function("second", [pose], [ca.jacobian(ca.jacobian(output, pose), pose)])(poses.T)
+        rows = output.shape[0]
+        assert second.nnz() == batch * 36 * rows
+        by_pose = second.full().reshape(batch, 6, batch, rows, batch, 6)  # a column and a row of the Jacobian, a pose
+        i = np.arange(batch)
+        agree(by_pose[i, :, i, :, i].swapaxes(1, 2), by_jacobian_of_jacobian(single, poses)[0], 2)
+
+
+def test_second_derivatives_are_nan_where_the_pose_is_not_a_number():
+    function = random_surrogate(load_scene("knee"), "patch", seed=9).function(compiled=True)
+    (tensor,) = by_jacobian_of_jacobian(function, [[0.0, np.nan, 0.0, 0.0, 0.0, 0.0]])
+    assert np.isnan(tensor).all()
+
+
+def test_batches_map_over_threads():
+    surrogate = random_surrogate(load_scene("knee"), "patch", seed=9)
+    poses = random_poses(4 * 40, seed=6)
+    mapped = surrogate.function(compiled=True, batch=40).map(4, "thread")
+    agree(mapped(poses.T).full().T, surrogate(poses))
+
+
+@pytest.mark.usefixtures("as_shipped")
+@pytest.mark.parametrize("name", ["knee", "knee_two_stage"])
+def test_ready_surrogates_agree_in_and_beyond_their_range(name):
+    surrogate = load_surrogate(name)
+    low, high = np.array(list(surrogate.record["pose_range"].values())).T
+    rng = np.random.default_rng(1)
+    inside = low + (high - low) * rng.random((200, 6))
+    edges = np.where(rng.random((60, 6)) < 0.5, low, high)
+    beyond = 0.5 * (low + high) + 1.5 * (high - low) * rng.uniform(-1.0, 1.0, (100, 6))
+    function = surrogate.function(compiled=True, batch=360)
+    poses = np.vstack([inside, edges, beyond])
+    values, jacobians = surrogate.jacobian(poses)
+    amplified = CANCELLED[surrogate.structure]
+    agree(function(poses.T).full().T, values, amplified=amplified)
+    single, few = surrogate.function(compiled=True), poses[::9]
+    jacobian = single.jacobian()
+    agree([single(pose).full().ravel() for pose in few], values[::9], 0, usual_size(values), amplified)
+    agree([jacobian(pose, 0).full() for pose in few], jacobians[::9], 1, usual_size(jacobians), amplified)
+
+
+@pytest.mark.usefixtures("as_shipped")
+def test_no_pose_however_far_gives_nan():
+    surrogate = load_surrogate("knee")
+    function = surrogate.function(compiled=True)
+    for reach in (1e3, 1e6, 1e20, 1e200, 1e300):
+        for pose in reach * np.random.default_rng(3).uniform(-1.0, 1.0, (5, 6)):
+            assert np.isfinite(function(pose).full()).all()
+            assert np.isfinite(function.jacobian()(pose, 0).full()).all()
+
+
+def pressed_parts(surrogate, poses: np.ndarray) -> np.ndarray:
+    """How many parts (n,) of a surrogate are pressed: a part's root load is its network's at x = (t + R a, r)."""
+    turned = rotation(poses[:, 3:])
+    roots = [
+        surrogate.networks[f"root_{part.name}"].value(
+            np.column_stack([poses[:, :3] + turned @ part.anchor_mm, poses[:, 3:]])
+        )
+        for part in surrogate.scene.parts
+    ]
+    return (np.column_stack(roots) > 0.0).sum(axis=1)
+
+
+@pytest.mark.usefixtures("as_shipped")
+def test_however_many_parts_are_pressed_the_kernel_equals_numpy():
+    """Networks of parts are evaluated four or two at a time, and those that are left over one by one."""
+    surrogate, pose = random_surrogate(scene_called(IN_PARTS), "patch", seed=5), ca.MX.sym("pose", 6)
+    poses = random_poses(5000, seed=7)
+    pressed = pressed_parts(surrogate, poses)
+    poses = np.vstack([poses[pressed == count][:3] for count in range(5)])
+    assert len(poses) == 15
+    compiled, graph = (surrogate.function(compiled=compiled) for compiled in (True, False))
+    slopes = ca.Function("slopes", [pose], [ca.jacobian(graph(pose), pose)])
+    agree([compiled(each).full().ravel() for each in poses], surrogate(poses))
+    jacobian = compiled.jacobian()
+    agree([jacobian(each, 0).full() for each in poses], [slopes(each).full() for each in poses], 1)
+
+
+@pytest.mark.parametrize("name", ["kernel", "guarded", "roots", "which"])
+def test_a_patch_may_be_called_as_the_kernel_calls_its_own(name, tmp_path):
+    scene = scene_of(tmp_path, ball_mesh(8.0, 2.0), sheet_mesh(8.0, 4.0), extra=f"[geometry.patches.{name}]\n")
+    surrogate, poses = random_surrogate(scene, "patch", seed=3), random_poses(5, seed=1)
+    function = surrogate.function(compiled=True)
+    assert function.class_name() == "External", "a graph takes the place of a kernel that does not compile"
+    agree([function(each).full().ravel() for each in poses], surrogate(poses))

@@ -1,0 +1,158 @@
+"""Checkpoints of a fit: what a kill costs, and which files are gone on from."""
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from casadi_contact.networks.training import search
+from casadi_contact.networks.training.fit import fit
+from casadi_contact.networks.training.settings import TrainingSettings
+from casadi_contact.networks.training.weights import flatten
+from tests.support.regressions import FIXED, smooth
+
+GROWING = TrainingSettings(sizes=((2,), (4,), (5, 5), (6, 6, 6)), max_iterations=160)
+
+
+class KilledError(Exception):
+    pass
+
+
+def kill_after(iterations):
+    count = 0
+
+    def progress(*_):
+        nonlocal count
+        count += 1
+        if count == iterations:
+            raise KilledError
+
+    return progress
+
+
+@pytest.mark.parametrize("save_s", [0.0, 1000.0])
+@pytest.mark.parametrize("limit", [{}, {"max_iterations": None, "max_gflop": 0.15}])
+def test_kill_and_resume_is_as_if_nothing_happened(tmp_path, save_s, limit):
+    settings = replace(GROWING, checkpoint_every_s=save_s, **limit)
+    whole, path = fit(smooth(), settings), tmp_path / "a.npz"
+    for iterations in (1, 33, 50):
+        with pytest.raises(KilledError):
+            fit(smooth(), settings, path, kill_after(iterations))
+    resumed = fit(smooth(), settings, path)
+    np.testing.assert_array_equal(flatten(resumed.network), flatten(whole.network))
+    for column in ("training_rms", "validation_rms", "size"):
+        np.testing.assert_array_equal(resumed.history[column], whole.history[column])
+    np.testing.assert_array_equal(resumed.history["gflop"], whole.history["gflop"])
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_finished_fit_comes_from_its_checkpoint(tmp_path, monkeypatch):
+    path = tmp_path / "a.npz"
+    first = fit(smooth(), FIXED, path)
+    monkeypatch.setattr(search.Search, "iterate", None)
+    again = fit(smooth(), FIXED, path)
+    np.testing.assert_array_equal(flatten(first.network), flatten(again.network))
+    assert again.stop_reason == first.stop_reason
+    assert (again.gflop, again.cpu_s) == (first.gflop, first.cpu_s)
+
+
+def test_more_iterations_continue_a_finished_fit(tmp_path):
+    path = tmp_path / "a.npz"
+    fit(smooth(), FIXED, path)
+    longer = replace(FIXED, max_iterations=70)
+    np.testing.assert_array_equal(flatten(fit(smooth(), longer, path).network), flatten(fit(smooth(), longer).network))
+
+
+def test_a_damaged_checkpoint_starts_again_with_a_warning(tmp_path, caplog):
+    path = tmp_path / "a.npz"
+    whole = fit(smooth(), FIXED, path)
+    path.write_bytes(path.read_bytes()[:-3000])
+    with caplog.at_level(logging.WARNING):
+        again = fit(smooth(), FIXED, path)
+    assert [record.message.split(" (")[0] for record in caplog.records] == [f"checkpoint {path} is damaged"]
+    np.testing.assert_array_equal(flatten(whole.network), flatten(again.network))
+
+
+@pytest.mark.parametrize("harm", ["lost", "short", "not finite"])
+def test_a_checkpoint_of_this_fit_that_it_cannot_go_on_from_starts_again_with_a_warning(tmp_path, caplog, harm):
+    path = tmp_path / "a.npz"
+    whole = fit(smooth(), FIXED, path)
+    content = dict(np.load(path))
+    weights = content.pop("lm_parameters")
+    changed = {"lost": {}, "short": {"lm_parameters": weights[:3]}, "not finite": {"lm_parameters": np.nan * weights}}
+    np.savez(path, **content, **changed[harm])
+    with caplog.at_level(logging.WARNING):
+        again = fit(smooth(), FIXED, path)
+    assert [record.message.split(" (")[0] for record in caplog.records] == [f"checkpoint {path} is damaged"]
+    np.testing.assert_array_equal(flatten(whole.network), flatten(again.network))
+
+
+@pytest.mark.parametrize("other", [{"seed": 1}, {"sizes": ((5, 5),)}, {"activation": "tanh"}])
+def test_a_checkpoint_of_other_settings_is_refused_and_kept(tmp_path, other):
+    path = tmp_path / "a.npz"
+    fit(smooth(), FIXED, path)
+    content = path.read_bytes()
+    with pytest.raises(ValueError, match="belongs to other data or settings"):
+        fit(smooth(), replace(FIXED, **other), path)
+    with pytest.raises(ValueError, match="belongs to other data or settings"):
+        fit(smooth(seed=1), FIXED, path)
+    assert path.read_bytes() == content
+
+
+def rounded_otherwise(regression):
+    """As another processor may compute the same data."""
+    rng, ulp = np.random.default_rng(0), np.finfo(float).eps
+    moved = {
+        name: getattr(regression, name) * (1.0 + 2.0 * ulp * rng.integers(-1, 2, np.shape(getattr(regression, name))))
+        for name in ("inputs", "targets", "weights")
+    }
+    return replace(regression, **moved)
+
+
+def test_a_fit_goes_on_on_a_machine_that_rounds_its_data_otherwise(tmp_path):
+    path = tmp_path / "a.npz"
+    first = fit(smooth(), FIXED, path)
+    again = fit(rounded_otherwise(smooth()), FIXED, path)
+    np.testing.assert_array_equal(flatten(first.network), flatten(again.network))
+
+
+def test_so_does_one_that_goes_on_from_another(tmp_path):
+    """The scales of the first one's network, found again, come of data that are rounded otherwise."""
+    ended = []
+    for regression, tolerance in ((smooth(), 1e-9), (rounded_otherwise(smooth()), np.nextafter(1e-9, 1.0))):
+        first = fit(regression, FIXED, tmp_path / "a.npz")
+        onward = replace(regression, tolerance=float(tolerance))
+        ended.append(fit(onward, FIXED, tmp_path / "b.npz", start=first.network))
+    one, other = (flatten(each.network) for each in ended)
+    np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("name", ["inputs", "targets", "weights"])
+@pytest.mark.parametrize("change", ["a row", "their order"])
+def test_a_checkpoint_of_hardly_other_data_is_refused(tmp_path, name, change):
+    path, values = tmp_path / "a.npz", getattr(smooth(), name).copy()
+    fit(smooth(), FIXED, path)
+    values[[7, 8]] = values[[8, 7]] if change == "their order" else 1.001 * values[[7, 8]]
+    with pytest.raises(ValueError, match="belongs to other data or settings"):
+        fit(replace(smooth(), **{name: values}), FIXED, path)
+
+
+def test_foreign_and_newer_files_are_refused(tmp_path):
+    path = tmp_path / "a.npz"
+    np.savez(path, something=np.ones(3))
+    with pytest.raises(ValueError, match="is not a checkpoint"):
+        fit(smooth(), FIXED, path)
+    np.savez(path, format=[3, 3], digest="x")
+    with pytest.raises(ValueError, match="is not a checkpoint"):
+        fit(smooth(), FIXED, path)
+    fit(smooth(), FIXED, own := tmp_path / "own.npz")
+    np.savez(path, **{**np.load(own), "sums": np.full(np.load(own)["sums"].shape, "x")})
+    with pytest.raises(ValueError, match="belongs to other data"):
+        fit(smooth(), FIXED, path)
+    np.savez(path, format=99, digest="x")
+    with pytest.raises(ValueError, match="format 99"):
+        fit(smooth(), FIXED, path)
+    np.savez(path, format=1, digest="x")
+    with pytest.raises(ValueError, match="format 1, expected 4, of a later version; delete it"):
+        fit(smooth(), FIXED, path)

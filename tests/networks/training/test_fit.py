@@ -1,0 +1,288 @@
+"""Whole fits: what ends them, what is kept, and what bad data gets."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from casadi_contact.networks.network import Regression
+from casadi_contact.networks.training.arrays import NumpyArrays
+from casadi_contact.networks.training.fit import fit
+from casadi_contact.networks.training.mlp import Mlp
+from casadi_contact.networks.training.settings import TrainingSettings
+from casadi_contact.networks.training.weights import flatten, initial_network
+from tests.support.regressions import FIXED, smooth
+
+GROWING = TrainingSettings(sizes=((2,), (4,), (5, 5), (6, 6, 6)), max_iterations=160)
+
+
+def sizes_in_order(result, settings):
+    return [settings.sizes[k] for k in dict.fromkeys(result.history["size"])]
+
+
+def test_the_error_reached_ends_a_fit():
+    data = smooth(tolerance=2.0)
+    result = fit(data, FIXED)
+    assert result.stop_reason == "error reached"
+    assert result.rms <= 2.0
+    assert result.validation_rms <= 2.0
+    assert len(result.history["gflop"]) < 40
+    weighted = data.weights * (result.network.value(data.inputs) - data.targets)
+    assert result.rms == pytest.approx(np.sqrt(np.mean(weighted[~data.validation] ** 2)))
+    assert result.parameter_count == result.network.parameter_count == (4 * 6) + (7 * 5) + 6
+
+
+def test_a_domain_of_few_rows_that_is_off_does_not_hide_behind_the_many_that_are_not():
+    """One row in twenty errs four times as much as the tolerance: too few to be seen in the error of all rows."""
+    rng = np.random.default_rng(0)
+    x = rng.uniform(-1.0, 1.0, (2000, 2))
+    rare = np.arange(2000) % 20 == 7
+    targets = np.where(rare, 0.4 * np.sin(4.0 * x[:, 1]) + 0.1, 0.0)
+    validation = rng.random(2000) < 0.25
+    inputs = np.column_stack([x, rare])
+    pooled = Regression("rare", inputs, targets, np.ones(2000), validation, tolerance=0.1)
+    by_domain = replace(pooled, domain=np.where(rare, 2, 1))
+
+    def rare_rms(network):
+        return np.sqrt(np.mean(pooled.residuals(network)[rare & validation] ** 2))
+
+    assert rare_rms(fit(pooled, FIXED).network) > 0.2
+    result = fit(by_domain, FIXED)
+    assert result.stop_reason == "error reached"
+    assert rare_rms(result.network) <= 0.1
+
+
+def test_iterations_end_a_fit():
+    result = fit(smooth(), FIXED)
+    assert result.stop_reason == "iteration limit"
+    assert len(result.history["training_rms"]) == 40
+
+
+def test_the_budget_ends_a_fit():
+    result = fit(smooth(), replace(FIXED, max_gflop=1e-9, max_iterations=None))
+    assert result.stop_reason == "budget used"
+    assert len(result.history["training_rms"]) == 1
+
+
+def test_a_budget_counts_operations_so_that_a_busy_machine_gives_the_same_weights():
+    """Growth and restarts too go by work: nothing but the data, the settings and the budget shapes the result."""
+    settings = replace(GROWING, max_gflop=0.15, max_iterations=None)
+    quiet = fit(smooth(), settings)
+    seen = 0
+
+    def held_up(*_):  # a thief of CPU time at every fifth iteration
+        nonlocal seen
+        seen += 1
+        if seen % 5 == 0:
+            smooth(20_000)
+
+    busy = fit(smooth(), settings, progress=held_up)
+    assert quiet.stop_reason == busy.stop_reason == "budget used"
+    assert len(sizes_in_order(quiet, settings)) > 1
+    np.testing.assert_array_equal(flatten(quiet.network), flatten(busy.network))
+    assert quiet.gflop == busy.gflop >= 0.15
+
+
+def test_work_is_two_operations_for_each_row_and_weight_that_a_product_visits():
+    """An evaluation with its small least-squares problem, a gradient, a product with JᵀJ and JᵀJ itself, by hand."""
+    data = smooth(100)
+    network = initial_network(data.inputs, data.targets, (4,), "tanh", 0)
+    mlp = Mlp(network, data.inputs, data.targets, data.weights, 0.0, NumpyArrays())
+    weights = 4 * 4 + 5
+    parameters, _ = mlp.evaluate(flatten(network))
+    assert mlp.flop == 2 * 100 * weights + 2 * 100 * 5**2
+    mlp.accept(parameters)
+    assert mlp.flop == 6 * 100 * weights + 2 * 100 * 5**2
+    before = mlp.flop
+    mlp.gram_product(parameters)
+    assert mlp.flop - before == 4 * 100 * weights
+    mlp.gram()
+    assert mlp.flop - before == 4 * 100 * weights + 100 * weights**2
+
+
+def noise(rows=60):
+    """Nothing to learn: a large network learns the training rows by heart, and validation must suffer."""
+    rng = np.random.default_rng(2)
+    validation = np.arange(rows) % 2 == 0
+    return Regression("noise", rng.normal(size=(rows, 3)), rng.normal(size=rows), np.ones(rows), validation, 0.0)
+
+
+def test_validation_rising_ends_a_fit_and_the_best_weights_are_kept():
+    settings = TrainingSettings(sizes=((12, 12),), max_iterations=400, max_validation_rises=4)
+    result = fit(noise(), settings)
+    assert result.stop_reason == "validation error rising"
+    assert result.validation_rms == pytest.approx(result.history["validation_rms"].min(), rel=1e-9)
+    assert result.validation_rms < result.history["validation_rms"][-1]
+
+
+def test_validation_rows_do_not_steer_the_weights():
+    data = smooth()
+    settings = replace(FIXED, max_validation_rises=1000)
+    kept = ~data.validation
+    alone = Regression("alone", *(a[kept] for a in (data.inputs, data.targets, data.weights, data.validation)), 0.0)
+    spoilt = replace(data, targets=np.where(data.validation, 55.0, data.targets), inputs=data.inputs.copy())
+    spoilt.inputs[data.validation] *= 3.0
+    courses = [fit(r, settings).history["training_rms"] for r in (data, alone, spoilt)]
+    np.testing.assert_array_equal(courses[0], courses[1])
+    np.testing.assert_array_equal(courses[0], courses[2])
+
+
+def test_the_same_seed_gives_the_same_weights():
+    one, two = (flatten(fit(smooth(), GROWING).network) for _ in range(2))
+    np.testing.assert_array_equal(one, two)
+    assert not np.array_equal(one, flatten(fit(smooth(), replace(GROWING, seed=1)).network))
+
+
+def test_a_network_that_misses_grows_wider_then_deeper():
+    result = fit(smooth(tolerance=1e-9), GROWING)
+    assert sizes_in_order(result, GROWING) == list(GROWING.sizes)
+    rms, starts = result.history["training_rms"], np.flatnonzero(np.diff(result.history["size"])) + 1
+    assert rms[starts[0]] < 1.2 * rms[starts[0] - 1], "widening is warm: the error does not start again"
+    assert rms[-1] < 0.1 * rms[starts[0]]
+
+
+def test_the_smallest_network_that_meets_the_tolerance_is_kept():
+    only_small = fit(smooth(), replace(GROWING, sizes=GROWING.sizes[:1]))
+    result = fit(smooth(tolerance=0.3 * only_small.rms), GROWING)
+    assert result.stop_reason == "error reached"
+    assert result.hidden in GROWING.sizes[1:-1]
+
+
+def stalling(restarts):
+    """At most 20 iterations without halving the error: every seed stalls sooner or later."""
+    return replace(FIXED, max_iterations=400, stall_window=20, stall_improvement=0.5, restarts=restarts)
+
+
+def test_a_stalled_fit_restarts_from_other_seeds_and_the_best_is_kept():
+    alone = fit(smooth(), stalling(restarts=0))
+    result = fit(smooth(), stalling(restarts=2))
+    assert alone.stop_reason == result.stop_reason == "stalled"
+    rms = result.history["training_rms"]
+    np.testing.assert_array_equal(rms[: len(alone.history["size"])], alone.history["training_rms"])
+    assert np.sum(rms[1:] > 3.0 * rms[:-1]) == 2, "two restarts, each with a larger error"
+    assert result.validation_rms == pytest.approx(result.history["validation_rms"].min(), rel=1e-9)
+
+
+def test_a_stalled_fit_grows_while_it_can():
+    result = fit(smooth(), replace(stalling(restarts=0), sizes=((2,), (6, 5))))
+    assert sizes_in_order(result, replace(FIXED, sizes=((2,), (6, 5)))) == [(2,), (6, 5)]
+
+
+@pytest.mark.parametrize("column", ["inputs", "targets", "weights"])
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_numbers_that_are_none_are_refused_by_name(column, bad):
+    data = smooth()
+    spoilt = getattr(data, column).copy()
+    spoilt[17] = bad
+    with pytest.raises(ValueError, match=f"regression smooth: {column} holds {bad} at row 17"):
+        fit(replace(data, **{column: spoilt}), FIXED)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"targets": np.ones(3)}, "targets has shape"),
+        ({"weights": np.zeros(400)}, "expected weights of 0 or more"),
+        ({"weights": -np.ones(400)}, "expected weights of 0 or more"),
+        ({"validation": np.ones(400, bool)}, "above 0 in some training row"),
+        ({"validation": np.ones(400)}, "expected an array of True and False"),
+        ({"validation": [False] * 400}, "validation is list, expected an array"),
+        ({"domain": np.ones(3)}, "domain has shape"),
+        ({"targets": np.ones((400, 1)), "weights": np.ones((400, 1))}, "one output"),
+        ({"tolerance": np.nan}, "tolerance"),
+    ],
+)
+def test_regressions_that_cannot_be_fitted_are_refused(change, message):
+    with pytest.raises(ValueError, match=message):
+        fit(replace(smooth(), **change), FIXED)
+
+
+@pytest.mark.parametrize("value", [0.0, 7.0, -3e-9, 1e9])
+def test_a_constant_target_is_fitted_at_once(value):
+    data = replace(smooth(), targets=np.full(400, value), tolerance=1e-9 * abs(value))
+    result = fit(data, FIXED)
+    assert result.stop_reason == "error reached"
+    np.testing.assert_allclose(result.network.value(data.inputs), value, rtol=1e-9, atol=1e-30)
+
+
+def test_duplicated_rows_and_constant_inputs_are_fitted():
+    data = smooth(60)
+    columns = {name: np.tile(getattr(data, name), 5) for name in ("targets", "weights", "validation")}
+    inputs = np.tile(np.column_stack([data.inputs, np.full(60, 4.0)]), (5, 1))
+    result = fit(Regression("twins", inputs, tolerance=0.5, **columns), replace(FIXED, max_iterations=100))
+    assert np.isfinite(flatten(result.network)).all()
+    assert result.history["training_rms"][-1] < 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"activation": "relu"}, "activation"),
+        ({"max_gflop": 0.0}, "max_gflop"),
+        ({"max_gflop": np.nan}, "max_gflop"),
+        ({"max_iterations": 0}, "max_iterations"),
+        ({"max_iterations": None, "max_gflop": np.inf}, "expected an end"),
+        ({"seed": -1}, "seed"),
+        ({"stall_improvement": 1.0}, "stall_improvement"),
+        ({"checkpoint_every_s": -1.0}, "checkpoint_every_s"),
+    ],
+)
+def test_bad_settings_are_refused_by_name(change, message):
+    with pytest.raises(ValueError, match=message):
+        replace(FIXED, **change)
+
+
+def test_a_start_is_gone_on_from():
+    """On shifted data a warm fit begins where the first one ended, with the first one's scales, and gets better."""
+    data = smooth()
+    first = fit(data, FIXED)
+    moved = replace(data, inputs=data.inputs + 0.01, targets=1.01 * data.targets)
+    short = replace(FIXED, max_iterations=5)
+    warm, cold = fit(moved, short, start=first.network), fit(moved, short)
+    assert warm.rms < 0.2 * cold.rms
+    np.testing.assert_array_equal(warm.network.input_shift, first.network.input_shift)
+    assert warm.network.output_scale == first.network.output_scale
+    same = fit(data, replace(FIXED, max_iterations=1), start=first.network)
+    assert same.rms <= first.rms * (1.0 + 1e-9)
+
+
+def test_a_start_of_another_size_or_with_another_checkpoint_is_refused(tmp_path):
+    data = smooth()
+    network = fit(data, replace(FIXED, max_iterations=2)).network
+    with pytest.raises(ValueError, match=r"start has .*\(6, 5\).* expected .*\(4, 4\)"):
+        fit(data, replace(FIXED, sizes=((4, 4),)), start=network)
+    fit(data, replace(FIXED, max_iterations=2), tmp_path / "c.npz", start=network)
+    with pytest.raises(ValueError, match="other data or settings"):
+        fit(data, replace(FIXED, max_iterations=2), tmp_path / "c.npz")
+
+
+def test_a_load_predicted_where_there_is_none_counts_as_the_load_that_it_is():
+    """One lifted pose far from all others, whose distance to the target of its gap weighs 13 N: a load of 2,500 N is
+    learned there, unless it counts as that."""
+    rng = np.random.default_rng(1)
+    inputs = rng.uniform(-1.0, 1.0, (600, 2))
+    inputs[0] = 3.0
+    roots = 0.7 + 0.4 * inputs[:, 0] + 0.1 * np.sin(4.0 * inputs[:, 1])
+    roots[0] = -4.7
+    weights = np.where(roots > 0.0, 2000.0 * np.maximum(roots, 0.07), 2.8)
+    lifted = Regression("root", inputs, roots, weights, np.zeros(600, bool), 0.0)
+    settings = TrainingSettings(sizes=((4, 4),), max_iterations=60, restarts=0, seed=1)
+    falsely, rightly = (
+        fit(replace(lifted, false_load=false_load), settings).network.value(inputs)
+        for false_load in (0.0, np.where(roots > 0.0, 0.0, 1000.0))
+    )
+    assert falsely[0] > 1.0, "√(N/N0) of a load of 1,000 N and more"
+    assert rightly[0] < 0.0
+    assert np.sqrt(np.mean((weights * (rightly - roots))[1:] ** 2)) < 2.0
+
+
+def test_wrong_false_loads_are_refused():
+    for wrong in (-1.0, np.nan, np.ones(3)):
+        with pytest.raises(ValueError, match="regression smooth: expected false_load of 0 or more, one number or"):
+            fit(replace(smooth(), false_load=wrong), FIXED)
+
+
+def test_whole_numbers_of_numpy_are_whole_numbers():
+    settings = TrainingSettings(seed=np.int64(3), max_iterations=np.int32(7))
+    assert (settings.seed, settings.max_iterations) == (3, 7)
+    assert type(settings.seed) is int, "as files of plain values hold it"

@@ -1,0 +1,114 @@
+"""Independent fits through an executor give what they give alone."""
+
+import re
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
+from multiprocessing import get_context
+from threading import Event
+
+import numpy as np
+import pytest
+
+from casadi_contact.networks.training import side_by_side
+from casadi_contact.networks.training.fit import fit
+from casadi_contact.networks.training.settings import TrainingSettings
+from casadi_contact.networks.training.side_by_side import fit_all
+from casadi_contact.networks.training.weights import flatten
+from tests.support.regressions import smooth
+
+SETTINGS = TrainingSettings(sizes=((6, 5),), max_gflop=300.0, max_iterations=30)
+DATA = [smooth(seed=k, name=name) for k, name in enumerate(("root_med", "Fx/lat", "root_lat"))]
+
+
+def test_processes_give_the_weights_of_single_fits(tmp_path):
+    told = []
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        fits = fit_all(DATA, lambda r: SETTINGS, pool, tmp_path, lambda *line: told.append(line))
+    assert list(fits) == ["root_med", "Fx/lat", "root_lat"]
+    for data in DATA:
+        np.testing.assert_array_equal(flatten(fits[data.name].network), flatten(fit(data, SETTINGS).network))
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["Fx%2Flat.npz", "root_lat.npz", "root_med.npz"]
+    for name, used, allotted, remark in told:
+        assert name in fits
+        assert used >= 0.0
+        assert allotted in (300.0, used)
+        assert re.fullmatch(r"Gflop, 6-5 RMS [\d.e-]+", remark)
+
+
+def test_a_second_call_goes_on_from_the_checkpoints(tmp_path):
+    first = fit_all(DATA, {d.name: SETTINGS for d in DATA}, None, tmp_path)
+    longer = {d.name: replace(SETTINGS, max_iterations=45) for d in DATA}
+    second = fit_all(DATA, longer, None, tmp_path)
+    for name in first:
+        np.testing.assert_array_equal(
+            second[name].history["gflop"][:30], first[name].history["gflop"], "continued, not begun again"
+        )
+        assert len(second[name].history["gflop"]) == 45
+
+
+def test_the_largest_budget_starts_first():
+    budgets = {"root_med": 10.0, "Fx/lat": 300.0, "root_lat": 100.0}
+    order = []
+
+    def progress(name, *_):
+        if name not in order:
+            order.append(name)
+
+    fit_all(DATA, {n: replace(SETTINGS, max_gflop=t, max_iterations=2) for n, t in budgets.items()}, progress=progress)
+    assert order == ["Fx/lat", "root_lat", "root_med"]
+
+
+def test_progress_of_a_worker_reaches_the_caller(tmp_path, monkeypatch):
+    """The worker here goes on only when the caller has heard of its first iteration."""
+    told, heard = [], Event()
+
+    def patient_fit(regression, settings, checkpoint, tell, start):
+        def tell_and_wait(*line):
+            tell(*line)
+            assert heard.wait(60.0), "the caller heard nothing"
+
+        return fit(regression, settings, checkpoint, tell_and_wait, start)
+
+    def progress(*line):
+        told.append(line)
+        heard.set()
+
+    monkeypatch.setattr(side_by_side, "fit", patient_fit)
+    with ThreadPoolExecutor(1) as pool:
+        fit_all([smooth()], {"smooth": SETTINGS}, pool, tmp_path, progress)
+    *before, end = told
+    assert all(line[0] == "smooth" and line[2] == 300.0 and line[3].startswith("Gflop, 6-5 RMS ") for line in before)
+    assert end[0] == "smooth"
+    assert 0.0 < end[1] == end[2] < 300.0
+
+
+def test_a_fit_that_has_ended_is_told_while_another_goes_on(monkeypatch):
+    """The other one here goes on only when the caller has heard of the end."""
+    heard = Event()
+
+    def one_waits(regression, *rest):
+        assert regression.name != "root_med" or heard.wait(60.0), "the caller heard of no end"
+        return fit(regression, *rest)
+
+    def progress(name, used, allotted, remark):
+        if name == "Fx/lat" and used == allotted:
+            heard.set()
+
+    monkeypatch.setattr(side_by_side, "fit", one_waits)
+    few = replace(SETTINGS, max_iterations=3)
+    with ThreadPoolExecutor(2) as pool:
+        fits = fit_all(DATA[:2], lambda r: few, pool, progress=progress)
+    assert set(fits) == {"root_med", "Fx/lat"}
+
+
+def test_one_refused_fit_ends_all_with_its_name():
+    spoilt = replace(DATA[1], targets=np.full(400, np.nan))
+    with ThreadPoolExecutor(1) as pool, pytest.raises(ValueError, match="regression Fx/lat: targets holds nan"):
+        fit_all([DATA[0], spoilt], lambda r: SETTINGS, pool)
+
+
+def test_names_must_differ_and_have_settings():
+    with pytest.raises(ValueError, match="share the name 'root_med'"):
+        fit_all([DATA[0], DATA[0]], lambda r: SETTINGS)
+    with pytest.raises(ValueError, match="no settings for regression 'Fx/lat'"):
+        fit_all(DATA, {"root_med": SETTINGS})

@@ -1,0 +1,345 @@
+"""Assemblies: the same loads as their contacts one by one, sparse exact derivatives, balance of forces, equilibrium."""
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import casadi_contact as cc
+from casadi_contact.contact.polar.foundation import PolarFoundation
+from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.core.conventions import rotation
+from casadi_contact.core.quantities import FORCE, TORQUE
+from casadi_contact.optimisation.assembly.assembly import Assembly
+from casadi_contact.optimisation.assembly.connections import Ligament, Pull, Spring
+from casadi_contact.optimisation.assembly.settle import settle_assembly
+from tests.support.compiler import needs_compiler
+
+FREE = {"femur": ("tx", "ty", "tz", "rx", "ry"), "patella": ("tx", "ty", "tz", "rx", "ry", "rz")}
+PRESSED = {"femur": [0.0, -700.0, 0.0, 0.0, 0.0, 0.0]}
+QUADRICEPS_N = 400.0
+
+
+@pytest.fixture(scope="module")
+def knee():
+    """A surrogate for one contact, a foundation for the other."""
+
+    def contact(scene):
+        return cc.load_surrogate("knee") if scene.name == "knee" else PolarFoundation(scene, Rays(24, 3))
+
+    return cc.load_assembly("knee_with_patella", contact)
+
+
+def test_elements_and_models_of_one_s_own_are_called_back_from_an_assembly():
+    elements = cc.load_assembly("knee_with_patella", lambda scene: cc.ElasticFoundation(scene, (20, 10)))
+    poses = elements.start_poses()
+    for contact in elements.contacts:
+        model = cc.ElasticFoundation(contact.model.scene, (20, 10))
+        pose = elements.contact_poses(contact.name, poses)
+        np.testing.assert_array_equal(contact.model(pose), model(pose))
+    assert elements.function().size1_out(0) == len(elements.load_names)
+
+
+def at_flexion(knee, degrees, poses):
+    poses = poses.copy()
+    poses[0, 5] = -np.deg2rad(degrees)
+    return settle_assembly(knee, poses, FREE, PRESSED, [QUADRICEPS_N])
+
+
+@pytest.fixture(scope="module")
+def held(knee):
+    """In equilibrium at 20 degrees of flexion."""
+    found = at_flexion(knee, 20.0, knee.start_poses())
+    assert found.converged, found
+    return found.poses
+
+
+def transform(pose):
+    return rotation(pose[3:]), np.asarray(pose[:3])
+
+
+def after(first, second):
+    """The frame `second`, given in `first`, where `first` is."""
+    return first[0] @ second[0], first[1] + first[0] @ second[1]
+
+
+@needs_compiler
+def test_one_function_gives_the_loads_of_the_contacts_one_by_one(knee, held):
+    function, rng = knee.function(), np.random.default_rng(3)
+    for _ in range(5):
+        poses = held + rng.uniform(-1.0, 1.0, held.shape) * [0.2, 0.02, 0.1, 0.01, 0.02, 0.05]
+        loads = dict(zip(knee.load_names, np.asarray(function(poses.T)).ravel(), strict=True))
+        bodies = {"tibia": np.zeros(6), **dict(zip(knee.bodies, poses, strict=True))}
+        for contact in knee.contacts:
+            (R_f, t_f), (R_m, t_m) = (
+                after(transform(bodies[body]), transform(frame))
+                for body, frame in ((contact.fixed, contact.fixed_frame), (contact.moving, contact.moving_frame))
+            )
+            angles = Rotation.from_matrix(R_f.T @ R_m).as_euler("XYZ")
+            alone = contact.model(np.concatenate([R_f.T @ (t_m - t_f), angles]))
+            together = [loads[f"{contact.name}_{name}"] for name in contact.model.load_names]
+            usual = [1000.0 if name.startswith("F") else 25_000.0 for name in contact.model.load_names]
+            np.testing.assert_allclose(np.divide(together, usual), np.divide(alone, usual), rtol=0.0, atol=1e-12)
+
+
+@needs_compiler
+def test_every_load_has_its_kind_whatever_its_ligament_is_called(knee):
+    kinds = replace(
+        knee, ligaments=[replace(knee.ligaments[0], name="patellar_Tendon"), *knee.ligaments[1:]]
+    ).load_kinds
+    assert kinds["patellar_Tendon"] == kinds["patellofemoral_Fy"] == FORCE
+    assert kinds["patellofemoral_Tx"] == TORQUE
+
+
+def test_derivatives_are_sparse(knee):
+    x = ca.MX.sym("x", 12)
+    jacobian = ca.jacobian(knee.function()(ca.reshape(x, 6, 2)), x)
+    assert jacobian[:7, 6:].nnz() == 0, "the patella does nothing to the tibiofemoral contact"
+    assert jacobian.nnz() == 7 * 6 + 7 * 12 + 6
+
+
+@needs_compiler
+def test_second_derivatives_equal_differences_of_the_first(knee, held):
+    check_hessian(knee, held)
+
+
+@needs_compiler
+@pytest.mark.parametrize("degrees", [6.0, 12.0, 20.0, 45.0, 60.0])
+def test_second_derivatives_of_foundations_too_wherever_arcs_meet(knee, held, degrees):
+    """At 12, 20 and 60 degrees a junction of the condyles' arcs crosses a spot."""
+    check_hessian(cc.load_assembly("knee_with_patella"), at_flexion(knee, degrees, held).poses)
+
+
+def check_hessian(knee, poses):
+    """Of a weighted sum of the loads, against differences of its gradient (fourth order), to 1e-6."""
+    x = ca.MX.sym("x", 12)
+    loads = knee.function()(ca.reshape(x, 6, 2))
+    weights = ca.DM([1e-3 if "_F" in name or "_T" not in name else 4e-5 for name in knee.load_names])
+    slope = ca.Function("slope", [x], [ca.gradient(ca.dot(weights, loads), x)])
+    hessian = ca.Function("hessian", [x], [ca.hessian(ca.dot(weights, loads), x)[0]])
+    at = poses.ravel()
+    exact, differences = np.asarray(hessian(at)), np.empty((12, 12))
+    for j, step in enumerate(np.tile([1e-5] * 3 + [4e-7] * 3, 2)):
+        move = step * np.eye(12)[j]
+        ends = [np.asarray(slope(at + k * move)).ravel() for k in (-2, -1, 1, 2)]
+        differences[:, j] = (ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / (12 * step)
+    np.testing.assert_allclose(exact, differences, rtol=0.0, atol=1e-6 * np.abs(exact).max())
+
+
+def test_in_a_chain_of_bodies_derivatives_know_neighbours_only():
+    points = (np.ones(3), np.array([3.0, -2.0, 1.0]))
+    ends = [("a", "b"), ("b", "c"), ("c", "d")]
+    bands = [Ligament("".join(bodies), bodies, points, 1000.0, 1.0) for bodies in ends]
+    start = {body: 10.0 * k * np.ones(6) for k, body in enumerate("abcd")}
+    x = ca.MX.sym("x", 24)
+    loads = Assembly("chain", "earth", start, ligaments=bands).function()(ca.reshape(x, 6, 4))
+    assert ca.jacobian(loads, x).nnz() == 3 * 12
+    hessian = ca.hessian(ca.sum1(loads), x)[0]
+    for k in range(4):
+        for j in range(4):
+            block = hessian[6 * k : 6 * k + 6, 6 * j : 6 * j + 6]
+            assert (block.nnz() > 0) == (abs(k - j) <= 1)
+
+
+def test_a_line_does_on_both_bodies_what_its_length_says():
+    """Virtual work: Q = -tension·∂length/∂q; a ligament's tension follows its toe and its straight part."""
+    points = (np.array([10.0, 0.0, 3.0]), np.array([-5.0, 2.0, 0.0]))
+    ligament = Ligament("band", ("upper", "lower"), points, 1000.0, 50.0)
+    pull = Pull("rope", ("upper", "earth"), points)
+    start = {"upper": np.zeros(6), "lower": np.zeros(6)}
+    assembly = Assembly("two", "earth", start, ligaments=[ligament], pulls=[pull])
+    x = ca.MX.sym("x", 12)
+    poses = ca.reshape(x, 6, 2)
+    lengths = []
+    for line in (ligament, pull):
+        ends = []
+        for body, point in zip(line.bodies, line.points_mm, strict=True):
+            pose = poses[:, assembly.bodies.index(body)] if body != "earth" else ca.MX.zeros(6)
+            sx, sy, sz, cx, cy, cz = *(ca.sin(pose[i]) for i in (3, 4, 5)), *(ca.cos(pose[i]) for i in (3, 4, 5))
+            Rx = ca.vertcat(ca.horzcat(1, 0, 0), ca.horzcat(0, cx, -sx), ca.horzcat(0, sx, cx))
+            Ry = ca.vertcat(ca.horzcat(cy, 0, sy), ca.horzcat(0, 1, 0), ca.horzcat(-sy, 0, cy))
+            Rz = ca.vertcat(ca.horzcat(cz, -sz, 0), ca.horzcat(sz, cz, 0), ca.horzcat(0, 0, 1))
+            ends.append(pose[:3] + Rx @ Ry @ Rz @ ca.DM(point))
+        lengths.append(ca.norm_2(ends[0] - ends[1]))
+    slopes = ca.Function("slopes", [x], [ca.gradient(length, x) for length in lengths])
+    at = np.array([0.0, 50.0, 4.0, 0.1, -0.2, 0.3, 1.0, -2.0, 0.0, -0.3, 0.2, 0.1])
+    (tension,) = np.asarray(assembly.function()(at.reshape(2, 6).T)).ravel()
+    assert tension > 0.0
+    band, rope = (np.asarray(part).ravel() for part in slopes(at))
+    found = np.asarray(assembly.forces()(at.reshape(2, 6).T, 30.0)).T.ravel()
+    np.testing.assert_allclose(found, -tension * band - 30.0 * rope, rtol=1e-12, atol=1e-9)
+    for length, expected in ((49.0, 0.0), (51.5, 1000.0 * 0.03**2 / 0.12), (55.0, 1000.0 * 0.07)):
+        assert float(ca.DM(ligament.tension(ca.DM(length)))) == pytest.approx(expected)
+
+
+@needs_compiler
+def test_the_patella_rides_in_its_groove_from_0_to_100_degrees_of_flexion(knee, held):
+    """The quadriceps pulls harder than the tendon the more the knee bends, and presses the patella harder."""
+    function, found, poses = knee.function(), {}, held
+    for degrees in (20, 45, 70, 85, 100):
+        result = at_flexion(knee, degrees, poses)
+        assert result.converged, (degrees, result.residual)
+        poses = result.poses
+        found[degrees] = dict(zip(knee.load_names, np.asarray(function(poses.T)).ravel(), strict=True))
+    straight = at_flexion(knee, 0.0, at_flexion(knee, 10.0, held).poses)
+    assert straight.converged
+    tendon = [found[d]["patellar_tendon"] for d in (20, 45, 70, 100)]
+    assert QUADRICEPS_N > tendon[0] > tendon[1] > tendon[2] > 0.5 * QUADRICEPS_N > tendon[3] > 0.0
+    backwards = [f["patellofemoral_Fx_med"] + f["patellofemoral_Fx_lat"] for f in found.values()]
+    pressed = np.hypot(backwards, [f["patellofemoral_Fy"] for f in found.values()])
+    assert (np.diff(pressed[:3]) > 0.0).all()
+
+
+@needs_compiler
+def test_in_equilibrium_only_the_locked_flexion_is_left(knee, held):
+    """Nothing is left on the patella, and on the femur what is applied and the moment about its locked flexion."""
+    forces = np.asarray(knee.forces()(held.T, QUADRICEPS_N)).T
+    np.testing.assert_allclose(forces[1], 0.0, atol=1e-4)
+    np.testing.assert_allclose(forces[0, :5] + PRESSED["femur"][:5], 0.0, atol=1e-4)
+    assert abs(forces[0, 5]) > 1e3, "flexion is locked: the quadriceps extends the knee"
+    assert forces[0, 5] > 0.0
+
+
+def test_poses_of_a_contact_are_asked_for_in_one_shape(knee):
+    poses = knee.start_poses()
+    one, two = knee.contact_poses("tibiofemoral", poses), knee.contact_poses("tibiofemoral", [poses, poses])
+    np.testing.assert_array_equal(two, np.repeat(one, 2, axis=0))
+    with pytest.raises(ValueError, match=r"shape \(1, 6\), expected \(n, 2, 6\): a pose of femur, patella"):
+        knee.contact_poses("tibiofemoral", poses[:1])
+
+
+def test_a_spring_pulls_back_to_its_rest():
+    spring = Spring("soft", "body", np.array([5.0, 0.0, 2.0, 0.0, 0.0, 100.0]), np.ones(6))
+    assembly = Assembly("one", "earth", {"body": np.zeros(6)}, springs=[spring])
+    assert assembly.load_names == ()
+    found = settle_assembly(assembly, np.zeros((1, 6)), {"body": ("tx", "tz", "rz")})
+    np.testing.assert_allclose(found.poses, [[1.0, 0.0, 1.0, 0.0, 0.0, 1.0]], atol=1e-6)
+
+
+@pytest.mark.parametrize("steps", [0, 1, 5])
+def test_where_steps_run_out_the_residual_is_that_of_the_poses_given(steps):
+    """A spring of 1 N/mm leaves as many newtons as its end is off; without a step that is the start."""
+    spring = Spring("soft", "body", np.ones(6), np.array([5.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    assembly = Assembly("one", "earth", {"body": np.zeros(6)}, springs=[spring])
+    found = settle_assembly(assembly, np.zeros((1, 6)), {"body": ("tx",)}, max_iterations=steps)
+    assert found.residual == pytest.approx(5.0 - found.poses[0, 0])
+    assert (found.poses[0, 0] > 0.0) == (steps > 0)
+    assert not found.converged
+
+
+def test_what_is_not_there_is_refused_by_name(tmp_path):
+    start = {"body": np.zeros(6)}
+    rope = Pull("rope", ("body", "moon"), (np.zeros(3), np.ones(3)))
+    with pytest.raises(ValueError, match="rope acts on moon, expected different ones of earth, body"):
+        Assembly("one", "earth", start, pulls=[rope])
+    with pytest.raises(ValueError, match="names that differ"):
+        Assembly("one", "body", start)
+    with pytest.raises(ValueError, match="soft acts on the ground earth, expected a free body, one of body"):
+        Assembly("one", "earth", start, springs=[Spring("soft", "earth", np.ones(6), np.zeros(6))])
+    held = Assembly("one", "earth", start, pulls=[Pull("rope", ("body", "earth"), rope.points_mm)])
+    for forces in ([0.0, 1.0, 0.0], "x", ["x"] * 6, [1j] * 6, np.full(6, 1.0 + 1j), [np.nan] * 6):
+        with pytest.raises(ValueError, match=r"forces on body are .* expected 6 finite numbers"):
+            settle_assembly(held, np.zeros((1, 6)), {"body": ("tx",)}, {"body": forces}, [1.0])
+    for tensions in (1.0, [], [1.0, 1.0], [[1.0]], ["x"], [np.inf], np.zeros((30, 30))):
+        with pytest.raises(ValueError, match=r"tensions are .* a finite number \[N\] for each pull \(rope\)$") as error:
+            settle_assembly(held, np.zeros((1, 6)), {"body": ("tx",)}, tensions=tensions)
+        assert "\n" not in str(error.value)
+    with pytest.raises(ValueError, match="never pushes"):
+        settle_assembly(held, np.zeros((1, 6)), {"body": ("tx",)}, tensions=[-1.0])
+    for free in ({}, {"body": ()}, {"body": ("tx", "tx")}):
+        with pytest.raises(ValueError, match="expected at least one pose parameter of a body, each named once"):
+            settle_assembly(held, np.zeros((1, 6)), free, tensions=[1.0])
+    with pytest.raises(ValueError, match="unknown assembly 'elbow', expected one of knee_with_patella"):
+        cc.load_assembly("elbow")
+    with pytest.raises(FileNotFoundError, match=r"none\.toml does not exist"):
+        cc.load_assembly(tmp_path / "none.toml")
+    text = 'format = 1\nname = "a"\nground = "g"\n[bodies.b]\npose = [0, 0, 0, 0, 0]\n'
+    (tmp_path / "a.toml").write_text(text)
+    with pytest.raises(ValueError, match=r"a\.toml: bodies\.b\.pose.*expected 6 numbers"):
+        cc.load_assembly(tmp_path / "a.toml")
+    contact = '[contacts.c]\nscene = "knee"\nfixed = "g"\nmoving = "b"\n'
+    for change, said in (
+        ("change = 3", r"a\.toml: contacts\.c\.change .*a table of the scene's parameters"),
+        ("change = {girth = 1}", r"a\.toml: contacts\.c: .*girth"),
+        ('change = {name_or_path = "hip"}', r"a\.toml: contacts\.c: .*name_or_path"),
+        ("change = {thickness = -9}", r"a\.toml: contacts\.c: scene: material\.thickness = -9"),
+    ):
+        (tmp_path / "a.toml").write_text(text.replace("0]", "0, 0]") + contact + change + "\n")
+        with pytest.raises(ValueError, match=said):
+            cc.load_assembly(tmp_path / "a.toml")
+    (tmp_path / "a.toml").write_text(text.replace("0]", "0, 0]") + "[ropes]\n")
+    with pytest.raises(ValueError, match="ropes"):
+        cc.load_assembly(tmp_path / "a.toml")
+
+
+def test_a_line_whose_ends_coincide_pulls_nowhere():
+    start = np.array([0.0, 28.0, 0.0, 0.0, 0.0, 0.0])
+    ends = ("femur", "tibia"), (np.zeros(3), start[:3])
+    ligament = Ligament("slack", *ends, stiffness_n=100.0, slack_length_mm=10.0)
+    assembly = Assembly("a", "tibia", {"femur": start}, [], [ligament], [Pull("tendon", *ends)])
+    np.testing.assert_array_equal(assembly.forces()(start, [100.0]), 0.0)
+    poses, tensions = ca.MX.sym("poses", 6), ca.MX.sym("tensions")
+    slopes = ca.Function("slopes", [poses, tensions], [ca.jacobian(assembly.forces()(poses, tensions), poses)])
+    assert np.isfinite(slopes(start, [0.0]).full()).all()
+
+
+SOUND = """format = 1
+name = "joint"
+ground = "earth"
+[bodies.body]
+pose = [0, 0, 0, 0, 0, 0]
+[ligaments.band]
+bodies = ["body", "earth"]
+points_mm = [[0, 0, 0], [0, 1, 0]]
+stiffness_n = 1.0
+slack_length_mm = 1.0
+"""
+
+
+@pytest.mark.parametrize(
+    ("sound", "hostile", "said"),
+    [
+        ('name = "joint"', 'name = "../../joint"', "name = "),
+        ('ground = "earth"', 'ground = "earth*/ system(0); /*"', "body = "),
+        ("[bodies.body]", '[bodies."\\u001b[31m"]', "bodies = "),
+        ("[ligaments.band]", '[ligaments."band;exit(1)"]', "name = 'band;exit"),
+        ("stiffness_n = 1.0", "stiffness_n = nan", "stiffness_n"),
+        ("slack_length_mm = 1.0", "slack_length_mm = -1.0", "slack_length_mm"),
+        ("[0, 1, 0]", "[0, 1e300, 0]", "points_mm"),
+        ("pose = [0,", f"pose = [{'9' * 5000},", "not valid TOML"),
+        ("format = 1", "format = 1\nx = " + "[" * 3000, "nested too deep"),
+    ],
+)
+def test_a_hostile_file_is_refused_in_one_line(sound, hostile, said, tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_text(SOUND)
+    assert cc.load_assembly(path).load_names == ("band",)
+    path.write_text(SOUND.replace(sound, hostile))
+    with pytest.raises(ValueError) as refused:
+        cc.load_assembly(path)
+    assert said in str(refused.value)
+    assert len(str(refused.value).splitlines()) == 1
+    assert str(refused.value).isprintable()
+
+
+def test_parts_made_in_python_are_refused_as_those_of_a_file_are(knee):
+    contact = knee.contacts[0]
+    with pytest.raises(ValueError, match=r"contact 'tib__fem': expected letters, digits and single underscores"):
+        replace(contact, name="tib__fem")
+    with pytest.raises(ValueError, match=r"fixed_frame is .*, expected 6 finite numbers"):
+        replace(contact, fixed_frame=np.zeros(3))
+    with pytest.raises(ValueError, match=r"spring: stiffness is .*, expected 6 finite numbers"):
+        Spring("spring", "femur", np.zeros(3), np.zeros(6))
+    ends = (np.zeros(3), np.ones(3))
+    with pytest.raises(ValueError, match="slack_length_mm is 0, expected a finite number above 0"):
+        Ligament("ligament", ("femur", "tibia"), ends, 1000.0, 0)
+    with pytest.raises(ValueError, match=r"pull: a point is .*, expected 3 finite numbers"):
+        Pull("pull", ("femur", "tibia"), (np.zeros(2), np.ones(3)))
+    with pytest.raises(ValueError, match=r"the start of femur is .*, expected 6 finite numbers"):
+        replace(knee, start={**knee.start, "femur": np.full(6, np.nan)})
+    with pytest.raises(ValueError, match="poses are not all finite, real numbers"):
+        knee.contact_poses(contact.name, np.full((len(knee.bodies), 6), 1j))
+    with pytest.raises(ValueError, match="function name 'my loads' is not usable"):
+        knee.function("my loads")

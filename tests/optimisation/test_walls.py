@@ -1,0 +1,169 @@
+"""Load on a wall that is too steep for elements, and outside of all patches, is told, as large as it is."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.optimisation.verification.uncertain_load import uncertain_load_words, uncounted_share
+from casadi_contact.optimisation.verification.verdict import UNCOUNTED, judge
+from casadi_contact.optimisation.verification.walls import share_on_walls, share_outside_patches
+from problems.pose_estimation.on_foundation import OnFoundation
+from problems.pose_estimation.wanted import WantedLoads
+from tests.support.ball_in_corner import RADIUS_MM, force_n, write_corner
+from tests.support.meshes import STIFFNESS, ball_mesh, mesh_scene_text, sheet_mesh, wheel_mesh, write_obj
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return write_corner(tmp_path_factory.mktemp("walls"))
+
+
+def model_of(folder, elements="grid", extra=""):
+    path = folder / f"{elements}.toml"
+    path.write_text(mesh_scene_text(folder / "ball.obj", folder / "post.obj", elements=elements, extra=extra))
+    return cc.ElasticFoundation(cc.load_scene(path), (160, 160))
+
+
+def words_of(where, share):
+    return uncertain_load_words({where: share}).get(where)
+
+
+def test_a_ball_pressed_into_the_corner_of_floor_and_wall_bears_on_both_as_on_two_planes(folder):
+    model = model_of(folder)
+    floor, both, wall = (
+        [RADIUS_MM - on_wall, RADIUS_MM - on_floor, 0.0, 0.0, 0.0, 0.0]
+        for on_wall, on_floor in ((-3.0, 0.2), (0.2, 0.3), (0.3, -0.5))
+    )
+    share = share_on_walls(model, np.array([floor, both, wall]))
+    assert share[0] == 0.0
+    assert share[1] == pytest.approx(force_n(0.2) / (force_n(0.2) + force_n(0.3)), rel=0.05)
+    assert share[2] == 1.0
+    np.testing.assert_allclose(model.wrenches(wall), 0.0, atol=1e-9)  # and so nothing else tells it
+    assert not model.at_edge(wall).any()
+    assert "in 2 of 3 frames up to 100%" in words_of("on_walls", share)
+
+
+def test_a_cup_centre_on_the_axis_of_a_notch_counts_what_its_walls_carry(tmp_path):
+    """A roller pressed sideways into a half-pipe: N = (K/h) L R ∫ (e cos φ - c) cos φ dφ for a clearance c, a way e."""
+    radius, clearance, way, width = 20.0, 0.4, 0.45, 10.0
+    points, faces = sheet_mesh(2.0, 0.02)
+    angle = 1.9 * points[:, 0]
+    pipe = np.stack([radius * np.sin(angle), -radius * np.cos(angle), 8.0 * points[:, 2]], axis=1)
+    write_obj(tmp_path / "pipe.obj", pipe, faces)
+    write_obj(tmp_path / "roller.obj", *wheel_mesh(radius - clearance, 0.5 * width, 0.6))
+    pose = np.array([way * np.sin(1.2), -way * np.cos(1.2), 0.0, 0.0, 0.0, 0.0])
+    reach = np.arccos(clearance / way)
+    integral = way * (reach + 0.5 * np.sin(2.0 * reach)) - 2.0 * clearance * np.sin(reach)
+    found = {}
+    for key in ("", "cup_centre = [0.0, 0.0, 0.0]"):
+        (tmp_path / "notch.toml").write_text(mesh_scene_text("roller.obj", "pipe.obj", extra=key))
+        model = cc.ElasticFoundation(cc.load_scene(tmp_path / "notch.toml"), (200, 80))
+        force = float(np.linalg.norm(model.wrenches(pose)[0, :3]))
+        found[key] = (
+            force / (STIFFNESS * width * radius * integral),
+            words_of("on_walls", share_on_walls(model, [pose])),
+        )
+    (lost, told), (whole, nothing) = found.values()
+    assert lost < 0.8
+    assert "geometry.cup_centre" in told
+    assert whole == pytest.approx(1.0, abs=0.04)
+    assert nothing is None
+
+
+@pytest.mark.parametrize("elements", ["grid", "triangles"])
+def test_a_ball_beside_the_patch_bears_on_the_rest_of_the_mesh_all_of_its_load(folder, elements):
+    model = model_of(folder, elements, "[geometry.patches.contact]\nx = [15.0, 30.0]\n")
+    inside, half, beside, wall = ([x, y, 0.0, 0.0, 0.0, 0.0] for x, y in ((22, 7.7), (15, 7.7), (8.5, 7.7), (7.7, 8.5)))
+    share = share_outside_patches(model, np.array([inside, half, beside, wall]))
+    np.testing.assert_array_equal(share[[0, 2, 3]], [0.0, 1.0, 1.0])
+    if elements == "grid":  # a triangle of the floor belongs to a patch or to none, whole
+        assert share[1] == pytest.approx(0.5, abs=0.03)
+    np.testing.assert_allclose(model.wrenches([beside, wall]), 0.0, atol=1e-9)  # and so nothing else tells it
+    assert "up to 100% of the load lies on the fixed mesh outside of all patches" in words_of("outside_patches", share)
+
+
+def test_what_walls_and_the_rest_of_the_mesh_carry_counts_together(folder):
+    """4 % of the load on the wall and 3 % beside the patch are 7 % that no model counts: too much to be verified."""
+    model = model_of(folder, extra="[geometry.patches.contact]\nz = [-1.5, 30.0]\n")
+    pose = np.array([[RADIUS_MM - 0.06, RADIUS_MM - 0.3, 0.0, 0.0, 0.0, 0.0]])
+    counted = float(model.pressure_maps(pose[0])[0].forces_n.sum())
+    walls, outside = (share(model, pose)[0] for share in (share_on_walls, share_outside_patches))
+    assert max(walls, outside) < UNCOUNTED
+    lost = counted * (walls / (1.0 - walls) + outside / (1.0 - outside))
+    assert lost / (lost + counted) > UNCOUNTED
+    assert uncounted_share(model, pose) == pytest.approx(lost / (lost + counted))
+    assert not judge(model, pose, np.array([True]), model).verified.any()
+
+
+def test_where_a_patch_ends_between_the_centres_of_the_same_triangles_does_not_matter(tmp_path):
+    """Triangles as elements belong to a patch or to none, each whole: neither loads nor what is lost may differ."""
+    write_obj(tmp_path / "sheet.obj", *sheet_mesh(16.0, 1.0))
+    write_obj(tmp_path / "ball.obj", *ball_mesh(RADIUS_MM, 0.5))
+    found = []
+    for bound in (0.4, 0.6):  # centres lie at thirds of a millimetre
+        patch = f"[geometry.patches.contact]\nx = [{bound}, 30.0]\n"
+        (tmp_path / "half.toml").write_text(mesh_scene_text("ball.obj", "sheet.obj", elements="triangles", extra=patch))
+        model, pose = cc.ElasticFoundation(cc.load_scene(tmp_path / "half.toml")), [0.5, 7.7, 0.0, 0.0, 0.0, 0.0]
+        found.append([*model.wrenches(pose)[0], *share_outside_patches(model, [pose])])
+    np.testing.assert_allclose(*found, rtol=1e-9, atol=1e-9)
+    assert 0.4 < found[0][-1] < 0.6
+
+
+def test_a_ridge_between_two_open_condyles_touches_neither(tmp_path):
+    """Beyond the edges of an open mesh distances are those of no body, between condyles negative by many mm."""
+    points, faces = sheet_mesh(34.0, 1.0, lambda x, z: -np.sqrt(20.0**2 - z**2))
+    outer = (np.abs(points[faces][..., 2]) > 6.5).all(axis=1)
+    write_obj(tmp_path / "condyles.obj", points, faces[outer][:, ::-1])
+    trough = sheet_mesh(40.0, 0.5, lambda x, z: np.where(np.abs(z) < 3.0, -5.0, -np.sqrt(20.5**2 - z**2)))
+    write_obj(tmp_path / "trough.obj", *trough)
+    path = tmp_path / "knee.toml"
+    patches = "[geometry.patches.med]\nz = [5.0, 20.0]\n[geometry.patches.lat]\nz = [-20.0, -5.0]\n"
+    path.write_text(
+        mesh_scene_text("condyles.obj", "trough.obj", extra=patches)
+        .replace('sensitive = ["Fy"]', 'sensitive = ["-Fy_med", "-Fy_lat"]')
+        .replace('sensitive_pose = ["ty"]', 'sensitive_pose = ["ty", "rx"]')
+    )
+    model = cc.ElasticFoundation(cc.load_scene(path))
+    pose = np.array([0.0, -0.6, 0.0, 0.0, 0.0, 0.0])
+    assert (model.wrenches(pose)[:, 1] < -1000.0).all()
+    np.testing.assert_array_equal(share_outside_patches(model, [pose]), 0.0)
+
+
+def test_a_ball_on_the_floor_alone_leaves_nothing_to_tell(folder):
+    assert words_of("on_walls", share_on_walls(model_of(folder), [[12.0, 7.8, 0.0, 0.0, 0.0, 0.0]])) is None
+
+
+def test_a_verdict_holds_no_frame_verified_whose_load_nothing_counts(folder):
+    model = model_of(folder)
+    poses = np.array([[7.8, 7.7, 0.0, 0.0, 0.0, 0.0], [12.0, 7.7, 0.0, 0.0, 0.0, 0.0]])
+    verdict = judge(model, poses, True, model, ("Fy",))
+    assert verdict.verified.tolist() == [False, True], "what bears on the wall is not counted"
+    assert verdict.exit_code == 3
+    assert "of the load not counted" in verdict.words[0]
+    assert "1 solved, but up to" in str(verdict)
+
+
+def test_pose_estimation_tells_what_its_verdict_cannot_know(folder):
+    scene = model_of(folder).scene
+    poses = np.array([[7.8, 7.7, 0.0, 0.0, 0.0, 0.0], [12.0, 7.7, 0.0, 0.0, 0.0, 0.0]])
+    wanted = WantedLoads.of(scene, {"Fy": np.full(2, -force_n(0.3))})
+    problem = SimpleNamespace(wanted=wanted, model=SimpleNamespace(scene=scene))
+    found = OnFoundation.of(problem, SimpleNamespace(poses=poses))
+    np.testing.assert_allclose(found.teacher[:, 0], -force_n(0.3), rtol=0.05)
+    assert found.record()["largest_share_on_walls"] == found.shares["on_walls"][0] > 0.2
+    assert found.shares["on_walls"][1] == 0.0
+    assert found.caveats == [words_of("on_walls", found.shares["on_walls"])]
+    assert found.record()["largest_share_outside_patches"] == found.shares["outside_patches"].max() == 0.0
+
+
+def test_elements_that_are_the_triangles_bear_on_walls_as_well(folder):
+    share = share_on_walls(model_of(folder, "triangles"), [[7.7, 8.5, 0.0, 0.0, 0.0, 0.0]])
+    np.testing.assert_array_equal(share, 0.0)
+
+
+def test_a_parametric_body_has_none():
+    model = cc.ElasticFoundation(cc.load_scene("sphere_on_plane"), (40, 40))
+    for share in (share_on_walls, share_outside_patches):
+        np.testing.assert_array_equal(share(model, [model.scene.start_pose]), 0.0)

@@ -1,0 +1,91 @@
+"""Pictures of contact show the forces that the model computes, and are written headless."""
+
+import re
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import casadi_contact as cc
+from casadi_contact.cli.main import app
+from casadi_contact.pictures.contact_picture import draw_contact, loads_text, pressures_text
+from casadi_contact.pictures.fit_picture import draw_fit, surface_fits
+
+POSE = np.array([0.5, 27.2, 0.1, 0.0, -0.05, -0.3])
+PNG = b"\x89PNG"
+
+
+@pytest.fixture(scope="module")
+def model():
+    return cc.ElasticFoundation(cc.load_scene("knee"))
+
+
+def test_pressures_add_up_to_the_forces_and_their_centre_to_the_torques(model):
+    wrenches = model.wrenches(POSE[None])[0]
+    for wrench, pressed in zip(wrenches, model.pressure_maps(POSE), strict=True):
+        # A dish's normals lean away from +y by little within the contact.
+        assert (pressed.pressures_mpa @ pressed.areas_mm2) == pytest.approx(np.linalg.norm(wrench[:3]), rel=0.01)
+        centre = pressed.centre_mm
+        assert centre[[0, 2]] == pytest.approx([wrench[5] / wrench[1], -wrench[3] / wrench[1]], abs=0.3)
+    assert model.pressure_maps([0.5, 36.0, *POSE[2:]])[0].centre_mm is None
+
+
+def test_section_distances_are_those_of_the_moving_body(model):
+    condyle = np.array([[POSE[0], POSE[1] - 60.0, 22.0]])
+    straight = np.array([0.0, POSE[1], 0.0, 0.0, 0.0, -0.3])
+    assert model.distances([[0.0, POSE[1] - 30.0, 22.0]], straight, "med")[0] == pytest.approx(30.0 - 27.3, abs=1e-9)
+    assert model.distances(condyle, POSE, "med")[0] > 30.0
+
+
+def test_one_pose_and_many_are_drawn(model, tmp_path):
+    draw_contact(model, POSE[None], tmp_path / "one.png")
+    draw_contact(model, np.tile(POSE, (20, 1)), tmp_path / "strip.png")
+    for name in ("one.png", "strip.png"):
+        assert (tmp_path / name).read_bytes()[:4] == PNG
+    assert surface_fits(model) == []
+
+
+def test_the_loads_of_a_picture_are_the_models(model):
+    loads = dict(zip(model.load_names, model(POSE[None])[0], strict=True))
+    area = model.summary(POSE[None]).area_mm2[0, 0]
+    assert pressures_text(model, POSE).startswith(f"med: {area:.0f} mm², mean ")
+    assert pressures_text(model, np.array([0.5, 36.0, *POSE[2:]])) == "med: no contact; lat: no contact"
+    assert loads_text(model, POSE, ("Fy_lat", "Tz")) == f"Fy_lat {loads['Fy_lat']:.0f} N, Tz {loads['Tz']:.0f} N·mm"
+
+
+def mesh_scene(folder):
+    pytest.importorskip("igl", reason="meshes need the extra: pip install casadi_contact[mesh]")
+    from tests.support.meshes import cap_mesh, mesh_scene_text, sheet_mesh, write_obj
+
+    write_obj(folder / "cap.obj", *cap_mesh(20.0, 1.2, 0.5))
+    write_obj(folder / "sheet.obj", *sheet_mesh(20.0, 1.0))
+    (folder / "scene.toml").write_text(mesh_scene_text("cap.obj", "sheet.obj"))
+    return folder / "scene.toml"
+
+
+def test_of_meshes_the_fit_is_drawn_as_well_and_of_others_it_is_not(tmp_path, model):
+    result = CliRunner().invoke(app, ["show", str(mesh_scene(tmp_path)), "--out", str(tmp_path / "meshes.png")])
+    assert result.exit_code == 0, result.output
+    for name in ("meshes.png", "meshes_fit.png"):
+        assert (tmp_path / name).read_bytes()[:4] == PNG
+    assert "mm RMS" in result.output
+    assert "meshes_fit.png" in result.output
+    with pytest.raises(ValueError, match="expected a scene of the shape mesh"):
+        draw_fit(model, tmp_path / "knee_fit.png")
+    assert not (tmp_path / "knee_fit.png").exists()
+
+
+def test_the_command_writes_a_picture_and_says_what_is_wrong(tmp_path):
+    out = tmp_path / "ball.png"
+    result = CliRunner().invoke(app, ["show", "sphere_on_plane", "--out", str(out)])
+    assert result.exit_code == 0, result.output
+    assert [path.name for path in tmp_path.iterdir()] == ["ball.png"]
+    assert re.search(r"picture at Fx 0 N, Fy -\d+ N, .*Tz 0 N·mm in", result.output.replace("\n", " "))
+    assert out.read_bytes()[:4] == PNG
+    result = CliRunner().invoke(app, ["show", "sphere_on_plane", "--pose", "1,2,x", "--out", str(out)])
+    assert "expected six numbers" in str(result.exception)
+
+
+def test_a_picture_of_no_pose_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="no pose to draw"):
+        draw_contact(cc.ElasticFoundation(cc.load_scene("sphere_on_plane")), np.zeros((0, 6)), tmp_path / "a.png")

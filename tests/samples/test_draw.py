@@ -1,0 +1,295 @@
+import os
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
+from multiprocessing import get_context
+
+import numpy as np
+import pytest
+
+from casadi_contact.contact.callable_model import CallableModel
+from casadi_contact.samples.draw import draw_samples
+from casadi_contact.samples.reference import ReferenceMotion
+from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, partial_folder, read_samples
+from casadi_contact.samples.settings import SamplingSettings
+from casadi_contact.scenes.loading import load_scene
+from tests.support import two_spheres
+from tests.support.drawn_spheres import SETTINGS, draw, sphere_motion
+from tests.support.two_spheres import TwoSpheres, knee
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("drawn") / "samples.h5"
+    with ThreadPoolExecutor(1) as executor:
+        draw(path, executor)
+    return path
+
+
+@pytest.fixture(scope="module")
+def samples(file):
+    return read_samples(file)
+
+
+def test_every_planned_sample_is_there(samples):
+    """0.3 % of 24000, 24000, 24000, 30000, 300, 20000, 100, and never less than 10 rows."""
+    counts = {name: sum(roles.values()) for name, roles in samples.counts().items()}
+    assert counts == {"D1": 72, "D2": 72, "D3": 72, "D4": 90, "D5": 30, "D6": 60, "D7": 10}
+    reasons = {reason for dropped in samples.provenance["dropped"].values() for reason in dropped}
+    assert reasons <= {"contact reaches the edge of the elements"}
+    for domain in range(1, 8):
+        assert set(samples.select(domain=domain).role.tolist()) == {TRAIN, VALIDATION, TEST}
+
+
+def test_samples_hold_what_the_model_says_at_their_poses(samples):
+    model = TwoSpheres(knee())
+    np.testing.assert_array_equal(samples.wrenches, model.wrenches(samples.poses))
+    np.testing.assert_array_equal(samples.gaps, model.gaps(samples.poses))
+
+
+def test_nothing_pulls(samples):
+    assert (samples.loads(["Fy_med", "Fy_lat"]) <= 0.0).all()
+
+
+def test_loads_of_each_domain(samples):
+    loads = {d: samples.select(domain=d).loads(["Fy_med", "Fy_lat"]) for d in range(1, 8)}
+    for d in (1, 2, 3):
+        assert (loads[d] < -5.0 + 2e-3).all()
+    assert ((loads[4] == 0.0).sum(axis=1) == 1).all()
+    assert (loads[4][:45, 0] == 0.0).all()
+    assert (loads[4][45:, 1] == 0.0).all()
+    assert (samples.select(domain=5).wrenches == 0.0).all()
+    np.testing.assert_allclose(loads[6][:30, 0], -5.0, atol=2e-3)
+    np.testing.assert_allclose(loads[6][30:, 1], -5.0, atol=2e-3)
+    np.testing.assert_allclose(loads[7], -5.0, atol=2e-3)
+
+
+def test_d4_goes_off_in_equal_steps_with_the_other_force_kept(samples):
+    d4 = samples.select(domain=4)
+    triples = d4.poses.reshape(-1, 3, 6)
+    steps = np.diff(triples[..., 3], axis=1)
+    np.testing.assert_allclose(steps[:, 0], steps[:, 1], rtol=1e-9)
+    gaps = d4.gaps.max(axis=1).reshape(-1, 3)
+    np.testing.assert_allclose(gaps, np.tile([2 / 3, 4 / 3, 2.0], (30, 1)), atol=0.05)
+    forces = d4.loads(["Fy_med", "Fy_lat"]).sum(axis=1).reshape(-1, 3)
+    np.testing.assert_allclose(forces, forces[:, :1] * np.ones(3), atol=4e-3)
+    assert (d4.role.reshape(-1, 3) == d4.role.reshape(-1, 3)[:, :1]).all()
+
+
+def test_the_inputs_of_d3_fill_their_box(samples):
+    d3 = samples.select(domain=3)
+    box = sphere_motion().envelopes.extremes(0.25, 2.0, {"ry": 0.06}).without_pull(knee().normal_loads, 5.0)
+    loads = d3.loads(["Fy_med", "Fy_lat"])
+    inputs = np.column_stack([d3.poses[:, 0], loads[:, 0], d3.poses[:, 2], loads[:, 1], d3.poses[:, 4], d3.poses[:, 5]])
+    slack = 1e-2
+    assert (inputs >= box.lower - slack).all()
+    assert (inputs <= box.upper + slack).all()
+    assert (np.ptp(inputs, axis=0) > 0.9 * box.widths).all()
+
+
+@pytest.mark.parametrize("kind", ["threads", "processes"])
+def test_the_executor_does_not_matter(kind, file, tmp_path):
+    executors = {
+        "threads": lambda: ThreadPoolExecutor(4),
+        "processes": lambda: ProcessPoolExecutor(2, mp_context=get_context("spawn")),
+    }
+    with executors[kind]() as executor:
+        draw(tmp_path / "samples.h5", executor)
+    assert (tmp_path / "samples.h5").read_bytes() == file.read_bytes()
+    assert not partial_folder(tmp_path / "samples.h5").exists()
+
+
+def test_worker_processes_of_a_cluster(file, tmp_path):
+    distributed = pytest.importorskip("distributed", reason="extra cluster is not installed")
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        pids = set(client.run(os.getpid).values())
+        assert len(pids) == 2
+        assert os.getpid() not in pids
+        draw(tmp_path / "samples.h5", client.get_executor())
+    assert (tmp_path / "samples.h5").read_bytes() == file.read_bytes()
+
+
+def test_progress_counts_chunks(tmp_path):
+    seen = []
+    with ThreadPoolExecutor(2) as executor:
+        draw(tmp_path / "samples.h5", executor, progress=lambda done, total: seen.append((done, total)))
+    total = seen[0][1]
+    assert seen == [(k, total) for k in range(total + 1)]
+
+
+def test_what_does_not_settle_is_dropped_and_counted(tmp_path):
+    """A motion 3 m off: within 60 steps of at most 5 mm none of its start poses finds contact."""
+    lost = sphere_motion().poses.copy()
+    lost[..., 1] += 3000.0
+    motion = ReferenceMotion(sphere_motion().point, sphere_motion().curves, lost)
+    settings = SamplingSettings(counts={"D1": 30, "D4": 30}, frames=21)
+    with ThreadPoolExecutor(1) as executor:
+        samples = draw_samples(
+            knee(), motion, tmp_path / "s.h5", settings=settings, executor=executor, models=two_spheres.models
+        )
+    assert len(samples) == 0
+    (reason,) = samples.provenance["dropped"]["D1"]
+    assert reason.startswith("not settled: ")
+    assert samples.provenance["dropped"] == {"D1": {reason: 30}, "D4": {reason: 10}}
+
+
+class Sticky(TwoSpheres):
+    """A faulty model: pulls with 1 N wherever it should carry nothing."""
+
+    def wrenches(self, poses):
+        wrenches = super().wrenches(poses)
+        wrenches[..., 1] += np.where(self.gaps(poses) > 0.0, 1.0, 0.0)
+        return wrenches
+
+
+def sticky_models(scene, settings):
+    return TwoSpheres(scene), Sticky(scene)
+
+
+def test_a_model_that_pulls_has_those_samples_dropped(tmp_path):
+    settings = SamplingSettings(counts={"D1": 20, "D5": 30}, frames=21)
+    with ThreadPoolExecutor(1) as executor:
+        samples = draw_samples(
+            knee(), sphere_motion(), tmp_path / "s.h5", settings=settings, executor=executor, models=sticky_models
+        )
+    assert samples.provenance["dropped"] == {"D5": {"pulls": 30}}
+    assert len(samples) == 20
+
+
+class Rimmed(TwoSpheres):
+    """Elements that end at z = 0.2 mm off the middle of each patch: contact reaches their edge beyond, and is not
+    asked for there."""
+
+    def wrenches(self, poses):
+        assert not self.at_edge(poses).any()
+        return super().wrenches(poses)
+
+    def at_edge(self, poses):
+        centres, _ = self._centres(poses)
+        return (centres[..., 2] - self.scene.anchors_mm[:, 2] > 0.2) & (self.gaps(poses) < 0.0)
+
+
+class AllRim(Rimmed):
+    """Every pose reaches the edge: nothing is asked, of no poses either."""
+
+    def at_edge(self, poses):
+        return np.ones((len(poses), 2), dtype=bool)
+
+    def wrenches(self, poses):
+        raise AssertionError
+
+    gaps = wrenches
+
+
+def test_where_all_contact_reaches_the_edge_the_model_is_not_asked(tmp_path):
+    settings = SamplingSettings(counts={"D1": 20}, frames=21, most_dropped=1.0)
+    with ThreadPoolExecutor(1) as executor:
+        samples = draw_samples(
+            knee(),
+            sphere_motion(),
+            tmp_path / "s.h5",
+            settings=settings,
+            executor=executor,
+            models=lambda scene, settings: (TwoSpheres(scene), AllRim(scene)),
+        )
+    assert len(samples) == 0
+    assert samples.provenance["dropped"] == {"D1": {"contact reaches the edge of the elements": 20}}
+
+
+def rimmed_models(scene, settings):
+    return TwoSpheres(scene), Rimmed(scene)
+
+
+def test_samples_whose_contact_reaches_the_edge_are_dropped_and_no_others(samples, tmp_path):
+    with ThreadPoolExecutor(1) as executor:
+        kept = draw_samples(
+            knee(),
+            sphere_motion(),
+            tmp_path / "s.h5",
+            settings=replace(SETTINGS, most_dropped=1.0),
+            executor=executor,
+            models=rimmed_models,
+        )
+    edge = Rimmed(knee()).at_edge(samples.poses).any(axis=1)
+    assert 0.1 < edge.mean() < 0.9
+    np.testing.assert_array_equal(kept.poses, samples.poses[~edge])
+    np.testing.assert_array_equal(kept.wrenches, samples.wrenches[~edge])
+    np.testing.assert_array_equal(kept.dropped.poses, samples.poses[edge])
+    counts = {f"D{k}": int((edge & (samples.domain == k)).sum()) for k in range(1, 8)}
+    assert kept.provenance["dropped"] == {
+        domain: {"contact reaches the edge of the elements": count} for domain, count in counts.items() if count
+    }
+
+
+def users_models(scene, settings):
+    """A user's own function wrenches(poses)."""
+    model = CallableModel(scene, TwoSpheres(scene).wrenches)
+    return model, model
+
+
+class Gapless:
+    """The spheres without gaps(poses), which a contact model may lack."""
+
+    def __init__(self, scene):
+        spheres = TwoSpheres(scene)
+        self.scene, self.load_names, self.patch_names = scene, spheres.load_names, spheres.patch_names
+        self.wrenches, self.jacobian, self.root_loads = spheres.wrenches, spheres.jacobian, spheres.root_loads
+        self._loads = spheres.__call__
+
+    def __call__(self, poses):
+        return self._loads(poses)
+
+
+def gapless_models(scene, settings):
+    return Gapless(scene), Gapless(scene)
+
+
+@pytest.mark.parametrize("models", [users_models, gapless_models])
+def test_a_users_own_model_goes_the_same_way(models, tmp_path):
+    settings = SamplingSettings(counts={"D1": 20, "D3": 20, "D4": 30, "D5": 30}, frames=21)
+    with ThreadPoolExecutor(1) as executor:
+        samples = draw_samples(
+            knee(), sphere_motion(), tmp_path / "s.h5", settings=settings, executor=executor, models=models
+        )
+    assert len(samples) == 100
+    assert np.isnan(samples.gaps).all() == (models is gapless_models)
+    lifted = TwoSpheres(knee()).gaps(samples.select(domain=4).poses).max(axis=1).reshape(-1, 3)
+    np.testing.assert_allclose(lifted[:, 2], 2.0, atol=0.1)
+
+
+def test_another_sample_point_than_the_motions_is_refused(tmp_path):
+    settings = SamplingSettings(inputs=("tx", "Fy_med", "tz", "Tx", "ry", "rz"))
+    with pytest.raises(ValueError, match="the reference motion has inputs"):
+        draw(tmp_path / "s.h5", None, settings)
+
+
+def test_a_scene_with_one_patch(tmp_path):
+    """Sphere in a dish, inputs {tx, Fy, tz, rx, ry, rz}: one free parameter, and neither D4 nor D6."""
+    scene = load_scene("sphere_in_dish")
+    t = np.linspace(0.0, 2.0 * np.pi, 7)
+    curves = np.zeros((2, 7, 6))
+    for k in range(2):
+        columns = [
+            np.sin(t + k),
+            -300.0 - 100 * np.cos(t + k),
+            0.5 * np.cos(t + k),
+            0.1 * k * t,
+            0.0 * t,
+            0.2 * t + 0.1 * k,
+        ]
+        curves[k] = np.stack(columns, axis=-1)
+    settings = SamplingSettings.from_scene(
+        scene, scale=0.001, frames=7, settle_grid=(60, 60), teacher_grid=(80, 80), liftoff_mm=1.0
+    )
+    poses = curves.copy()
+    poses[..., 1] = 30.0
+    motion = ReferenceMotion(settings.sample_point(scene), curves, poses)
+    with ThreadPoolExecutor(1) as executor:
+        samples = draw_samples(scene, motion, tmp_path / "s.h5", settings=settings, executor=executor)
+    reasons = {reason for dropped in samples.provenance["dropped"].values() for reason in dropped}
+    assert reasons <= {"contact reaches the edge of the elements"}
+    assert sorted(set(samples.domain.tolist())) == [1, 2, 3, 5, 7]
+    assert (samples.select(domain=5).wrenches == 0.0).all()
+    np.testing.assert_allclose(samples.select(domain=7).loads(["Fy"]), -5.0, atol=1.0)

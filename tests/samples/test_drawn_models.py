@@ -1,0 +1,140 @@
+"""Samples of each model that they may be drawn from: elements, and the foundation."""
+
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+
+import numpy as np
+import pytest
+
+from casadi_contact.contact.callable_model import CallableModel
+from casadi_contact.contact.cells.basis import Cells
+from casadi_contact.contact.cells.foundation import CellFoundation
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.samples.draw import MODELS, WithinElements, draw_samples, model_pair, models_identity, teacher_of
+from casadi_contact.samples.reference import reference_motion
+from casadi_contact.samples.samples import read_samples
+from casadi_contact.samples.settings import SamplingSettings
+from casadi_contact.scenes.loading import load_scene
+from casadi_contact.workflow.project import reference_motion_cycles
+from tests.support import two_spheres
+from tests.support.two_spheres import knee
+
+
+def test_the_knee_on_elastic_foundations(tmp_path):
+    """Settled on one grid, evaluated on a finer one: D4 to D7 as in the paper, up to the coarse grid's own error."""
+    scene = knee()
+    t = np.linspace(0.0, 2.0 * np.pi, 9)
+    loads = [{"Fy_med": -500.0 + (300 + 40 * k) * np.cos(t), "Fy_lat": -350.0 + 200 * np.cos(t + k)} for k in range(3)]
+    made = []
+    for k, load in enumerate(loads):
+        fy = load["Fy_med"] + load["Fy_lat"]
+        cop = {"Tx": -(22.0 * (load["Fy_med"] - load["Fy_lat"]) + (k - 1) * fy), "Tz": (1.0 + 2.0 * np.sin(t) + k) * fy}
+        rz = -0.55 + 0.45 * np.cos(t) + 0.05 * k
+        made.append(two_spheres.Cycle(f"cycle {k}", t, 0.05 * np.sin(t), rz, load | cop))
+    settings = SamplingSettings.from_scene(
+        scene, scale=0.002, frames=9, settle_grid=(80, 40), teacher_grid=(160, 80), chunk_size=100
+    )
+    motion, report = reference_motion(ElasticFoundation(scene, (80, 40)), made, settings)
+    assert report.converged.all(), str(report)
+    with ThreadPoolExecutor(1) as executor:
+        samples = draw_samples(scene, motion, tmp_path / "s.h5", settings=settings, executor=executor)
+    reasons = {reason for dropped in samples.provenance["dropped"].values() for reason in dropped}
+    assert reasons <= {"contact reaches the edge of the elements"}
+    loads_of = {d: samples.select(domain=d).loads(["Fy_med", "Fy_lat"]) for d in range(1, 8)}
+    assert (samples.loads(["Fy_med", "Fy_lat"]) <= 0.0).all()
+    assert ((loads_of[4] == 0.0).sum(axis=1) == 1).all()
+    gaps = samples.select(domain=4).gaps.max(axis=1).reshape(-1, 3)
+    np.testing.assert_allclose(gaps, np.tile([2 / 3, 4 / 3, 2.0], (20, 1)), atol=0.1)
+    kept = loads_of[4].sum(axis=1).reshape(-1, 3)
+    assert np.abs(kept - kept.mean(axis=1, keepdims=True)).max() < 8.0
+    assert (samples.select(domain=5).wrenches == 0.0).all()
+    assert np.abs(loads_of[6] + 5.0).min(axis=1).max() < 1.0
+    np.testing.assert_allclose(loads_of[7], -5.0, atol=1.0)
+
+
+def test_contact_that_ends_within_the_outermost_cell_does_not_reach_the_rim():
+    """A ball 0.1 mm deep in a plane of ±12 mm touches within 2.45 mm: up to 10.95 and 12.95 mm from the middle."""
+    scene = load_scene("sphere_on_plane")
+    cells = CellFoundation(scene, Cells(4.0, 4.0), compiled=False)
+    teacher = WithinElements(cells, ElasticFoundation(scene, (120, 120)))
+    poses = np.array([[x, 29.9, 0.0, 0.0, 0.0, 0.0] for x in (0.0, 8.5, 10.5)])
+    assert cells.at_edge(poses)[:, 0].tolist() == [False, True, True]
+    assert teacher.at_edge(poses)[:, 0].tolist() == [False, False, True]
+    np.testing.assert_array_equal(teacher.wrenches(poses), cells.wrenches(poses))
+    np.testing.assert_array_equal(teacher.gaps(poses), cells.gaps(poses))
+    cells.record = {"rms": {"Fy": 0.2}, "against": "EF 320×320"}
+    assert teacher.record is cells.record, "what a surrogate of it says that it is itself off by"
+
+
+@pytest.mark.parametrize(
+    ("what", "stored"),
+    [
+        (MODELS["elements"], "casadi_contact.samples.draw.elastic_foundations"),
+        (MODELS["foundation"], "casadi_contact.samples.draw.foundations"),
+        (CallableModel, "casadi_contact.contact.model.CallableModel"),
+    ],
+)
+def test_files_name_their_model_alike_when_its_code_has_moved(what, stored, monkeypatch):
+    """Samples on disc outlive the modules that they were drawn with."""
+    monkeypatch.setattr(what, "__module__", "casadi_contact.elsewhere")
+    assert models_identity(what)["models"] == stored
+
+
+def test_the_hip_on_its_foundation_has_the_element_grid_s_samples_with_less_error(tmp_path):
+    """Settled and evaluated on one model, samples have the wanted loads themselves."""
+    scene = load_scene("hip")
+    settings = SamplingSettings.from_scene(scene, scale=0.002, frames=21)
+    made = {}
+    for name, models in MODELS.items():
+        motion, report = reference_motion(models(scene, settings)[0], reference_motion_cycles(scene, ())[:2], settings)
+        assert report.converged.all()
+        with ThreadPoolExecutor(1) as executor:
+            path = tmp_path / f"{name}.h5"
+            samples = draw_samples(scene, motion, path, settings=settings, executor=executor, models=models)
+        made[name] = read_samples(path)
+        assert samples.provenance["models"].endswith(models.__name__)
+    elements, smooth = (made[name] for name in MODELS)
+    assert abs(len(smooth) - len(elements)) <= 0.02 * len(elements)
+    pressed = smooth.select(domain=7)
+    np.testing.assert_allclose(np.linalg.norm(pressed.wrenches[:, 0, :3], axis=1), scene.boundary_load, atol=1e-2)
+    teacher = teacher_of(smooth)
+    np.testing.assert_allclose(teacher.wrenches(smooth.poses), smooth.wrenches, rtol=1e-9, atol=1e-6)
+    assert teacher_of(elements).grid == (160, 160)
+    fine = ElasticFoundation(scene, (320, 320))
+    off = [np.abs(s.wrenches - fine.wrenches(s.poses))[:, :, :3].max() for s in (smooth, elements)]
+    assert off[0] < off[1]
+
+
+def test_samples_of_a_foundation_serve_larger_tolerances_and_not_smaller_ones(tmp_path):
+    """A foundation is as fine as the tolerances it was chosen for; a grid of elements does not know them."""
+    scene = load_scene("hip")
+    counts = {**dict.fromkeys(("D1", "D2", "D3", "D4", "D5", "D6"), 0), "D7": 10}
+    settings = SamplingSettings.from_scene(scene, frames=5, counts=counts)
+    motion, _ = reference_motion(
+        ElasticFoundation(scene, settings.settle_grid), reference_motion_cycles(scene, ())[:2], settings
+    )
+    finer, coarser = (scene.with_tolerances(**{k: f * t for k, t in scene.tolerances.items()}) for f in (0.5, 2.0))
+    for name, models in MODELS.items():
+        with ThreadPoolExecutor(1) as executor:
+            again = partial(
+                draw_samples,
+                motion=motion,
+                path=tmp_path / f"{name}.h5",
+                settings=settings,
+                executor=executor,
+                models=models,
+            )
+            first = again(scene)
+            np.testing.assert_array_equal(again(coarser).poses, first.poses)
+            if name == "foundation":
+                with pytest.raises(
+                    ValueError, match=r"chosen for Fx within .*, now .*: use another file, or delete it"
+                ):
+                    again(finer)
+            else:
+                np.testing.assert_array_equal(again(finer).poses, first.poses)
+
+
+def test_an_unknown_model_is_refused():
+    with pytest.raises(ValueError, match="model is 'springs', expected one of elements, foundation"):
+        model_pair("springs")

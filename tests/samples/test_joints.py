@@ -1,0 +1,124 @@
+"""Sampling joints that are not knees: a hip without a single direction, a patella pressed backwards."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.settle import settle
+from casadi_contact.samples.domains import left_out
+from casadi_contact.samples.draw import draw_samples
+from casadi_contact.samples.liftoff import lift_all, lift_one
+from casadi_contact.samples.reference import reference_motion
+from casadi_contact.samples.settings import SamplingSettings
+from casadi_contact.scenes.joint_cycle import scene_cycles
+from casadi_contact.scenes.loading import load_scene
+from casadi_contact.scenes.scene import Scene
+
+
+def drawn(name, path):
+    scene = load_scene(name)
+    settings = SamplingSettings.from_scene(
+        scene, frames=15, settle_grid=(40, 40), teacher_grid=(60, 60), counts={f"D{d}": 60 for d in range(1, 8)}
+    )
+    motion, report = reference_motion(ElasticFoundation(scene, (40, 40)), scene_cycles(scene)[:3], settings)
+    assert report.converged.all()
+    with ThreadPoolExecutor(1) as executor:
+        return motion, draw_samples(scene, motion, path, settings=settings, executor=executor)
+
+
+@pytest.fixture(scope="module")
+def hip(tmp_path_factory):
+    return drawn("hip", tmp_path_factory.mktemp("hip") / "samples.h5")
+
+
+@pytest.fixture(scope="module")
+def patella(tmp_path_factory):
+    return drawn("patellofemoral", tmp_path_factory.mktemp("patella") / "samples.h5")
+
+
+def test_a_hips_inputs_are_its_force_and_its_rotations(hip):
+    motion, samples = hip
+    assert motion.point.inputs == ("Fx", "Fy", "Fz", "rx", "ry", "rz")
+    assert motion.point.free == ("tx", "ty", "tz")
+    forces = np.linalg.norm(samples.select("D1").wrenches[:, 0, :3], axis=1)
+    assert forces.max() > 1500.0
+    assert forces.min() > 50.0
+
+
+def test_domains_without_sense_for_one_patch_are_left_out_and_said_so(hip):
+    _, samples = hip
+    assert sorted(set(samples.domain.tolist())) == [1, 2, 3, 5, 7]
+    assert set(samples.provenance["left_out"]) == {"D4", "D6"}
+    assert left_out(load_scene("hip").normal_loads, SamplingSettings(counts={"D1": 10})) == {}
+    assert left_out(load_scene("knee").normal_loads, SamplingSettings()) == {}
+
+
+@pytest.mark.parametrize("name", ["hip", "planar_knee"])
+def test_where_no_patch_is_lifted_off_alone_the_default_plan_tells_what_is_out_of_contact_too(name):
+    """Of one patch, and of two on one sensitive pose parameter, D5 and D7 are all there is that knows no contact: as
+    many as a tenth of the others."""
+    tables = {**load_scene(name).tables, "sampling": {}}
+    assert {"D4", "D6"} <= set(left_out(Scene.from_tables(tables).pressed, SamplingSettings()))
+    counts = SamplingSettings.from_scene(Scene.from_tables(tables)).counts
+    assert counts["D5"] + counts["D7"] >= 0.1 * (counts["D1"] + counts["D2"] + counts["D3"])
+    asked = {**tables, "sampling": {"counts": {"D5": 40}}}
+    assert SamplingSettings.from_scene(Scene.from_tables(asked)).counts["D5"] == 40
+
+
+def test_a_hip_at_the_boundary_carries_it_in_any_direction_and_lifts_off_away_from_it(hip):
+    _, samples = hip
+    boundary = samples.select("D7").wrenches[:, 0, :3]
+    np.testing.assert_allclose(np.linalg.norm(boundary, axis=1), 5.0, atol=0.5)
+    assert np.ptp(boundary, axis=0).min() > 1.0
+    apart = samples.select("D5")
+    assert len(apart) > 30
+    assert not apart.wrenches.any()
+    assert (apart.gaps > 0.0).all()
+
+
+def test_both_facets_of_a_patella_are_pressed_backwards_and_lifted_one_at_a_time(patella):
+    motion, samples = patella
+    assert motion.point.inputs == ("Fx_med", "ty", "Fx_lat", "rx", "ry", "rz")
+    assert samples.provenance["left_out"] == {}
+    fx = samples.wrenches[:, :, 0]
+    assert (fx >= 0.0).all()
+    one = samples.select("D4")
+    lifted = (one.wrenches == 0.0).all(axis=2)
+    np.testing.assert_array_equal(lifted.sum(axis=1), 1)
+    assert lifted.any(axis=0).all()
+    np.testing.assert_allclose(
+        samples.select("D7").loads(["Fx_med", "Fx_lat"]), 5.0, atol=2.0
+    )  # these grids are coarse
+    assert not samples.select("D5").wrenches.any()
+
+
+def test_a_patella_is_lifted_off_to_the_front():
+    scene = load_scene("patellofemoral")
+    model = ElasticFoundation(scene, (60, 40))
+    poses, report = settle(model, [[-49.85, 2.0, 0.0, 0.0, 0.0, -0.5]], ("tx", "tz"), {"Fx_med": 5.0, "Fx_lat": 5.0})
+    assert report.converged.all()
+    raised = lift_all(model, poses, liftoff_mm=0.6, steps=3)[0]
+    moved = raised[:, :3] - poses[0, :3]
+    np.testing.assert_allclose(np.linalg.norm(moved, axis=1), [0.2, 0.4, 0.6])
+    assert (moved[:, 0] < -0.9 * np.array([0.2, 0.4, 0.6])).all()
+
+
+def test_lifting_one_patch_needs_two_sensitive_parameters():
+    scene = load_scene("hip")
+    model = ElasticFoundation(scene, (20, 20))
+    with pytest.raises(ValueError, match=r"sampling\.counts\.D4 = 0"):
+        lift_one(model, np.zeros((1, 6)), 0, ("tx",), {}, liftoff_mm=1.0, steps=1, tolerance_n=1e-3)
+
+
+def test_a_hip_settles_from_out_of_contact_and_from_too_deep():
+    scene = load_scene("hip")
+    model = ElasticFoundation(scene, (40, 40))
+    along = np.array([0.0, 0.95, 0.3])
+    starts = np.pad(scene.geometry["cup_centre"] + np.array([[0.1], [0.38], [0.7]]) * along, ((0, 0), (0, 3)))
+    wanted = {"Fx": -100.0, "Fy": 1200.0, "Fz": 300.0}
+    settled, report = settle(model, starts, ("tx", "ty", "tz"), wanted)
+    assert report.converged.all(), report.reason
+    np.testing.assert_allclose(model(settled)[:, :3], np.tile(list(wanted.values()), (3, 1)), atol=1e-4)
+    np.testing.assert_allclose(settled, np.tile(settled[0], (3, 1)), atol=1e-6)

@@ -1,0 +1,209 @@
+"""A draw that is resumed goes on around the motion it began with, and with the contact model it began with."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.cli import pipeline
+from casadi_contact.samples.samples import partial_folder
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.workflow.presets import Preset
+from casadi_contact.workflow.project import Project, read_motion
+from casadi_contact.workflow.samples import draw
+from tests.support import own_contact
+
+COUNTS = {"D1": 60, "D2": 0, "D3": 60, "D4": 0, "D5": 15, "D6": 0, "D7": 10}
+
+
+class StopError(Exception):
+    pass
+
+
+@pytest.fixture
+def project(tmp_path):
+    text = own_contact.SCENE.with_overrides(counts=COUNTS).to_toml()
+    scene = Scene.from_toml(text.replace("liftoff_mm", "chunk_size = 20\nframes = 11\nliftoff_mm"))
+    return Project(scene, "own", tmp_path, own=Preset(1.0, {}))
+
+
+def model(project, factor=1.0, wrenches=own_contact.wrenches, gaps=own_contact.gaps):
+    return cc.CallableModel(project.scene, lambda poses: factor * wrenches(poses), gaps)
+
+
+def drawn(project, model, stop_at=None):
+    def update(what, done, total, remark):
+        if what == "samples" and done == stop_at:
+            raise StopError
+
+    draw(project, [], model, update, None)
+    return project.samples()
+
+
+def stopped(project, model, chunks=4):
+    with pytest.raises(StopError):
+        drawn(project, model, chunks)
+
+
+def test_a_model_that_no_two_runs_give_alike_goes_on_around_the_motion_it_began_with(project):
+    stopped(project, model(project, 1.0005))
+    before = read_motion(project)[0]
+    samples = drawn(project, model(project, 0.9995))
+    np.testing.assert_array_equal(read_motion(project)[0].poses, before.poses)
+    assert len(samples) == sum(COUNTS.values())
+    np.testing.assert_array_equal(drawn(project, model(project, 1.0)).poses, samples.poses)
+
+
+def allowing(project, most_dropped):
+    """The project, in the same folder, after its user has set how much of a domain may be dropped."""
+    text = project.scene.to_toml().replace("liftoff_mm", f"most_dropped = {most_dropped}\nliftoff_mm")
+    return replace(project, scene=Scene.from_toml(text))
+
+
+def test_samples_are_kept_where_more_may_be_dropped(project):
+    """The cure that the refusal names costs no evaluation but the few that ask whether the model is still the same."""
+    asked = []
+
+    def fails_turned(poses):
+        asked.append(len(poses))
+        return np.where(poses[:, 5, None, None] > 0.2, np.nan, own_contact.wrenches(poses))
+
+    strict, lenient = allowing(project, 0.0), allowing(project, 1.0)
+    with pytest.raises(ValueError, match="most_dropped"):
+        drawn(strict, model(strict, wrenches=fails_turned))
+    kept = project.samples_path.read_bytes()
+    asked.clear()
+    assert 0 < len(drawn(lenient, model(lenient, wrenches=fails_turned))) < sum(COUNTS.values())
+    assert project.samples_path.read_bytes() == kept
+    assert sum(asked) <= 10
+
+
+def test_a_draw_goes_on_where_more_may_be_dropped(project):
+    stopped(project, model(project))
+    lenient, seen = allowing(project, 1.0), []
+
+    def update(what, done, total, remark):
+        seen.append((what, done))
+
+    draw(lenient, [], model(lenient), update, None)
+    assert seen[0] == ("samples", 4)
+
+
+def test_what_became_of_the_frames_is_told_again(project):
+    """Frames turned by more than 0.2 rad find no loads."""
+
+    def fails_turned(poses):
+        return np.where(poses[:, 5, None, None] > 0.2, np.nan, own_contact.wrenches(poses))
+
+    def made(scene, settings):
+        given = cc.CallableModel(scene, fails_turned, own_contact.gaps)
+        return given, given
+
+    turned = allowing(project, 1.0)
+    with ThreadPoolExecutor(1) as here:
+        (samples, before), (again, after) = (pipeline.sample(turned, executor=here, models=made) for _ in range(2))
+    assert 0 < before.converged.sum() < before.converged.size
+    assert str(before) == str(after)
+    np.testing.assert_array_equal(before.residual, after.residual)
+    np.testing.assert_array_equal(samples.poses, again.poses)
+
+
+def test_a_model_that_fails_now_and_then_costs_samples_and_ends_nothing(project):
+    """A hundredth of its evaluations gives no numbers, while bodies are lifted off, too."""
+    rng = np.random.default_rng(0)
+
+    def fails(poses):
+        loads = own_contact.wrenches(poses)
+        loads[rng.random(len(poses)) < 0.01] = np.nan
+        return loads
+
+    scene = project.scene.with_overrides(counts=COUNTS | {"D5": 300})
+    many = Project(scene, "own", project.folder, own=Preset(1.0, {}))
+    samples = drawn(many, model(many, wrenches=fails))
+    assert np.isfinite(samples.wrenches).all()
+    dropped = samples.provenance["dropped"]["D5"]
+    assert dropped["not lifted off: the contact model's loads are not finite"] > 0
+    assert len(samples.select("D5")) > 150
+
+
+def twisted(poses):
+    """The same forces, and so the same motion, but 50 N·mm more of a torque in contact."""
+    loads = own_contact.wrenches(poses)
+    loads[..., 4] += np.where(loads[..., 1] != 0.0, 50.0, 0.0)
+    return loads
+
+
+def nothing(poses):
+    return np.full((len(poses), 1, 6), np.nan)
+
+
+OTHERS = {
+    "stiffer by 10 %": ({"factor": 1.1}, "F"),
+    "twisted": ({"wrenches": twisted}, "Ty"),
+    "without loads": ({"wrenches": nothing}, "nan"),
+}
+
+
+@pytest.mark.parametrize("what", OTHERS)
+@pytest.mark.parametrize("whole", [False, True])
+def test_samples_of_a_model_that_has_changed_since_are_refused(project, what, whole):
+    if whole:
+        drawn(project, model(project))
+    else:
+        stopped(project, model(project), chunks=7)  # of 8, those without load among them
+    before = {path: path.read_bytes() for path in project.folder.rglob("*") if path.is_file()}
+    changed, said = OTHERS[what]
+    with pytest.raises(ValueError, match=rf"another contact model: .*{said}") as error:
+        drawn(project, model(project, **changed))
+    assert "\n" not in str(error.value)
+    kept = {path: path.read_bytes() for path in project.folder.rglob("*") if path.is_file()}
+    assert {path.name: kept[path] == before[path] for path in before} == {path.name: True for path in before}
+
+
+def test_another_motion_is_refused_before_poses_are_sought(project, tmp_path):
+    stopped(project, model(project))
+    other = Project(project.scene.with_overrides(cycles=2), "own", tmp_path, own=project.own)
+    asked = []
+
+    def counted(poses):
+        asked.append(len(poses))
+        return own_contact.wrenches(poses)
+
+    with pytest.raises(ValueError, match="was drawn with another scene"):
+        drawn(other, model(other, wrenches=counted))
+    assert not asked
+
+
+def test_a_plan_of_which_nothing_was_drawn_yields_to_another_model(project):
+    def fails(poses):
+        raise ZeroDivisionError
+
+    first = {"done": False}
+
+    def fails_when_sampled(poses):
+        return fails(poses) if first["done"] else own_contact.wrenches(poses)
+
+    def update(what, done, total, remark):
+        first["done"] |= what == "samples"
+
+    with pytest.raises(ZeroDivisionError):
+        draw(project, [], model(project, wrenches=fails_when_sampled), update, None)
+    assert partial_folder(project.samples_path).is_dir()
+    assert len(drawn(project, model(project, 1.5))) == sum(COUNTS.values())
+
+
+def test_a_table_leaves_no_motion_of_a_draw_behind(project, tmp_path):
+    from tests.support.own_contact import table_rows, write_csv
+
+    stopped(project, model(project))
+    pipeline.take_table(project, write_csv(tmp_path / "table.csv", table_rows(60)))
+    assert not project.motion_path.exists()
+
+
+def test_a_damaged_motion_is_refused(project):
+    stopped(project, model(project))
+    project.motion_path.write_bytes(project.motion_path.read_bytes()[:300])
+    with pytest.raises(ValueError, match=r"motion\.npz is damaged"):
+        drawn(project, model(project))

@@ -1,0 +1,114 @@
+"""The plan `reach`: ranges instead of a motion; and joints whose pose is locked."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.contact.settle import settle
+from casadi_contact.samples.chunk import Chunk, draw_chunk
+from casadi_contact.samples.domains import plan_domains
+from casadi_contact.samples.envelopes import Envelopes
+from casadi_contact.samples.liftoff import lift_each
+from casadi_contact.samples.sample_point import SamplePoint
+from casadi_contact.samples.settings import SamplingSettings
+from tests.support.two_spheres import RADIUS_MM, STIFFNESS, TwoSpheres, knee
+
+INPUTS = ("tx", "Fy_med", "tz", "Fy_lat", "ry", "rz")
+REACH = {"tx": (-1.0, 2.0), "tz": (-1.0, 1.0), "ry": (-0.1, 0.1), "rz": (-2.0, 0.2)}
+REACH |= {"Fy_med": (-2500.0, -5.0), "Fy_lat": (-2500.0, 0.0)}
+
+
+def blocks(**settings):
+    scene = cc.load_scene("knee")
+    nowhere = Envelopes(INPUTS, np.zeros((1, 6)), np.zeros((1, 6)))
+    return plan_domains(nowhere, scene.normal_loads, 5.0, SamplingSettings(reach=REACH, **settings))
+
+
+def test_the_reach_is_filled_evenly_in_poses_and_in_roots_of_loads():
+    inputs = next(b.inputs for b in blocks(counts={"D3": 4000}) if b.domain == 3)
+    for column, name in enumerate(INPUTS):
+        values, (low, high) = inputs[:, column], REACH[name]
+        if name.startswith("Fy"):
+            values, low, high = np.sqrt(-values), np.sqrt(5.0), np.sqrt(2500.0)
+        counts, _ = np.histogram(values, bins=8, range=(low, high))
+        assert counts.sum() == 4000
+        assert np.abs(counts - 500).max() <= 25, name
+
+
+def test_the_reach_follows_no_motion():
+    assert {b.domain for b in blocks()} == {3, 4, 5, 6, 7}
+
+
+def test_the_boundary_stays_at_the_boundary_load():
+    for block in blocks():
+        if block.domain in (6, 7):
+            held = [block.lifted] if block.domain == 6 else [0, 1]
+            for patch in held:
+                np.testing.assert_allclose(block.inputs[:, INPUTS.index(("Fy_med", "Fy_lat")[patch])], -5.0)
+
+
+def test_a_reach_lacking_an_input_is_refused():
+    settings = SamplingSettings(reach={"tx": (0.0, 1.0)})
+    with pytest.raises(ValueError, match=r"reach = .* expected a range of each input: tx, Fy_med"):
+        settings.sample_point(cc.load_scene("knee"))
+    with pytest.raises(ValueError, match=r"reach.tx .* low < high"):
+        SamplingSettings(reach={"tx": (1.0, 0.0)})
+
+
+def test_poses_of_the_reach_start_from_advance_to_contact_not_from_a_motion():
+    """Starts metres away: without a first touch nothing would settle."""
+    model = TwoSpheres(knee())
+    starts = np.zeros((6, 6))
+    starts[:, 1] = 5000.0
+    loads = {"Fy_med": np.full(6, -300.0), "Fy_lat": np.full(6, -200.0)}
+    settings = SamplingSettings(reach=REACH)
+    drawn = draw_chunk(model, model, Chunk(3, -1, ("ty", "rx"), starts, loads, np.zeros(6, np.uint8)), settings)
+    np.testing.assert_allclose(drawn.wrenches[:, :, 1], np.tile([-300.0, -200.0], (6, 1)), atol=1e-3)
+
+
+def test_each_side_is_lifted_by_a_gap_of_its_own():
+    """One side just off and the other farther out, as no lift of both alike gives; the gaps are those asked for."""
+    model = TwoSpheres(knee())
+    rng = np.random.default_rng(3)
+    starts = rng.uniform(-1.0, 1.0, (40, 6)) * [3.0, 0.1, 3.0, 0.02, 0.1, 0.5] + [0.0, RADIUS_MM, 0.0, 0.0, 0.0, -0.5]
+    wanted = rng.uniform(0.0, 3.0, (40, 2))
+    lifted = lift_each(model, starts, wanted)
+    np.testing.assert_allclose(model.gaps(lifted), wanted, atol=1e-6)
+    held = [0, 2, 4, 5]
+    np.testing.assert_array_equal(lifted[:, held], starts[:, held])
+
+
+def test_the_plan_of_a_reach_lifts_sides_apart_and_that_of_a_motion_lifts_them_alike():
+    model = TwoSpheres(knee())
+    starts = np.tile([0.0, 30.0, 0.0, 0.0, 0.0, 0.0], (30, 1))
+    loads = {"Fy_med": np.full(30, -5.0), "Fy_lat": np.full(30, -5.0)}
+    chunk = Chunk(5, -1, ("ty", "rx"), starts, loads, np.zeros(30, np.uint8))
+    for settings, alike in ((SamplingSettings(reach=REACH), False), (SamplingSettings(), True)):
+        gaps = draw_chunk(model, model, chunk, settings).gaps
+        assert (gaps > -0.2).all()
+        assert gaps.max() > 0.9 * settings.liftoff_mm - 0.2
+        assert (np.ptp(gaps, axis=1).max() < 1e-3) == alike
+
+
+def test_files_of_before_know_no_reach():
+    assert "reach" not in SamplingSettings().to_table()
+    assert SamplingSettings.from_table(SamplingSettings(reach=REACH).to_table()).reach == REACH
+
+
+def test_the_planar_knee_is_set_by_its_total_load_and_two_pose_parameters():
+    scene = cc.load_scene("planar_knee")
+    point = SamplePoint.of_scene(scene)
+    assert (point.inputs, point.free) == (("tx", "Fy", "rz"), ("ty",))
+    assert [normal.loads for normal in scene.pressed] == [("Fy",)]
+    assert scene.load_names == ("Fy", "Fx")
+    assert set(scene.tolerances) == {"Fy", "Fx"}
+
+
+def test_a_total_load_is_settled_through_liftoff_and_back():
+    """From above and from too deep, the total of both sides is met by ty alone."""
+    model = TwoSpheres(cc.load_scene("planar_knee"))
+    poses = np.zeros((4, 6))
+    poses[:, 1] = RADIUS_MM + np.array([1.0, 0.2, 0.0, -0.3])
+    settled, report = settle(model, poses, ("ty",), {"Fy": -600.0})
+    assert report.converged.all()
+    np.testing.assert_allclose(settled[:, 1], RADIUS_MM - np.sqrt(300.0 / STIFFNESS), atol=1e-6)

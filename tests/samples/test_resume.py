@@ -1,0 +1,200 @@
+import os
+import signal
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from casadi_contact.samples.draw import draw_samples, foundations
+from casadi_contact.samples.reference import ReferenceMotion
+from casadi_contact.samples.samples import partial_folder, read_samples
+from tests.support import two_spheres
+from tests.support.drawn_spheres import SETTINGS, draw, sphere_motion
+from tests.support.two_spheres import knee
+
+KILLED_DRAW = """
+import os, signal, sys
+from concurrent.futures import ThreadPoolExecutor
+sys.path.insert(0, sys.argv[2])
+from tests.support.drawn_spheres import draw
+with ThreadPoolExecutor(1) as executor:
+    draw(sys.argv[1], executor, progress=lambda done, total: done < 4 or os.kill(os.getpid(), signal.SIGKILL))
+"""
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The file of an uninterrupted draw."""
+    path = tmp_path_factory.mktemp("whole") / "samples.h5"
+    with ThreadPoolExecutor(1) as executor:
+        draw(path, executor)
+    return path.read_bytes()
+
+
+def resume(path, **options):
+    """Finish the draw; returns how many chunks were there at the start, and how many there are."""
+    seen = []
+    with ThreadPoolExecutor(1) as executor:
+        draw(path, executor, progress=lambda done, total: seen.append((done, total)), **options)
+    return seen[0]
+
+
+def chunks(path):
+    return sorted(partial_folder(path).glob("chunk-*.npz"))
+
+
+def test_a_killed_draw_goes_on_and_ends_with_the_same_bytes(tmp_path, whole):
+    path = tmp_path / "samples.h5"
+    command = [sys.executable, "-c", KILLED_DRAW, str(path), str(Path(__file__).parents[2])]
+    assert subprocess.run(command, check=False).returncode == -signal.SIGKILL
+    there = len(chunks(path))
+    assert there >= 4
+    with pytest.raises(FileNotFoundError, match="not complete"):
+        read_samples(path)
+    started, total = resume(path)
+    assert there <= started < total  # no whole chunk was lost, and some were missing
+    assert path.read_bytes() == whole
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["samples.h5"]
+
+
+class StopError(Exception):
+    pass
+
+
+@pytest.fixture
+def stopped(tmp_path):
+    """A draw that ended with an error after three chunks."""
+
+    def stop(done, total):
+        if done == 3:
+            raise StopError
+
+    with pytest.raises(StopError), ThreadPoolExecutor(1) as executor:
+        draw(tmp_path / "samples.h5", executor, progress=stop)
+    assert len(chunks(tmp_path / "samples.h5")) == 3
+    return tmp_path / "samples.h5"
+
+
+def test_half_written_files_do_no_harm(stopped, whole):
+    """What a power cut may leave: a truncated chunk and a file not renamed yet."""
+    first = chunks(stopped)[0]
+    first.write_bytes(first.read_bytes()[:100])
+    (first.parent / "chunk-000009.npz.77.tmp").write_bytes(b"half")
+    assert resume(stopped)[0] == 2
+    assert stopped.read_bytes() == whole
+
+
+def test_a_complete_file_is_not_drawn_again(tmp_path, whole):
+    path = tmp_path / "samples.h5"
+    path.write_bytes(whole)
+    with ThreadPoolExecutor(1) as executor:
+        again = draw(path, executor, progress=lambda done, total: pytest.fail("drew again"))
+    assert len(again) == len(read_samples(path))
+
+
+def other_models(scene, settings):
+    return two_spheres.models(scene, settings)
+
+
+def begun_with_other_things():
+    moved = ReferenceMotion(sphere_motion().point, sphere_motion().curves, sphere_motion().poses + 1e-9)
+    return {
+        "seed = 5, now 6": {"settings": replace(SETTINGS, seed=6)},
+        "liftoff_mm = 2.0, now 1.0": {"settings": replace(SETTINGS, liftoff_mm=1.0)},
+        "another scene": {"scene": knee().with_overrides(frontal_radius=23.0)},
+        "another reference motion": {"motion": moved},
+        "models tests.support.two_spheres.models": {"models": other_models},
+    }
+
+
+@pytest.mark.parametrize("message", begun_with_other_things())
+def test_samples_of_something_else_are_not_continued(message, stopped, tmp_path, whole):
+    complete = tmp_path / "complete.h5"
+    complete.write_bytes(whole)
+    asked = {"scene": knee(), "motion": sphere_motion(), "settings": SETTINGS, "models": two_spheres.models}
+    asked |= begun_with_other_things()[message]
+    scene, motion = asked.pop("scene"), asked.pop("motion")
+    for path in (stopped, complete):
+        before = sorted(p.name for p in tmp_path.rglob("*"))
+        with pytest.raises(ValueError, match=message) as error, ThreadPoolExecutor(1) as executor:
+            draw_samples(scene, motion, path, executor=executor, **asked)
+        assert "\n" not in str(error.value)
+        assert sorted(p.name for p in tmp_path.rglob("*")) == before
+
+
+def test_samples_of_a_foundation_go_on_for_no_smaller_tolerances(tmp_path, monkeypatch):
+    """It is chosen for the tolerances: whole samples are good enough for larger ones, begun ones for the same alone."""
+    monkeypatch.setattr("casadi_contact.samples.draw.foundation", two_spheres.TwoSpheres)
+    path, settings = tmp_path / "samples.h5", replace(SETTINGS, seed=77)
+    tight, loose = (
+        knee().with_tolerances(**{name: factor * value for name, value in knee().tolerances.items()})
+        for factor in (0.5, 2.0)
+    )
+
+    def go_on(scene, progress=None):
+        with ThreadPoolExecutor(1) as executor:
+            return draw_samples(
+                scene,
+                sphere_motion(),
+                path,
+                settings=settings,
+                executor=executor,
+                models=foundations,
+                progress=progress,
+            )
+
+    def stop(done, total):
+        if done == 2:
+            raise StopError
+
+    with pytest.raises(StopError):
+        go_on(knee(), stop)
+    for other in (tight, loose):
+        with pytest.raises(ValueError, match="was drawn with tolerances"):
+            go_on(other)
+    drawn = go_on(knee())
+    with pytest.raises(ValueError, match="was drawn from a foundation chosen for Fy_med within"):
+        go_on(tight)
+    np.testing.assert_array_equal(go_on(loose).poses, drawn.poses)
+
+
+def test_a_damaged_record_is_refused(stopped):
+    (partial_folder(stopped) / "plan.json").write_text("{")
+    with pytest.raises(ValueError, match=r"plan\.json is damaged: delete"):
+        resume(stopped)
+
+
+def test_a_folder_that_cannot_be_written(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OSError, match="cannot write samples to"):
+        resume(tmp_path / "file" / "samples.h5")
+    if os.geteuid() != 0:  # the superuser may write anywhere
+        tmp_path.chmod(0o500)
+        with pytest.raises(OSError, match="cannot write samples to"):
+            resume(tmp_path / "samples.h5")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links need rights elsewhere")
+def test_chunks_may_gather_on_another_disc(tmp_path, whole):
+    """A link leads there; what others keep beside the chunks stays."""
+    (tmp_path / "disc").mkdir()
+    (tmp_path / "disc" / "of_others").touch()
+    partial_folder(tmp_path / "samples.h5").symlink_to(tmp_path / "disc")
+    with ThreadPoolExecutor(1) as executor:
+        draw(tmp_path / "samples.h5", executor)
+    assert (tmp_path / "samples.h5").read_bytes() == whole
+    assert not partial_folder(tmp_path / "samples.h5").is_symlink()
+    assert [path.name for path in (tmp_path / "disc").iterdir()] == ["of_others"]
+
+
+def test_a_kill_between_the_last_rename_and_the_clearing_up(stopped, whole):
+    folder = partial_folder(stopped)
+    stopped.write_bytes(whole)
+    with ThreadPoolExecutor(1) as executor:
+        samples = draw(stopped, executor)
+    assert not folder.exists()
+    np.testing.assert_array_equal(samples.poses, read_samples(stopped).poses)

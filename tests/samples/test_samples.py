@@ -1,0 +1,154 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from casadi_contact.samples.samples import (
+    COLUMNS,
+    TEST,
+    TRAIN,
+    Dropped,
+    Samples,
+    partial_folder,
+    read_samples,
+    write_samples,
+)
+from casadi_contact.scenes.loading import load_scene
+from tests.support.hdf5_files import resealed
+
+
+def some_samples(count=20):
+    rng = np.random.default_rng(0)
+    return Samples(
+        load_scene("knee"),
+        rng.normal(size=(count, 6)),
+        rng.normal(size=(count, 2, 6)),
+        rng.normal(size=(count, 2)),
+        (np.arange(count) % 7 + 1).astype(np.uint8),
+        (np.arange(count) % 3).astype(np.uint8),
+        {"seed": 1, "dropped": {"D1": {"pulls": 2}}},
+    )
+
+
+@pytest.mark.parametrize("count", [0, 20])
+def test_a_file_gives_back_what_was_written(tmp_path, count):
+    samples = some_samples(count)
+    write_samples(tmp_path / "s.h5", samples)
+    back = read_samples(tmp_path / "s.h5")
+    assert back.scene == samples.scene
+    assert back.provenance == samples.provenance
+    for name in ("poses", "wrenches", "gaps", "domain", "role"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(samples, name))
+        assert getattr(back, name).dtype == getattr(samples, name).dtype
+    assert [p.name for p in tmp_path.iterdir()] == ["s.h5"]
+
+
+def test_the_same_samples_give_the_same_bytes(tmp_path):
+    for name in ("a.h5", "b.h5"):
+        write_samples(tmp_path / name, some_samples())
+    assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
+
+
+def test_named_loads_come_from_the_wrenches():
+    samples = some_samples()
+    med, lat = samples.wrenches[:, 0], samples.wrenches[:, 1]
+    np.testing.assert_allclose(samples.loads(["Fy_lat", "Tx"]), np.column_stack([lat[:, 1], med[:, 3] + lat[:, 3]]))
+    assert samples.loads().shape == (20, 7)
+
+
+def test_selection_by_domain_and_role():
+    samples = some_samples()
+    chosen = samples.select(domain="D2", role=TEST)
+    rows = (samples.domain == 2) & (samples.role == TEST)
+    np.testing.assert_array_equal(chosen.poses, samples.poses[rows])
+    assert len(samples.select(domain=["D1", 3])) == ((samples.domain == 1) | (samples.domain == 3)).sum()
+    assert samples.counts()["D2"]["train"] == ((samples.domain == 2) & (samples.role == TRAIN)).sum()
+    with pytest.raises(ValueError, match="unknown domain 'D9'"):
+        samples.select(domain="D9")
+
+
+def test_samples_of_one_scene_are_joined():
+    samples = some_samples()
+    both = samples.join_samples(samples.select(role=TRAIN))
+    assert len(both) == 20 + len(samples.select(role=TRAIN))
+    np.testing.assert_array_equal(both.poses[:20], samples.poses)
+    other = Samples(load_scene("knee", youngs_modulus=400.0), *(getattr(samples, n) for n in COLUMNS))
+    with pytest.raises(ValueError, match="another scene"):
+        samples.join_samples(other)
+
+
+def test_dropped_poses_survive_the_file_and_stay_with_every_selection(tmp_path):
+    dropped = Dropped(np.arange(12.0).reshape(2, 6), np.array([1, 3], dtype=np.uint8))
+    samples = replace(some_samples(), dropped=dropped)
+    write_samples(tmp_path / "s.h5", samples)
+    for kept in (read_samples(tmp_path / "s.h5"), samples.select(role=TRAIN)):
+        np.testing.assert_array_equal(kept.dropped.poses, dropped.poses)
+        np.testing.assert_array_equal(kept.dropped.domain, dropped.domain)
+    assert len(samples.join_samples(samples).dropped) == 4
+    with pytest.raises(ValueError, match=r"dropped poses have shapes"):
+        Dropped(np.zeros((2, 5)), np.zeros(2))
+
+
+def test_mismatched_columns_are_refused():
+    with pytest.raises(ValueError, match=r"wrenches has shape \(3, 1, 6\), expected \(3, 2, 6\)"):
+        Samples(load_scene("knee"), np.zeros((3, 6)), np.zeros((3, 1, 6)), np.zeros((3, 2)), np.ones(3), np.zeros(3))
+
+
+@pytest.fixture
+def file(tmp_path):
+    write_samples(tmp_path / "s.h5", some_samples())
+    return tmp_path / "s.h5"
+
+
+def flip_a_bit(path):
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+
+
+def without_gaps(path):
+    with resealed(path) as samples:
+        del samples["gaps"]
+
+
+def with_three_roles(path):
+    with resealed(path) as samples:
+        del samples["role"]
+        samples["role"] = np.zeros(3, dtype=np.uint8)
+
+
+def with_another_format(path):
+    with resealed(path) as samples:
+        samples.attrs["format_version"] = 99
+
+
+HARM = {
+    flip_a_bit: "digest",
+    lambda path: path.write_bytes(path.read_bytes()[:-700]): "digest",
+    lambda path: path.write_text("name,poses\n"): "damaged",
+    without_gaps: "damaged",
+    with_three_roles: "shape",
+    with_another_format: "format 99",
+}
+
+
+@pytest.mark.parametrize("harm", HARM)
+def test_a_damaged_or_foreign_file_is_refused_in_one_line(file, harm):
+    harm(file)
+    with pytest.raises(ValueError, match=HARM[harm]) as error:
+        read_samples(file)
+    assert "\n" not in str(error.value)
+    assert str(file) in str(error.value)
+
+
+def test_absent_and_incomplete(tmp_path):
+    with pytest.raises(FileNotFoundError, match="does not exist"):
+        read_samples(tmp_path / "s.h5")
+    partial_folder(tmp_path / "s.h5").mkdir()
+    with pytest.raises(FileNotFoundError, match="is not complete"):
+        read_samples(tmp_path / "s.h5")
+
+
+def test_a_folder_that_is_not_there_is_one_line(tmp_path):
+    with pytest.raises(OSError, match="cannot write"):
+        write_samples(tmp_path / "none" / "s.h5", some_samples())

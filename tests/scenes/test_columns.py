@@ -1,0 +1,101 @@
+"""Columns go into a CSV file and come back as they were; a file that is none is refused, and none is half written."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from casadi_contact.scenes import columns
+from casadi_contact.scenes.columns import TextColumns, read_columns, write_columns
+
+
+@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1, max_size=20))
+def test_numbers_come_back_bit_by_bit(tmp_path_factory, numbers):
+    path = tmp_path_factory.mktemp("columns") / "table.csv"
+    write_columns(path, {"a": numbers, "b": range(len(numbers))})
+    back = read_columns(path, required=("b", "a"))
+    assert back["a"].tolist() == numbers
+    assert back["b"].tolist() == list(range(len(numbers)))
+
+
+def test_digits_round_numbers_and_leave_text_and_counts_alone(tmp_path):
+    table = {"x": np.array([1.0 / 3.0, 2e-12]), "n": np.array([1234567, 2]), "why": ["a, b", ""]}
+    write_columns(tmp_path / "t.csv", table, digits=4)
+    assert (tmp_path / "t.csv").read_text().splitlines() == ["x,n,why", '0.3333,1234567,"a, b"', "2e-12,2,"]
+    assert TextColumns.read(tmp_path / "t.csv").text("why") == ["a, b", ""]
+
+
+def test_columns_of_different_lengths_leave_the_old_file_in_place(tmp_path):
+    path = tmp_path / "t.csv"
+    write_columns(path, {"x": [1.0]})
+    with pytest.raises(ValueError, match=r"different lengths: \{'x': 2, 'y': 1\}"):
+        write_columns(path, {"x": [1.0, 2.0], "y": [1.0]})
+    assert read_columns(path, required=("x",))["x"].tolist() == [1.0]
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "is empty, expected a header and rows"),
+        ("x,y\n", "has a header only, expected rows below it"),
+        ("x,y\n1\n", "line 2: got 1 values, expected 2"),
+        ("x\n1\n", "lacks the columns y; it has x"),
+        ("x,y,x\n1,2,3\n", "has the column x more than once"),
+        ("x,y\n1,2\n\n3,three\n", "line 4, y: got 'three', expected a number"),
+        ("x,y\n1,1_0\n", "line 2, y: got '1_0', expected a number"),
+        ("x,y\n1,\u0661\n", "line 2, y: got '\u0661', expected a number"),
+        ("x,y\n1,inf\n", "line 2, y: got inf, expected a finite number"),
+        ("x,y\n1,5,2,5\n", "line 2: got 4 values, expected 2: are there commas in numbers"),
+        ('x,y\n"1,5","2,5"\n', "line 2, x: got '1,5', expected a number with a decimal point"),
+        ("x;y\n1,5;2,5\n", "has semicolons between its columns, expected commas"),
+        ("x\ty\n1\t2\n", "has tabs between its columns, expected commas"),
+    ],
+)
+def test_what_is_no_table_of_these_numbers_is_refused_with_its_place(tmp_path, text, said):
+    (tmp_path / "t.csv").write_text(text)
+    with pytest.raises(ValueError, match=said):
+        read_columns(tmp_path / "t.csv", required=("x", "y"))
+
+
+def test_text_in_another_encoding_is_refused_with_the_cure(tmp_path):
+    for label, encoding in (("knöchel", "utf-16"), ("ankle", "utf-16-le"), ("knöchel", "latin-1")):
+        (tmp_path / "t.csv").write_bytes(f"{label},x,y\n0,1,2\n".encode(encoding))
+        with pytest.raises(ValueError, match="save it as CSV UTF-8"):
+            read_columns(tmp_path / "t.csv", required=("x", "y"))
+
+
+def test_a_table_that_would_take_all_memory_is_refused_before_it_is_read(tmp_path, monkeypatch):
+    """A line of two bytes takes a hundred in memory."""
+    monkeypatch.setattr(columns, "MOST_VALUES", 100)
+    table = tmp_path / "t.csv"
+    table.write_text("x,y\n" + "1,2\n" * 49)
+    assert len(read_columns(table, required=("x",))["x"]) == 49
+    table.write_bytes(table.read_bytes() + b"1,2\n" * 100_000 + b"what comes later is not looked at: \xff")
+    with pytest.raises(ValueError, match="holds more than 100 values, expected fewer"):
+        read_columns(table, required=("x",))
+
+
+def test_lines_of_spaces_count_as_empty_ones(tmp_path):
+    (tmp_path / "t.csv").write_text("x,y\n1,2\n   \n\n3,4\n,\n , \n")
+    assert read_columns(tmp_path / "t.csv", required=("x", "y"))["y"].tolist() == [2.0, 4.0]
+
+
+def test_a_frame_whose_cells_are_empty_is_not_left_out(tmp_path):
+    """As exports write a lost track: without these frames a path would be cut short."""
+    (tmp_path / "t.csv").write_text("x,y\n1,2\n,\n , \n3,4\n")
+    with pytest.raises(ValueError, match=r"t\.csv line 3 has empty cells, expected numbers: is a frame missing"):
+        read_columns(tmp_path / "t.csv", required=("x", "y"))
+
+
+def test_no_file_and_a_folder_are_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"walk none\.csv does not exist"):
+        read_columns("none.csv", required=("x",), what="walk")
+    with pytest.raises(FileNotFoundError, match="is a folder, expected a CSV file"):
+        read_columns(tmp_path, required=("x",))
+
+
+def test_messages_name_the_line_of_the_file_whatever_quoted_cells_hold(tmp_path):
+    (tmp_path / "t.csv").write_text('x,note\n1.0,"two\nlines"\nno number,b\n')
+    with pytest.raises(ValueError, match="line 4"):
+        TextColumns.read(tmp_path / "t.csv").numbers("x")

@@ -1,0 +1,165 @@
+"""Cycles of any joint: from a scene's harmonics and from CSV files with units in their columns."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.scenes.joint_cycle import JointCycle, column_names, driving_loads, read_joint_cycle, scene_cycles
+from casadi_contact.scenes.scene import Scene
+
+JOINTS = ("hip", "patellofemoral", "glenohumeral")
+
+
+def with_motion(**changes):
+    tables = dict(cc.load_scene("hip").tables)
+    return Scene.from_tables({**tables, "motion": {**tables["motion"], **changes}})
+
+
+@pytest.mark.parametrize("name", JOINTS)
+def test_ready_cycles_close_press_and_spread_about_their_mean(name):
+    scene = cc.load_scene(name)
+    cycles = scene_cycles(scene)
+    assert len(cycles) == 10
+    again = scene_cycles(scene)
+    for k, cycle in enumerate(cycles):
+        curves = {**cycle.measured_pose(), **cycle.targets()}
+        assert len(cycle.measured_pose()) + len(cycle.targets()) == 6
+        for key, curve in curves.items():
+            assert curve[0] == pytest.approx(curve[-1], abs=1e-9)
+            np.testing.assert_array_equal(curve, {**again[k].pose, **again[k].loads}[key])
+        for normal in scene.normal_loads:
+            forces = np.stack([cycle.targets()[load] for load in normal.loads])
+            pressed = np.linalg.norm(forces, axis=0) if normal.component is None else normal.sign * forces[0]
+            assert pressed.min() > scene.boundary_load
+
+
+def test_the_hips_mean_cycle_loads_it_with_about_two_body_weights():
+    cycles = scene_cycles(with_motion(deviation=0.0))
+    force = np.linalg.norm([cycles[0].targets()[name] for name in ("Fx", "Fy", "Fz")], axis=0)
+    assert 2.0 < force.max() / 750.0 < 2.5
+    np.testing.assert_array_equal(cycles[0].targets()["Fy"], cycles[1].targets()["Fy"])
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"cycles": 1}, "cycles = 1, expected a whole number from 2"),
+        ({"wheels": 3}, "expected cycles, duration_s"),
+        ({"harmonics": {"rz_deg": [1.0]}}, r"unknown curve motion\.harmonics\.rz_deg, expected tx_mm"),
+        ({"harmonics": {"rz_rad": [1.0, 2.0]}}, r"rz_rad = .*expected 1, 3, 5"),
+        ({"harmonics": {"rz_rad": [1.0]}}, "has no load"),
+    ],
+)
+def test_a_motion_that_makes_no_sense_is_refused(changes, said):
+    with pytest.raises(ValueError, match=said):
+        scene_cycles(with_motion(**changes))
+
+
+@pytest.mark.parametrize("name", [*JOINTS, "planar_knee"])
+def test_a_motion_does_not_depend_on_the_loads_that_are_learned(name, tmp_path):
+    whole = cc.load_scene(name)
+    fewer = Scene.from_toml(
+        f'format = 1\nname = "fewer"\nlike = "{name}"\n[loads]\nnames = ["{whole.load_names[-1]}"]\n'
+    )
+    for cycle, as_whole in zip(scene_cycles(fewer), scene_cycles(whole), strict=True):
+        assert list(cycle.targets()) == list(as_whole.targets())
+        for load, curve in cycle.targets().items():
+            np.testing.assert_array_equal(curve, as_whole.targets()[load])
+    columns = column_names(driving_loads(fewer))
+    loads = {columns[load]: curve for load, curve in cycle.targets().items()}
+    header = ",".join(["time_s", *loads])
+    table = np.column_stack([cycle.time_s, *loads.values()])
+    np.savetxt(tmp_path / "cycle.csv", table, delimiter=",", header=header, comments="")
+    assert set(read_joint_cycle(tmp_path / "cycle.csv", fewer).targets()) == set(cycle.targets())
+
+
+def test_loads_that_nothing_asks_for_are_no_part_of_a_cycle(tmp_path):
+    """A planar knee goes by the total Fy: that of a side in the file is a column like any other."""
+    planar = cc.load_scene("planar_knee")
+    assert driving_loads(planar) == ("Fy", "Fx")
+    (tmp_path / "cycle.csv").write_text("time_s,rz_rad,Fy_N,Fy_med_N,Tz_Nmm\n0.0,0,-9,-5,1\n0.1,0,-9,-5,1\n")
+    assert set(read_joint_cycle(tmp_path / "cycle.csv", planar).targets()) == {"Fy"}
+
+
+def test_a_scene_without_motion_asks_for_cycles():
+    with pytest.raises(ValueError, match=r"has no \[motion\], expected it there or a cycle file$"):
+        scene_cycles(cc.load_scene("sphere_on_plane"))
+
+
+def test_a_cycle_file_names_its_units(tmp_path):
+    scene = cc.load_scene("hip")
+    cycle = scene_cycles(scene)[0]
+    columns = column_names(scene.load_names)
+    assert (columns["tx"], columns["rz"], columns["Fy"], columns["Tx"]) == ("tx_mm", "rz_rad", "Fy_N", "Tx_Nmm")
+    curves = {**cycle.pose, **cycle.loads}
+    header = ",".join(["time_s", *(columns[name] for name in curves)])
+    path = tmp_path / "walk.csv"
+    np.savetxt(path, np.column_stack([cycle.time_s, *curves.values()]), delimiter=",", header=header, comments="")
+    again = read_joint_cycle(path, scene)
+    assert again.name == "walk"
+    for name, curve in curves.items():
+        np.testing.assert_array_equal({**again.pose, **again.loads}[name], curve)
+    path.write_text("time_s,rz_rad\n0.0,0.1\n1.0,0.2\n")
+    with pytest.raises(ValueError, match=r"walk\.csv has no load of scene hip"):
+        read_joint_cycle(path, scene)
+    path.write_text("time_s,Fy_N\n0.0,0.1\n1.0,much\n")
+    with pytest.raises(ValueError, match="line 3, Fy_N: got 'much'"):
+        read_joint_cycle(path, scene)
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "said"),
+    [
+        ("time_s,rz_rad,Fy_N", "30.0,900", "rz_rad reaches 30, expected radians: is it in degrees"),
+        ("time_s,rz_deg,Fy_N", "0.5,900", "has the column rz_deg, expected rz_rad: convert its unit"),
+        ("time_s,flexion_rz_rad,Fy_N", "0.5,900", "has the column flexion_rz_rad, expected rz_rad: rename it"),
+        ("time_s,rz_rad,fy_N", "0.5,900", "has the column fy_N, expected Fy_N: mind capital letters"),
+        ("time_s,Tx_mm,Fy_N", "0.5,900", "has the column Tx_mm, expected tx_mm: mind capital letters"),
+        ("time_s,tx_Nmm,Fy_N", "0.5,900", "has the column tx_Nmm, expected Tx_Nmm: mind capital letters"),
+        ("time_s,rz,Fy_N", "0.5,900", "has the column rz, expected rz_rad: name its unit"),
+        ("time_s,rz_rad,Fy_N,cop_x", "0.5,900,2", "has the column cop_x, expected cop_x_mm: name its unit"),
+        ("time_s,rz_rad,Fy_BW", "0.5,2.1", "has the column Fy_BW, expected Fy_N: convert its unit"),
+        (
+            "time_s,rz_rad,force",
+            "0.5,900",
+            "has no load of scene hip, expected some of Fx_N, .*; it has time_s, rz_rad, ",
+        ),
+    ],
+)
+def test_columns_in_other_units_are_refused_with_the_unit_that_is_expected(tmp_path, header, row, said):
+    (tmp_path / "cycle.csv").write_text(f"{header}\n0.0,{row}\n0.1,{row}\n")
+    with pytest.raises(ValueError, match=said):
+        read_joint_cycle(tmp_path / "cycle.csv", cc.load_scene("hip"))
+
+
+@pytest.mark.parametrize(
+    ("time_s", "pose", "loads", "said"),
+    [
+        ([0.0, 1.0, 2.0], {}, {"Fy": [1.0, 2.0]}, "Fy is not 3 finite numbers"),
+        ([0.0, 1.0], {"rx": [0.0, np.nan]}, {"Fy": [1.0, 2.0]}, "rx is not 2 finite numbers"),
+        (
+            [0.0, 1.0],
+            {},
+            {"Fy": [1.0, 1e20]},
+            r"Fy is 1e\+20 in row 2, expected numbers within .*: remove rows of missing",
+        ),
+        ([0.0, 1.0, 1.0], {}, {"Fy": [1.0, 2.0, 3.0]}, "time does not rise at frame 2"),
+        ([0.0], {}, {"Fy": [1.0]}, "has 1 frames"),
+    ],
+)
+def test_curves_that_are_no_cycle_are_refused_by_name(time_s, pose, loads, said):
+    with pytest.raises(ValueError, match=said):
+        JointCycle("walk", time_s, pose, loads)
+
+
+def test_lengths_of_kilometres_are_a_file_in_other_units():
+    given = {"time_s": [0.0, 1.0], "loads": {"Fy": [500.0, 500.0]}}
+    for far in ({"pose": {"tx": [0.0, 5000.0]}}, {"pose": {}, "centres": {"cop_x": [0.0, -5000.0]}}):
+        with pytest.raises(ValueError, match=r"(tx|cop_x) reaches 5000 mm.*is the file in mm, and not in m"):
+            JointCycle("far", **{**given, **far})
+
+
+def test_a_pose_parameter_is_no_load_and_a_load_no_pose_parameter():
+    for pose, loads in (({"Fy": [1.0, 2.0]}, {"Fy": [1.0, 2.0]}), ({}, {"ty": [1.0, 2.0]})):
+        with pytest.raises(ValueError, match="given as a pose parameter or a load that it is not"):
+            JointCycle("mixed", [0.0, 1.0], pose, loads)

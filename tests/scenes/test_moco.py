@@ -1,0 +1,122 @@
+"""Files between Moco and this library: names of states, units and signs there and back, read by OpenSim itself."""
+
+import json
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from casadi_contact.core.conventions import POSE_NAMES
+from casadi_contact.scenes.opensim.mapping import ColumnMap, mapped_curves, renamed_table
+from casadi_contact.scenes.opensim.table import read_opensim_table, write_table
+from casadi_contact.scenes.pose_file import poses_from_curves
+
+KNEE = "/jointset/knee_r"
+LABELS = ("knee_tx_r", "knee_ty_r", "knee_tz_r", "knee_adduction_r", "knee_rotation_r", "knee_angle_r")
+MAPS = [
+    ColumnMap.parse(f"{KNEE}/{label}/value={'-' if name == 'rz' else ''}{name}")
+    for label, name in zip(LABELS, POSE_NAMES, strict=True)
+]
+TIME = np.linspace(0.0, 0.3, 4)
+POSES = np.random.default_rng(7).uniform(-0.5, 0.5, (4, 6)) * np.repeat([30.0, 1.0], 3)
+CURVES = {"time": TIME, **dict(zip(POSE_NAMES, POSES.T, strict=True))}
+BY_OPENSIM = """
+import json, sys
+import opensim
+read = opensim.TimeSeriesTable(sys.argv[1])
+columns = {label: list(read.getDependentColumn(label).to_numpy()) for label in read.getColumnLabels()}
+header = {key: read.getTableMetaDataString(key) for key in ("inDegrees",)}
+opensim.STOFileAdapter.write(read, sys.argv[2])
+print(json.dumps({"time": list(read.getIndependentColumn()), "columns": columns, "header": header}))
+"""
+
+ROOT = Path(__file__).parents[2]
+needs_opensim = pytest.mark.skipif(find_spec("opensim") is None, reason="opensim is not installed")
+
+
+def through_file(table, path, maps):
+    write_table(table, path)
+    return mapped_curves(read_opensim_table(path), maps)
+
+
+def test_poses_go_to_the_states_of_a_moco_knee_and_back(tmp_path):
+    table = renamed_table(CURVES, MAPS, "states")
+    np.testing.assert_allclose(table.column(f"{KNEE}/knee_ty_r/value"), 1e-3 * POSES[:, 1])
+    np.testing.assert_allclose(table.column(f"{KNEE}/knee_angle_r/value"), -POSES[:, 5])
+    back = poses_from_curves(through_file(table, tmp_path / "states.sto", MAPS))
+    np.testing.assert_allclose(back, POSES, rtol=1e-14)
+
+
+def test_rotations_are_written_in_degrees_where_all_maps_say_so(tmp_path):
+    maps = [ColumnMap("a", "rx", unit="deg"), ColumnMap("b", "rz", -1.0, "deg")]
+    table = renamed_table(CURVES, maps, "turns")
+    assert table.in_degrees
+    np.testing.assert_allclose(table.column("b"), -np.degrees(POSES[:, 5]))
+    np.testing.assert_allclose(through_file(table, tmp_path / "t.mot", maps)["rz"], POSES[:, 5], rtol=1e-14)
+    with pytest.raises(ValueError, match="rotations are mapped to rad and to deg"):
+        renamed_table(CURVES, [maps[0], ColumnMap("b", "rz")], "turns")
+
+
+def test_torques_leave_in_nm_and_the_femur_gets_the_opposite():
+    curves = {"time": TIME, "Fy": np.full(4, -700.0), "Tx": np.full(4, 1500.0)}
+    maps = [ColumnMap.parse(text) for text in ("tibia_vy=Fy", "tibia_torque_x=Tx", "femur_torque_x=-Tx:Nm")]
+    table = renamed_table(curves, maps, "contact")
+    assert [table.column(item.column)[0] for item in maps] == [-700.0, 1.5, -1.5]
+
+
+@pytest.mark.parametrize(
+    ("maps", "said"),
+    [
+        ((ColumnMap("x", "Fy_med"),), "there are no curves Fy_med, expected some of time, tx"),
+        ((ColumnMap("x", "tx"), ColumnMap("x", "ty")), "column x is written twice"),
+    ],
+)
+def test_maps_that_cannot_be_written_are_refused(maps, said):
+    with pytest.raises(ValueError, match=said):
+        renamed_table(CURVES, maps, "poses")
+
+
+@pytest.mark.parametrize(
+    ("written", "said"),
+    [
+        ({"ty": 1000.0}, "ty reaches 2.* mm, expected a joint's: is the file in mm, and not in m?"),
+        ({"rz": 180.0 / np.pi}, "rz reaches .*, expected radians: is it in degrees?"),
+    ],
+)
+def test_a_file_in_other_units_than_the_map_says_is_refused_with_the_reason(tmp_path, written, said):
+    curves = {name: curve * written.get(name, 1.0) for name, curve in CURVES.items()}
+    curves["ty"] = np.full(4, 27.0) * written.get("ty", 1.0)
+    read = through_file(renamed_table(curves, MAPS, "states"), tmp_path / "states.sto", MAPS)
+    with pytest.raises(ValueError, match=said):
+        poses_from_curves(read)
+
+
+@needs_opensim
+def test_opensim_reads_what_is_written_and_what_it_writes_is_read(tmp_path):
+    """In a process of its own, which has no casadi_contact."""
+    write_table(renamed_table(CURVES, MAPS, "states"), tmp_path / "ours.sto")
+    command = [sys.executable, "-c", BY_OPENSIM, str(tmp_path / "ours.sto"), str(tmp_path / "theirs.sto")]
+    ran = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    found = json.loads(ran.stdout.strip().splitlines()[-1])
+    assert found["header"] == {"inDegrees": "no"}
+    np.testing.assert_allclose(found["time"], TIME)
+    np.testing.assert_allclose(found["columns"][f"{KNEE}/knee_tx_r/value"], 1e-3 * POSES[:, 0], rtol=1e-12)
+    back = poses_from_curves(mapped_curves(read_opensim_table(tmp_path / "theirs.sto"), MAPS))
+    np.testing.assert_allclose(back, POSES, rtol=1e-6)
+
+
+@needs_opensim
+def test_the_external_loads_of_the_recipe_are_understood_by_opensim(tmp_path):
+    """The recipe's own lines, run by OpenSim's Python; read back, each force stands where it should."""
+    page = (ROOT / "docs/how-to/moco.md").read_text("utf-8")
+    code = page.split("python - <<'END'\n")[1].split("END\n")[0]
+    code += "read = opensim.ExternalLoads('contact.xml', True)\n"
+    code += "found = map(read.get, range(read.getSize()))\n"
+    code += "print([(force.getAppliedToBodyName(), force.getForceExpressedInBodyName()) for force in found])\n"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stdout.strip().splitlines()[-1] == "[('tibia_r', 'tibia_r'), ('femur_r', 'tibia_r')]"

@@ -1,0 +1,113 @@
+"""A new shape is one class and one registration: loaded, checked and evaluated like those that are there."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.geometry.moving_surface import sphere
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.shapes.registry import SHAPES, register, shape_named
+from casadi_contact.scenes.shapes.shape import Parameter, Shape
+
+RADIUS_MM, CYLINDER_MM, OVERLAP_MM = 30.0, 40.0, 0.1
+STIFFNESS = 267.5728  # K/h of the ready scenes' material [N/mm³]
+
+
+class SphereOnCylinder(Shape):
+    """A sphere on an elastic cylinder about the fixed z axis, over a strip of its top."""
+
+    name = "sphere_on_cylinder"
+    parameters = (
+        Parameter("radius", "mm"),
+        Parameter("cylinder_radius", "mm"),
+        Parameter("half_angle_deg", "deg", high=89.0),
+        Parameter("length", "mm"),
+    )
+
+    def surfaces(self, geometry):
+        return [sphere(geometry["radius"])]
+
+    def cells(self, geometry, grid):
+        (nx, nz), R = grid, geometry["cylinder_radius"]
+        half = np.deg2rad(geometry["half_angle_deg"])
+        angle, z = np.meshgrid(
+            half * ((2.0 * np.arange(nx) + 1.0) / nx - 1.0),
+            geometry["length"] * ((np.arange(nz) + 0.5) / nz - 0.5),
+            indexing="ij",
+        )
+        normals = np.stack([np.sin(angle), np.cos(angle), np.zeros_like(angle)], axis=-1)
+        centres = R * normals + np.stack([np.zeros_like(z), np.zeros_like(z), z], axis=-1)
+        return [(centres, normals, np.full(grid, R * 2.0 * half / nx * geometry["length"] / nz))]
+
+
+@pytest.fixture(autouse=True)
+def registered():
+    register(SphereOnCylinder())
+    yield
+    del SHAPES["sphere_on_cylinder"]
+
+
+def scene_file(folder, **geometry):
+    numbers = {"radius": RADIUS_MM, "cylinder_radius": CYLINDER_MM, "half_angle_deg": 8.0, "length": 12.0} | geometry
+    tables = {**cc.load_scene("sphere_on_plane").tables, "name": "mine", "shape": "sphere_on_cylinder"}
+    tables["geometry"] = numbers
+    path = folder / "mine.toml"
+    path.write_text(Scene.from_tables(tables).to_toml())
+    return path
+
+
+def force(overlap):
+    """K/h·∫ depth·cos θ dA, the force along y, as a sum over small cells of the cylinder.
+
+    The ray from the axis at the angle θ and the height z enters the sphere, whose centre lies D = R + r - d from the
+    axis, at D cos θ - √(r² - z² - D² sin² θ): the depth is how far this lies below the surface at R.
+    """
+    D = CYLINDER_MM + RADIUS_MM - overlap
+    angle, z = np.meshgrid(np.linspace(-0.13, 0.13, 4001), np.linspace(-6.0, 6.0, 2001), indexing="ij")
+    depth = CYLINDER_MM - (D * np.cos(angle) - np.sqrt(RADIUS_MM**2 - z**2 - (D * np.sin(angle)) ** 2))
+    cell = CYLINDER_MM * (angle[1, 0] - angle[0, 0]) * (z[0, 1] - z[0, 0])
+    return STIFFNESS * (np.maximum(depth, 0.0) * np.cos(angle)).sum() * cell
+
+
+def test_its_force_is_that_of_the_integral_and_near_the_elliptic_closed_form(tmp_path):
+    model = cc.ElasticFoundation(cc.load_scene(scene_file(tmp_path)), (400, 300))
+    pose = np.array([[0.0, CYLINDER_MM + RADIUS_MM - OVERLAP_MM, 0.0, 0.0, 0.0, 0.0]])
+    loads = dict(zip(model.load_names, model(pose)[0], strict=True))
+    assert -loads["Fy"] == pytest.approx(force(OVERLAP_MM), rel=1e-4)
+    # Depth d - x²/2a - z²/2b, with a the relative radius across the cylinder and b that along it: F = K/h·π d²·√(a b).
+    a, b = RADIUS_MM * CYLINDER_MM / (RADIUS_MM + CYLINDER_MM), RADIUS_MM
+    assert -loads["Fy"] == pytest.approx(STIFFNESS * np.pi * OVERLAP_MM**2 * np.sqrt(a * b), rel=0.01)
+    assert abs(loads["Fx"]) + abs(loads["Fz"]) < 1e-6
+
+
+def test_its_axis_carries_no_moment_and_derivatives_are_those_of_the_loads(tmp_path):
+    model = cc.ElasticFoundation(cc.load_scene(scene_file(tmp_path)), (200, 150))
+    centre = np.array([1.5, np.sqrt((CYLINDER_MM + RADIUS_MM - 0.2) ** 2 - 1.5**2), 0.4])
+    pose = np.array([[*centre, 0.1, -0.2, 0.3]])
+    wrench = model.wrenches(pose)[0, 0]
+    # All normals meet the axis.
+    assert wrench[5] == pytest.approx(0.0, abs=1e-9 * np.abs(wrench).max())
+    h = 1e-5
+    jacobian = model.jacobian(pose)[1][0]
+    up, down = (model(pose + sign * h * np.eye(6)[1])[0] for sign in (1.0, -1.0))
+    np.testing.assert_allclose((up - down) / (2.0 * h), jacobian[:, 1], rtol=2e-3, atol=2.0)
+
+
+def test_its_numbers_are_checked_by_name_and_its_scene_survives_its_text(tmp_path):
+    scene = cc.load_scene(scene_file(tmp_path))
+    assert Scene.from_toml(scene.to_toml()) == scene
+    assert scene.patch_names == ("contact",)
+    for wrong, said in (
+        ({"half_angle_deg": 95.0}, "geometry.half_angle_deg = 95.0, expected a number between 0 and 89"),
+        ({"radius": -1.0}, "geometry.radius = -1.0"),
+        ({"colour": 1.0}, "unknown key geometry.colour"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            scene_file(tmp_path, **wrong)
+
+
+def test_an_unknown_shape_is_refused_naming_the_known_ones_and_a_name_is_taken_once():
+    with pytest.raises(ValueError, match=r"shape = 'torus', expected one of knee, ball_in_cup.*sphere_on_cylinder"):
+        shape_named("torus")
+    with pytest.raises(ValueError, match="sphere_on_cylinder is registered already"):
+        register(SphereOnCylinder())

@@ -1,0 +1,81 @@
+"""Poses over time come back from every file that holds them, and files that do not are refused by name."""
+
+import re
+
+import numpy as np
+import pytest
+
+from casadi_contact.core.conventions import POSE_NAMES
+from casadi_contact.scenes.columns import write_columns
+from casadi_contact.scenes.opensim.mapping import poses_table
+from casadi_contact.scenes.opensim.table import Table, write_table
+from casadi_contact.scenes.pose_file import read_poses, read_poses_over_time, write_poses
+from problems.common.records import pose_columns
+
+POSES = np.random.default_rng(2).normal(size=(5, 6))
+
+
+def test_a_csv_file_is_read_back_bit_by_bit(tmp_path):
+    write_poses(np.arange(5.0), POSES, tmp_path / "poses.csv")
+    np.testing.assert_array_equal(read_poses(tmp_path / "poses.csv"), POSES)
+    time_s, poses = read_poses_over_time(tmp_path / "poses.csv")
+    np.testing.assert_array_equal(time_s, np.arange(5.0))
+    np.testing.assert_array_equal(poses, POSES)
+
+
+def test_the_file_names_the_unit_of_every_column_as_result_tables_do(tmp_path):
+    write_poses(np.arange(5.0), POSES, tmp_path / "poses.csv")
+    (header, *_) = (tmp_path / "poses.csv").read_text().splitlines()
+    assert header.split(",") == ["time_s", *pose_columns(POSES)]
+
+
+def test_an_opensim_file_of_this_library_is_read_in_mm_and_rad(tmp_path):
+    write_table(poses_table(np.arange(5.0), POSES, "poses"), tmp_path / "poses.sto")
+    np.testing.assert_allclose(read_poses(tmp_path / "poses.sto"), POSES, rtol=1e-15)
+
+
+def test_columns_are_read_by_name(tmp_path):
+    (tmp_path / "poses.csv").write_text("time,rz,tx,ty,tz,rx,ry\n0,3,1,2,3,1,2\n")
+    assert read_poses(tmp_path / "poses.csv").tolist() == [[1.0, 2.0, 3.0, 1.0, 2.0, 3.0]]
+
+
+def test_columns_of_result_tables_are_read_as_poses(tmp_path):
+    """What problems write: names with units, beside text."""
+    columns = {"time_s": np.arange(5.0), **pose_columns(POSES), "reason": [""] * 5}
+    write_columns(tmp_path / "poses.csv", columns)
+    np.testing.assert_array_equal(read_poses(tmp_path / "poses.csv"), POSES)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("tx_mm,ty_mm\n1,2\n", "lacks the columns tz_mm, rx_rad, ry_rad, rz_rad"),
+        ("tx,ty\n1,2\n", "lacks the columns tx_mm, ty_mm, tz_mm, rx_rad, ry_rad, rz_rad; it has tx, ty"),
+        ("tx_m,ty_m,tz_m,rx_deg,ry_deg,rz_deg\n1,2,3,4,5,6\n", "lacks the columns tx_mm"),
+        ("tx,ty,tz,rx,ry,rz\n1,2\n", "line 2: got 2 values, expected 6"),
+        ("tx,ty,tz,rx,ry,rz\n1,2,3,4,5,nan\n", "line 2, rz: got nan, expected a finite number"),
+        ("tx,ty,tz,rx,ry,rz\n1,2,3,0,0,60\n", "rz reaches 60, expected radians: is it in degrees?"),
+        ("tx,ty,tz,rx,ry,rz\n1,2,3,0,0,-5\n", "rz reaches 5, expected radians: is it in degrees?"),
+        ("time_s,tx,ty,tz,rx,ry,rz\n0,1,2,3,0,0,0\n0,1,2,3,0,0,0\n", "time does not rise at frame 1"),
+        ("time,tx,ty,tz,rx,ry,rz\n1,1,2,3,0,0,0\n0,1,2,3,0,0,0\n", "expected rows sorted by time, and none twice"),
+    ],
+)
+def test_files_without_poses_are_refused(tmp_path, text, said):
+    (tmp_path / "poses.csv").write_text(text)
+    with pytest.raises(ValueError, match=re.escape(said)):
+        read_poses(tmp_path / "poses.csv")
+
+
+def test_a_file_without_rows_holds_no_pose(tmp_path):
+    write_table(Table("walk", {name: [] for name in ("time", *POSE_NAMES)}), tmp_path / "walk.sto")
+    with pytest.raises(ValueError, match=r"walk\.sto: there is no row, expected a pose in each"):
+        read_poses(tmp_path / "walk.sto")
+
+
+def test_missing_files_and_columns_of_opensim_are_named(tmp_path):
+    for name in ("none.csv", "none.sto"):
+        with pytest.raises(FileNotFoundError, match="does not exist"):
+            read_poses(tmp_path / name)
+    write_table(Table("walk", {"time": [0.0], "tx": [0.0]}), tmp_path / "walk.sto")
+    with pytest.raises(ValueError, match=r"walk.sto lacks the columns ty, tz, rx, ry, rz; it has time, tx: name them"):
+        read_poses(tmp_path / "walk.sto")

@@ -1,0 +1,119 @@
+"""Measured cycles and the built-in reference motion."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from casadi_contact.scenes.load_cycle import COLUMNS, LoadCycle, read_cycle
+from casadi_contact.scenes.walking import harmonic_description, reference_cycle, reference_cycles, walking_description
+from tests.support.shared_data import shared_file
+
+
+def write(path, rows, header=None):
+    header = header or ["comment", *reversed(COLUMNS.values())]
+    path.write_text("\n".join([",".join(header), *(",".join(map(str, row)) for row in rows)]) + "\n")
+    return path
+
+
+def good_row(time):
+    values = {"time_s": time, "rz": -0.2, "ry": 0.01, "fy_med": -500, "fy_lat": -300, "cop_ap_mm": 4, "cop_ml_mm": 6}
+    return ["", *(values[key] for key in reversed(COLUMNS))]
+
+
+def test_a_cycle_is_read_by_column_name_in_any_order(tmp_path):
+    cycle = read_cycle(write(tmp_path / "walk.csv", [good_row(0.0), good_row(0.5)]))
+    assert cycle.name == "walk"
+    assert cycle.rz.tolist() == [-0.2, -0.2]
+    assert cycle.percent.tolist() == [0.0, 100.0]
+    targets = cycle.targets()
+    assert targets["Tz"][0] / -800.0 == pytest.approx(4.0)
+    assert -targets["Tx"][0] / -800.0 == pytest.approx(6.0)
+
+
+def changed(column, value):
+    row = good_row(0.5)
+    row[1 + list(reversed(COLUMNS)).index(column)] = value
+    return row
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        (changed("fy_med", "heavy"), "line 3, Fy_med_N: got 'heavy', expected a number"),
+        (changed("ry", "nan"), "line 3, rotation_ry_rad: got nan, expected a finite number"),
+        (changed("time_s", -1.0), "time does not rise at frame 1"),
+        (changed("fy_lat", 20.0), "Fy_lat_N is 20 at frame 1, expected compression"),
+        (changed("rz", -60.0), "flexion_rz_rad reaches 60, expected radians: is it in degrees"),
+        (changed("cop_ap_mm", 4000), "is it in mm"),
+        (good_row(0.5)[:-1], "line 3: got 7 values, expected 8"),
+    ],
+)
+def test_bad_rows_are_named_by_file_line_and_column(tmp_path, row, said):
+    path = write(tmp_path / "bad.csv", [good_row(0.0), row])
+    with pytest.raises(ValueError, match=said) as caught:
+        read_cycle(path)
+    assert str(path) in str(caught.value)
+
+
+def test_files_that_are_no_cycles_are_refused(tmp_path):
+    with pytest.raises(FileNotFoundError, match="does not exist"):
+        read_cycle(tmp_path / "none.csv")
+    (tmp_path / "empty.csv").write_text("")
+    with pytest.raises(ValueError, match="is empty"):
+        read_cycle(tmp_path / "empty.csv")
+    (tmp_path / "binary.csv").write_bytes(bytes(range(128, 256)))
+    with pytest.raises(ValueError, match="is not a CSV text file"):
+        read_cycle(tmp_path / "binary.csv")
+    with pytest.raises(ValueError, match="lacks the columns flexion_rz_rad"):
+        read_cycle(write(tmp_path / "few.csv", [[0.0]], header=["time_s"]))
+    with pytest.raises(ValueError, match="has 1 frames, expected at least 2"):
+        read_cycle(write(tmp_path / "one.csv", [good_row(0.0)]))
+
+
+def test_reference_cycles_are_seeded_push_and_share_one_rotation_curve():
+    cycles = reference_cycles()
+    assert len(cycles) == 14
+    for a, b in zip(cycles, reference_cycles(), strict=True):
+        np.testing.assert_array_equal(a.fy_med, b.fy_med)
+        np.testing.assert_array_equal(a.ry, cycles[0].ry)
+        assert max(a.fy_med.max(), a.fy_lat.max()) < -20.0
+    assert not np.array_equal(cycles[0].fy_med, reference_cycles(seed=1)[0].fy_med)
+    assert not np.array_equal(cycles[0].fy_med, cycles[1].fy_med)
+
+
+def test_a_harmonic_cycle_is_described_exactly():
+    percent = np.linspace(0.0, 1.0, 50)
+    wave = np.cos(2 * np.pi * percent)
+    fy = -np.exp(6.0 + 0.2 * wave)
+    cycle = LoadCycle("wave", percent, -0.5 + 0.3 * wave, 0 * wave, fy, fy, 2 * wave, 0 * wave)
+    figures = harmonic_description([cycle])
+    np.testing.assert_allclose(figures["rz"]["mean"][:3], [-0.5, 0.3, 0.0], atol=1e-5)
+    np.testing.assert_allclose(figures["log_fy_med"]["mean"][:3], [6.0, 0.2, 0.0], atol=1e-5)
+    assert not np.any(figures["rz"]["deviation"])
+
+
+def test_no_cycle_and_a_frame_without_load_have_no_description():
+    with pytest.raises(ValueError, match="got no cycle, expected one or more"):
+        harmonic_description([])
+    cycle = reference_cycle(frames=50)
+    for side, column in (("fy_med", "Fy_med_N"), ("fy_lat", "Fy_lat_N")):
+        lifted = replace(cycle, **{side: np.where(np.arange(50) == 7, 0.0, getattr(cycle, side))})
+        with pytest.raises(ValueError, match=f"cycle reference: {column} is 0 at frame 7, expected compression"):
+            harmonic_description([cycle, lifted])
+
+
+def test_the_built_in_figures_follow_from_the_measured_cycles():
+    cycles = [read_cycle(shared_file(f"data/jw/og{k}_loads.csv")) for k in range(1, 5)]
+    derived, stored = harmonic_description(cycles), walking_description()
+    assert derived.keys() == stored.keys()
+    for name, figures in derived.items():
+        if name == "duration_s":
+            np.testing.assert_allclose(stored[name], figures, atol=1e-4)
+            continue
+        np.testing.assert_allclose(stored[name]["mean"], figures["mean"], atol=2e-5)
+        np.testing.assert_allclose(stored[name]["deviation"], figures["deviation"], atol=2e-5)
+    mean = reference_cycle()
+    for measured in cycles:
+        off = np.interp(mean.percent, measured.percent, measured.fy_med) - mean.fy_med
+        assert np.sqrt(np.mean(off**2)) < 150.0

@@ -1,0 +1,75 @@
+"""A third structure, as small as one can be: every load is a network of the pose, N is minus the sensitive load.
+
+F_l = net_l(pose),   s_p = -F_p/N0   (signed normal load: without the root, which other structures take)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from casadi_contact.networks.graph import Expressions, Output, network_value, stack
+from casadi_contact.networks.kernel.networks import Bundle
+from casadi_contact.networks.kernel.source import Kernel, c_text
+from casadi_contact.networks.network import Regression
+from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.surrogate.sample_rows import fitted_rows
+
+
+class DirectSurrogate(Surrogate):
+    structure = "direct"
+    title = "direct surrogate"
+
+    @classmethod
+    def network_inputs(cls, scene):
+        return dict.fromkeys((*scene.sensitive_loads, *scene.load_names), 6)
+
+    @classmethod
+    def networks_for(cls, scene, loads):
+        return list(loads)
+
+    @staticmethod
+    def regressions(samples):
+        rows, validation = fitted_rows(samples)
+        names, ones = samples.scene.load_names, np.ones(rows.sum())
+        return [
+            Regression(name, samples.poses[rows], load, ones, validation, samples.scene.tolerances[name])
+            for name, load in zip(names, samples.loads(names)[rows].T, strict=True)
+        ]
+
+    def _loads(self, poses, loads):
+        return np.stack([self.networks[name].value(poses) for name in loads], axis=1)
+
+    def _loads_and_jacobian(self, poses, loads):
+        values, slopes = zip(*(self.networks[name].value_and_gradient(poses) for name in loads), strict=True)
+        return np.stack(values, axis=1), np.stack(slopes, axis=1)
+
+    def _roots(self, poses, *, derivative):
+        forces, slopes = self._loads_and_jacobian(poses, self.scene.sensitive_loads)
+        return -forces / self.scene.reference_load, -slopes / self.scene.reference_load
+
+    def _root_networks(self):
+        return list(self.scene.sensitive_loads)
+
+    def _expressions(self, pose, loads, order):
+        def outputs(names):
+            return stack([network_value(self.networks[name], pose, order) for name in names], order)
+
+        forces, n0 = outputs(self._root_networks()), self.scene.reference_load
+        return Expressions(Output(-forces.value / n0, -forces.jacobian / n0, -forces.second / n0), outputs(loads))
+
+    def _kernel(self, loads, *, roots):
+        forces = self._root_networks()
+        names = list(dict.fromkeys((*loads, *(forces if roots else ()))))
+
+        def table(name, chosen):
+            rows = [chosen.index(n) if n in chosen else -1 for n in names]
+            return f"static const int {name}[] = {{{', '.join(map(str, rows))}}};"
+
+        code = [
+            f"#define NETWORKS {len(names)}",
+            f"#define REFERENCE_LOAD {self.scene.reference_load!r}",
+            table("LOAD_OF_NETWORK", list(loads)),
+            table("ROOT_OF_NETWORK", forces if roots else []),
+            c_text("direct.h", __package__),
+        ]
+        return Kernel([Bundle("networks", 6, {name: self.networks[name] for name in names})], "\n".join(code))

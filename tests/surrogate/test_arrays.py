@@ -1,0 +1,149 @@
+"""Arrays of poses: the compiled kernel on all cores equals NumPy, whatever the number of poses and of cores."""
+
+import pickle
+from dataclasses import replace
+
+import numba
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.surrogate.arrays import BATCH_FROM
+from tests.support.agreement import close
+from tests.support.compiler import needs_compiler
+from tests.support.random_surrogates import IN_PARTS, random_poses, random_surrogate, scene_called
+from tests.support.random_trust import random_trust
+
+POSES = random_poses(BATCH_FROM + 5, seed=1)
+
+
+def surrogates(scene, structure, *, older=False):
+    """The same random surrogate with a random trust, as in files of before or not, by the kernel and in NumPy."""
+    made = random_surrogate(scene_called(scene), structure)
+    confirms = structure == "two_stage"
+    size = 800.0 if confirms else 1.0
+    trust = random_trust(
+        len(made.patch_names), len(made.load_names), confirmation=confirms, older=older, root_size=size
+    )
+    return [type(made)(made.scene, made.networks, made.record, trust, compiled=compiled) for compiled in (True, False)]
+
+
+@needs_compiler
+@pytest.mark.usefixtures("as_shipped")
+@pytest.mark.parametrize(
+    ("scene", "structure"), [("knee", "patch"), (IN_PARTS, "patch"), ("hip", "patch"), (IN_PARTS, "two_stage")]
+)
+def test_the_kernel_gives_loads_derivatives_validity_and_expected_error_of_numpy(scene, structure):
+    kernel, plain = surrogates(scene, structure)
+    values, slopes = kernel.jacobian(POSES)
+    wanted, wanted_slopes = plain.jacobian(POSES)
+    close(kernel(POSES), wanted, 10)
+    close(values, wanted, 10)
+    close(slopes, wanted_slopes, 10)
+    close(kernel.validity(POSES), plain.validity(POSES), 9)
+    close(kernel.expected_error(POSES), plain.expected_error(POSES), 9)
+    assert plain.validity(POSES).std() > 0.01, "the poses differ in validity"
+    assert (plain.expected_error(POSES).std(axis=0) > 0.01).all(), "and in expected error"
+    subset = plain.load_names[::-2]
+    close(kernel(POSES, subset), plain(POSES, subset), 10)
+    weights = np.random.default_rng(2).normal(size=(len(POSES), len(subset)))
+    few = POSES[:20]
+    close(kernel.hessian(POSES, weights, subset)[:20], plain.hessian(few, weights[:20], subset), 10)
+
+
+def test_second_derivatives_are_those_of_the_jacobian():
+    _, plain = surrogates("knee", "patch")
+    poses, weights, step = POSES[:5], np.array([1.0, -2.0, 0.5, 0.3, 0.01, 0.02, -0.01]), 1e-5
+    for j in range(6):
+        beside = np.zeros(6)
+        beside[j] = step
+        slope = (plain.jacobian(poses + beside)[1] - plain.jacobian(poses - beside)[1]) / (2.0 * step)
+        got = plain.hessian(poses, weights)[:, j]
+        np.testing.assert_allclose(got, np.einsum("l,nli->ni", weights, slope), rtol=1e-4, atol=1e-2)
+
+
+@needs_compiler
+def test_results_do_not_depend_on_how_many_poses_and_cores_there_are():
+    kernel, _ = surrogates("knee", "patch")
+    poses = np.tile(POSES, (3, 1))
+    shorter = poses[: BATCH_FROM + 2]
+
+    def all_of(given):
+        loads, slopes = kernel.jacobian(given)
+        return kernel(given), loads, slopes, kernel.validity(given), kernel.expected_error(given)
+
+    alone, threads = all_of(shorter), numba.get_num_threads()
+    numba.set_num_threads(numba.config.NUMBA_NUM_THREADS)
+    try:
+        together = all_of(poses)
+    finally:
+        numba.set_num_threads(threads)
+    for a, b in zip(together, alone, strict=True):
+        np.testing.assert_array_equal(a[: len(shorter)], b)
+
+
+def test_few_poses_and_surrogates_put_together_in_python_stay_with_numpy():
+    kernel, plain = surrogates("knee", "patch")
+    np.testing.assert_array_equal(kernel(POSES[: BATCH_FROM - 1]), plain(POSES[: BATCH_FROM - 1]))
+    np.testing.assert_array_equal(kernel(POSES[0]), plain(POSES[0]))
+    made = random_surrogate(scene_called("knee"), "patch")
+    np.testing.assert_array_equal(made(POSES), plain(POSES))
+
+
+@needs_compiler
+def test_a_loaded_surrogate_compiles_once_says_so_and_can_be_sent_to_other_processes(tmp_path, capfd, monkeypatch):
+    monkeypatch.setenv("CASADI_CONTACT_CACHE", str(tmp_path / "cache"))
+    plain = surrogates("sphere_on_plane", "patch")[1]
+    plain.save(tmp_path / "ball.h5")
+    loaded = cc.load_surrogate(tmp_path / "ball.h5")
+    close(loaded(POSES), plain(POSES), 10)
+    said = capfd.readouterr().err
+    assert said.startswith("casadi_contact: compiling the kernel of the surrogate sphere_on_plane")
+    assert str(tmp_path / "cache") in said
+    sent = pickle.loads(pickle.dumps(loaded))
+    np.testing.assert_array_equal(sent(POSES), loaded(POSES))
+    np.testing.assert_array_equal(cc.load_surrogate(tmp_path / "ball.h5")(POSES), loaded(POSES))
+    assert capfd.readouterr().err == ""
+
+
+def test_without_a_compiler_numpy_answers_after_one_warning(monkeypatch):
+    kernel, plain = surrogates("punch_on_plane", "patch")
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.warns(RuntimeWarning, match="NumPy, which is slower"):
+        np.testing.assert_array_equal(kernel(POSES), plain(POSES))
+    np.testing.assert_array_equal(kernel.validity(POSES), plain.validity(POSES))
+
+
+@pytest.mark.parametrize("field", ["root_high", "levels", "border/coefficients", "box/low", "classifier/columns"])
+def test_a_trust_whose_numbers_are_too_few_is_refused_before_c_could_read_beyond_them(field):
+    made = random_surrogate(scene_called("knee"), "patch")
+    trust, (part, _, name) = random_trust(2, 7), field.partition("/")
+    owner = getattr(trust, part) if name else trust
+    short = replace(owner, **{name or part: getattr(owner, name or part)[:1]})
+    trust = replace(trust, **{part: short}) if name else short
+    damaged = type(made)(made.scene, made.networks, {}, trust, compiled=True)
+    with pytest.raises(ValueError, match=f"trust: {field} has shape"):
+        damaged.validity(POSES)
+
+
+def test_weights_of_another_shape_are_refused():
+    _, plain = surrogates("knee", "patch")
+    with pytest.raises(ValueError, match=r"weights has shape \(3,\), expected \(7,\) or \(2, 7\): Fy_med, Fy_lat"):
+        plain.hessian(POSES[:2], np.ones(3))
+
+
+@needs_compiler
+def test_second_derivatives_of_the_foundation_are_those_of_its_function():
+    model = cc.foundation("sphere_on_plane")
+    poses = np.tile([0.1, 29.8, 0.2, 0.01, 0.02, 0.3], (700, 1)) + 0.01 * np.arange(700)[:, None] / 700.0
+    weights = np.arange(1.0, 1.0 + len(model.load_names))
+    got, slow = model.hessian(poses, weights), type(model)(model.scene, model.rays, compiled=False)
+    want = slow.hessian(poses[:3], weights)
+    np.testing.assert_allclose(got[:3], want, rtol=1e-4, atol=1e-3 * np.abs(want).max())
+
+
+@needs_compiler
+def test_the_kernel_knows_the_error_levels_of_files_of_before():
+    kernel, plain = surrogates("knee", "patch", older=True)
+    assert plain.trust.states is None
+    close(kernel.expected_error(POSES), plain.expected_error(POSES), 9)

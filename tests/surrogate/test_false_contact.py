@@ -1,0 +1,68 @@
+"""Around walking, 1 mm and 2 degrees off: no pose where nothing touches is valid and claims contact."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.core.conventions import POSE_NAMES
+
+
+@pytest.fixture(scope="module")
+def moved():
+    """Poses of static equilibrium over flexion, moved, and the wrenches of the foundation there."""
+    scene = cc.load_scene("knee")
+    model = cc.ElasticFoundation(scene, scene.grids["coarse"])
+    rng = np.random.default_rng(4)
+    starts = np.zeros((200, 6))
+    starts[:, POSE_NAMES.index("ty")] = 27.3
+    starts[:, POSE_NAMES.index("rz")] = -np.deg2rad(rng.uniform(0.0, 60.0, len(starts)))
+    loads = {name: -rng.uniform(50.0, 900.0, len(starts)) for name in ("Fy_med", "Fy_lat")}
+    poses, report = cc.settle(model, starts, free=("ty", "rx"), targets=loads)
+    poses = np.repeat(poses[report.converged], 10, axis=0)
+    poses = poses + rng.uniform(-1.0, 1.0, poses.shape) * np.repeat([1.0, np.deg2rad(2.0)], 3)
+    return poses, model(poses)
+
+
+@pytest.mark.parametrize("name", ["knee", "knee_two_stage"])
+def test_no_pose_without_contact_is_valid_and_claims_contact(name, moved):
+    poses, loads = moved
+    surrogate = cc.load_surrogate(name)
+    untouched = (loads == 0.0).all(axis=1)
+    assert untouched.sum() > 300
+    claims = (np.abs(surrogate(poses, ["Fy_med", "Fy_lat"])) > 1.0).any(axis=1)
+    assert not (untouched & claims & (surrogate.validity(poses) > 0.5)).any()
+
+
+@pytest.mark.parametrize("name", ["knee", "knee_two_stage"])
+def test_beyond_the_sampled_flexion_no_pose_is_valid(name, moved):
+    poses = moved[0].copy()
+    poses[:, POSE_NAMES.index("rz")] = -np.deg2rad(np.random.default_rng(5).uniform(95.0, 130.0, len(poses)))
+    assert cc.load_surrogate(name).validity(poses).max() < 0.5
+
+
+def test_errors_off_equilibrium_are_expected(moved):
+    """Under any loads, not those of walking: of the errors of valid poses, over the loads carried, 93 % at least."""
+    poses, _ = moved
+    surrogate = cc.load_surrogate("knee")
+    poses = poses[surrogate.validity(poses) > 0.5]
+    loads = cc.ElasticFoundation(surrogate.scene, surrogate.scene.grids["teacher"])(poses)
+    below = np.abs(surrogate(poses) - loads) <= surrogate.expected_error(poses)
+    assert 0.93 <= below[loads != 0.0].mean() <= 0.995
+
+
+def test_errors_of_light_contact_are_expected():
+    """As every contact begins and ends; errors there are as large as under loads a hundred times as large."""
+    surrogate = cc.load_surrogate("knee")
+    model, rng = cc.foundation(surrogate.scene), np.random.default_rng(3)
+    starts = np.zeros((600, 6))
+    starts[:, POSE_NAMES.index("ty")] = 27.3
+    for name, most in (("tx", 4.0), ("tz", 1.0), ("ry", 0.08)):
+        starts[:, POSE_NAMES.index(name)] = rng.uniform(-most, most, len(starts))
+    starts[:, POSE_NAMES.index("rz")] = -np.deg2rad(rng.uniform(0.0, 60.0, len(starts)))
+    loads = {name: -np.exp(rng.uniform(np.log(5.0), np.log(60.0), len(starts))) for name in ("Fy_med", "Fy_lat")}
+    poses, report = cc.settle(model, starts, free=("ty", "rx"), targets=loads)
+    poses = poses[report.converged]
+    poses = poses[surrogate.validity(poses) > 0.9]
+    assert len(poses) > 300
+    below = np.abs(surrogate(poses) - model(poses)) <= surrogate.expected_error(poses)
+    assert below.mean() > 0.93

@@ -1,0 +1,193 @@
+"""Surrogate files: exact round trips; damaged, foreign and newer files get one clear line."""
+
+from dataclasses import replace
+from importlib import resources
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from casadi_contact.networks.activations import ACTIVATIONS
+from casadi_contact.scenes.loading import load_scene
+from casadi_contact.surrogate.file import FORMAT
+from casadi_contact.surrogate.load import load_surrogate
+from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
+from tests.support.hdf5_files import resealed
+from tests.support.random_surrogates import random_poses, random_surrogate
+from tests.support.random_trust import random_trust
+
+RECORD = {
+    "samples": {"D1": 21600, "D5": 270},
+    "training_errors": {"root_med": 0.61},
+    "test_errors": {"D1": {"Fy_med": {"rms": 0.5, "max": 3.25}}},
+    "command": "casadi-contact build knee",
+}
+
+
+@pytest.mark.parametrize("structure", ["patch", "two_stage"])
+@pytest.mark.parametrize("scene", ["knee", "sphere_on_plane"])
+def test_round_trip_is_exact(scene, structure, tmp_path):
+    surrogate = random_surrogate(load_scene(scene), structure)
+    surrogate.record.update(RECORD)
+    path = tmp_path / "it.h5"
+    surrogate.save(path)
+    again = load_surrogate(path)
+    assert type(again) is type(surrogate)
+    assert again.record == RECORD
+    assert again.scene.digest == surrogate.scene.digest
+    assert list(again.networks) == list(surrogate.networks)
+    poses = random_poses(20)
+    np.testing.assert_array_equal(again(poses), surrogate(poses))
+    assert load_surrogate(str(path)).load_names == surrogate.load_names
+    assert [p.name for p in tmp_path.iterdir()] == ["it.h5"], "nothing is left beside the file"
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    seed=st.integers(0, 2**31),
+    activation=st.sampled_from(list(ACTIVATIONS)),
+    structure=st.sampled_from(["patch", "two_stage"]),
+)
+def test_any_weights_survive(seed, activation, structure, tmp_path_factory):
+    path = tmp_path_factory.mktemp("any") / "s.h5"
+    surrogate = random_surrogate(load_scene("sphere_on_plane"), structure, activation, seed)
+    surrogate.save(path)
+    for name, network in load_surrogate(path).networks.items():
+        want = surrogate.networks[name]
+        assert (network.hidden, network.activation) == (want.hidden, want.activation)
+        np.testing.assert_array_equal(network.output_scale, want.output_scale)
+        for a, b in zip((*network.weights, *network.biases), (*want.weights, *want.biases), strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_every_part_of_a_trust_survives(tmp_path):
+    surrogate = random_surrogate(load_scene("knee"), "two_stage")
+    trust = random_trust(2, 7, confirmation=True)
+    type(surrogate)(surrogate.scene, surrogate.networks, {}, trust).save(tmp_path / "it.h5")
+    again = load_surrogate(tmp_path / "it.h5").trust
+    assert again is not None
+    assert again.numbers().keys() == trust.numbers().keys()
+    for name, numbers in trust.numbers().items():
+        np.testing.assert_array_equal(again.numbers()[name], numbers, name)
+
+
+def test_a_shipped_surrogate_saved_again_has_the_arrays_of_its_file_by_the_same_names(tmp_path):
+    """So that what this version writes is what other versions read."""
+
+    def arrays(path):
+        found = {}
+        with h5py.File(path) as file:
+            file.visititems(lambda name, item: found.update({name: item[()]} if isinstance(item, h5py.Dataset) else {}))
+        return {name: value for name, value in found.items() if isinstance(value, np.ndarray | np.floating)}
+
+    load_surrogate("knee_reach").save(tmp_path / "again.h5")
+    ready = resources.files("casadi_contact.surrogate") / "ready" / "knee_reach.h5"
+    shipped, again = arrays(ready), arrays(tmp_path / "again.h5")
+    assert shipped.keys() == again.keys()
+    for name, value in shipped.items():
+        np.testing.assert_array_equal(again[name], value, name)
+
+
+def test_damaged_files_are_refused(saved):
+    whole = saved.read_bytes()
+    for size in (0, 7, 100, len(whole) // 2):
+        saved.write_bytes(whole[:size])
+        with pytest.raises(ValueError, match=r"knee\.h5 is damaged"):
+            load_surrogate(saved)
+    saved.write_bytes(whole)
+    with resealed(saved) as file:
+        file["networks/root_med/bias_0"][0] += 1e-9
+    with pytest.raises(ValueError, match="check sum"):
+        load_surrogate(saved)
+    with resealed(saved) as file:
+        del file["networks/root_med/weight_0"]
+    with pytest.raises(ValueError, match="is damaged"):
+        load_surrogate(saved)
+
+
+def test_foreign_and_newer_files_are_refused(saved, tmp_path):
+    with resealed(saved) as file:
+        file.attrs["format"] = FORMAT + 1
+    with pytest.raises(ValueError, match=f"format {FORMAT + 1}, this version reads up to {FORMAT}"):
+        load_surrogate(saved)
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["x"] = 1.0
+    with pytest.raises(ValueError, match="not a file"):
+        load_surrogate(tmp_path / "other.h5")
+    (tmp_path / "text.h5").write_text("hello")
+    with pytest.raises(ValueError, match="damaged"):
+        load_surrogate(tmp_path / "text.h5")
+    (tmp_path / "my.toml").write_text("format = 1")
+    with pytest.raises(ValueError, match=r"scene file, expected a surrogate.s \.h5: .* build makes a surrogate of it"):
+        load_surrogate(tmp_path / "my.toml")
+
+
+def test_files_from_before_validity_still_load_and_say_what_they_lack(saved):
+    with resealed(saved) as file:
+        file.attrs["format"] = 1
+    old = load_surrogate(saved)
+    assert old(random_poses(3)).shape == (3, 7)
+    with pytest.raises(ValueError, match="older version"):
+        old.validity(random_poses(3))
+
+
+def test_a_changed_bound_is_found(tmp_path):
+    path = tmp_path / "knee.h5"
+    load_surrogate("knee").save(path)
+    with resealed(path) as file:
+        file["trust/levels"][0, 0] *= 0.5
+    with pytest.raises(ValueError, match="check sum"):
+        load_surrogate(path)
+
+
+def test_unknown_names_and_missing_files_are_named(tmp_path):
+    with pytest.raises(ValueError, match="unknown surrogate 'elbow'"):
+        load_surrogate("elbow")
+    with pytest.raises(ValueError, match=r"unknown surrogate 'hip', .* scene hip needs none: cc\.foundation\('hip'\)"):
+        load_surrogate("hip")
+    with pytest.raises(FileNotFoundError, match=r"none\.h5 does not exist"):
+        load_surrogate(tmp_path / "none.h5")
+
+
+def test_unwritable_path_and_bad_record_are_refused(tmp_path):
+    surrogate = random_surrogate(load_scene("sphere_on_plane"), "patch")
+    with pytest.raises(OSError, match="cannot write"):
+        surrogate.save(tmp_path / "no" / "such" / "folder.h5")
+    bad = PatchSurrogate(surrogate.scene, surrogate.networks, {"error": float("nan")})
+    with pytest.raises(ValueError, match="not plain JSON"):
+        bad.save(tmp_path / "bad.h5")
+    assert not list(tmp_path.iterdir())
+
+
+def test_info_tells_structure_sizes_samples_and_errors():
+    surrogate = random_surrogate(load_scene("knee"), "patch")
+    empty = str(surrogate.info())
+    assert "not recorded" in empty
+    surrogate.record.update(RECORD)
+    info = surrogate.info()
+    assert info.structure == "patch"
+    assert info.networks["root_med"].hidden == (14, 9)
+    assert sum(n.parameters for n in info.networks.values()) == 2 * (2 * (7 * 14 + 15 * 9) + 10 + 5 * 10)
+    assert info.test_errors["D1"]["Fy_med"]["max"] == 3.25
+    text = str(info)
+    for part in (
+        "patch surrogate of scene knee",
+        "14-9",
+        "21870 samples",
+        "D5 270",
+        "0.5 / 3.25",
+        "fit 0.61",
+        "casadi-contact build knee",
+    ):
+        assert part in text
+
+
+def test_columns_of_errors_stay_apart_however_small_the_errors():
+    surrogate = random_surrogate(load_scene("sphere_on_plane"), "patch")
+    errors = {"D1": {load: {"rms": 0.00303e-8, "max": 0.00954e-8} for load in ("Fy", "Fx")}}
+    info = replace(surrogate.info(), record={"test_errors": errors})
+    (line,) = (line for line in str(info).splitlines() if line.startswith("  D1"))
+    assert line.split() == ["D1", *(["3.03e-11", "/", "9.54e-11"] * 2)]
+    assert "D1" in str(replace(info, record={"test_errors": {"D1": {}}})), "a domain of which no load is recorded"

@@ -1,0 +1,140 @@
+"""A scene that locks or ties pose parameters: its networks know the free ones alone, its users whole poses."""
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.core.conventions import pose_index
+from casadi_contact.networks.network import Network
+from casadi_contact.samples.samples import Samples
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
+from casadi_contact.surrogate.patch.targets import patch_regressions
+from casadi_contact.surrogate.two_stage.surrogate import TwoStageSurrogate
+from tests.support.random_surrogates import random_poses, random_surrogate
+
+POSE = {
+    "locked": {"tz": 0.4, "ry": -0.05},
+    "tied": {"rx": {"to": "rz", "slope": 0.02, "at_zero": 0.03}},
+}
+
+
+def locked_knee(pose=POSE):
+    tables = cc.load_scene("knee").tables
+    return Scene.from_tables({**tables, "pose": pose, "loads": {**tables["loads"], "sensitive_pose": ["ty"]}})
+
+
+def widened(network: Network, free) -> Network:
+    """The same function of all six columns, the others without weight."""
+    shift, scale, weight = np.zeros(6), np.ones(6), np.zeros((len(network.biases[0]), 6))
+    shift[list(free)], scale[list(free)], weight[:, list(free)] = (
+        network.input_shift,
+        network.input_scale,
+        network.weights[0],
+    )
+    return replace(network, input_shift=shift, input_scale=scale, weights=(weight, *network.weights[1:]))
+
+
+@pytest.fixture(scope="module")
+def pair():
+    """A surrogate of the locked knee, and one of the free knee that gives the same loads where the first is locked."""
+    scene = locked_knee()
+    whole = random_surrogate(cc.load_scene("knee"), "patch", seed=3)
+    free = list(scene.pose_space.free)
+    narrow = {
+        name: replace(
+            net,
+            input_shift=net.input_shift[free],
+            input_scale=net.input_scale[free],
+            weights=(net.weights[0][:, free], *net.weights[1:]),
+        )
+        for name, net in whole.networks.items()
+    }
+    wide = {name: widened(net, free) for name, net in narrow.items()}
+    return PatchSurrogate(scene, narrow), PatchSurrogate(cc.load_scene("knee"), wide)
+
+
+def test_loads_and_their_derivatives_are_those_of_the_projected_pose(pair):
+    locked, whole = pair
+    poses, space = random_poses(9, seed=1), locked.scene.pose_space
+    loads, jacobian = whole.jacobian(space.onto(poses))
+    got = locked.jacobian(poses)
+    np.testing.assert_allclose(got[0], loads, rtol=1e-12)
+    np.testing.assert_allclose(got[1], jacobian @ space.matrix, rtol=1e-10, atol=1e-9)
+    roots = whole.root_loads(space.onto(poses))[1] @ space.matrix
+    np.testing.assert_allclose(locked.root_loads(poses)[1], roots, rtol=1e-10, atol=1e-12)
+    assert (got[1][..., [pose_index("tz"), pose_index("ry"), pose_index("rx")]] == 0.0).all()
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_graph_and_kernel_agree_with_numpy_to_second_order(pair, compiled):
+    locked, whole = pair
+    poses, space = random_poses(5, seed=2), locked.scene.pose_space
+    function = locked.load_and_root_function(compiled=compiled)
+    weights = np.random.default_rng(0).normal(size=len(locked.load_names))
+    pose = ca.MX.sym("pose", 6)
+    hessian = ca.Function("h", [pose], [ca.hessian(ca.dot(weights, function(pose)[0]), pose)[0]])
+    slope = ca.Function("j", [pose], [ca.jacobian(ca.vertcat(*function(pose)), pose)])
+    by_chain = space.matrix.T @ whole.hessian(space.onto(poses), weights) @ space.matrix
+    for k, q in enumerate(poses):
+        loads, roots = (part.full().ravel() for part in function(q))
+        np.testing.assert_allclose(loads, locked(q), rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(roots, locked.root_loads(q)[0], rtol=1e-9)
+        wanted = np.vstack([locked.jacobian(q)[1], locked.root_loads(q)[1]])
+        np.testing.assert_allclose(slope(q).full(), wanted, rtol=1e-8, atol=1e-7)
+        np.testing.assert_allclose(hessian(q).full(), by_chain[k], rtol=1e-8, atol=1e-6)
+
+
+def test_the_kernel_of_many_poses_agrees_too(pair):
+    locked, _ = pair
+    poses = random_poses(37, seed=4)
+    batch = locked.function(compiled=True, batch=37)(poses.T).full().T
+    np.testing.assert_allclose(batch, locked(poses), rtol=1e-9, atol=1e-9)
+
+
+def test_a_locked_surrogate_goes_through_its_file(pair, tmp_path):
+    locked, _ = pair
+    locked.save(tmp_path / "locked.h5")
+    again = cc.load_surrogate(tmp_path / "locked.h5")
+    poses = random_poses(3)
+    np.testing.assert_array_equal(again(poses), locked(poses))
+    assert again.scene.pose_space.free_names == ("tx", "ty", "rz")
+
+
+def test_two_stage_says_that_it_cannot_lock():
+    assert not TwoStageSurrogate.fits(locked_knee())
+    with pytest.raises(ValueError, match="use the patch structure"):
+        TwoStageSurrogate.network_inputs(locked_knee())
+
+
+def test_samples_off_the_locked_pose_are_refused():
+    scene, count = locked_knee(), 20
+    samples = Samples(
+        scene,
+        poses=random_poses(count),
+        wrenches=np.zeros((count, 2, 6)),
+        gaps=np.ones((count, 2)),
+        domain=np.ones(count, np.uint8),
+        role=np.zeros(count, np.uint8),
+    )
+    with pytest.raises(ValueError, match="is off its locked or tied value by up to"):
+        patch_regressions(samples)
+
+
+@pytest.mark.parametrize(
+    ("pose", "said"),
+    [
+        ({"locked": {"tq": 0.0}}, "unknown key pose.locked.tq"),
+        ({"locked": {"tz": "middle"}}, "pose.locked.tz"),
+        ({"tied": {"rx": {"to": "ry", "slope": 1.0}}, "locked": {"ry": 0.0}}, "neither locked nor tied"),
+        ({"tied": {"rx": {"to": "rx", "slope": 1.0}}}, "another pose parameter"),
+        ({"locked": {"ty": 27.0}}, "loads.sensitive_pose"),
+        ({"locked": dict.fromkeys(("tx", "ty", "tz", "rx", "ry", "rz"), 0.0)}, "at least one pose parameter"),
+    ],
+)
+def test_a_bad_pose_table_is_refused_by_its_key(pose, said):
+    with pytest.raises(ValueError, match=said):
+        locked_knee(pose)

@@ -1,0 +1,217 @@
+"""The patch structure: what must hold for any weights (README), and its training targets."""
+
+import numpy as np
+import pytest
+
+from casadi_contact.core.conventions import WRENCH_NAMES
+from casadi_contact.networks.network import Regression
+from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.scenes.loading import load_scene
+from casadi_contact.surrogate.patch.local_pose import local_pose_jacobian, local_poses
+from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
+from casadi_contact.surrogate.patch.targets import ratio_outputs, root_weight
+from tests.support.invented_samples import invented_samples
+from tests.support.random_surrogates import random_poses, random_surrogate
+
+KNEE = load_scene("knee")
+
+
+@pytest.fixture(scope="module")
+def surrogate():
+    return random_surrogate(KNEE, "patch", seed=2)
+
+
+def test_local_pose_is_the_anchor_seen_in_the_fixed_frame():
+    """A quarter turn about x carries the anchor (0, 0, 22) to (0, -22, 0); the Jacobian is that of the map."""
+    pose = np.array([[1.0, 27.0, 3.0, np.pi / 2, 0.0, 0.0]])
+    np.testing.assert_allclose(local_poses(pose, KNEE.anchors_mm[0])[0], [1, 5, 3, np.pi / 2, 0, 0], atol=1e-14)
+    anchor, poses, step = np.array([3.0, -5.0, 22.0]), random_poses(5), 1e-6
+    jacobian = local_pose_jacobian(poses, anchor)
+    for column in range(6):
+        shift = step * np.eye(6)[column]
+        difference = (local_poses(poses + shift, anchor) - local_poses(poses - shift, anchor)) / (2 * step)
+        np.testing.assert_allclose(jacobian[:, :, column], difference, atol=1e-7)
+
+
+def test_no_load_out_of_contact_and_nothing_pulls(surrogate):
+    poses = random_poses(500)
+    wrenches, (roots, _) = surrogate.wrenches(poses), surrogate.root_loads(poses)
+    lifted = roots <= 0.0
+    assert lifted.any()
+    assert (~lifted).any()
+    assert not wrenches[lifted].any(), "every component vanishes exactly"
+    normal = -wrenches[:, :, WRENCH_NAMES.index("Fy")]
+    np.testing.assert_allclose(normal, KNEE.reference_load * np.maximum(roots, 0.0) ** 2, rtol=1e-14)
+
+
+def test_no_poses_have_no_loads(surrogate):
+    none = np.empty((0, 6))
+    loads, slopes = surrogate.jacobian(none)
+    assert surrogate(none).shape == loads.shape == (0, 7)
+    assert slopes.shape == (0, 7, 6)
+    assert surrogate.wrenches(none).shape == (0, 2, 6)
+
+
+def test_loads_are_sums_of_patch_wrenches(surrogate):
+    poses = random_poses(20)
+    loads, wrenches = surrogate(poses), surrogate.wrenches(poses)
+    for column, name in enumerate(KNEE.load_names):
+        component, _, patch = name.partition("_")
+        per_patch = wrenches[:, :, WRENCH_NAMES.index(component)]
+        want = per_patch[:, KNEE.patch_names.index(patch)] if patch else per_patch.sum(axis=1)
+        np.testing.assert_allclose(loads[:, column], want, rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(surrogate(poses, ["Fx_lat"])[:, 0], wrenches[:, 1, 0], rtol=1e-14)
+
+
+def test_centre_of_pressure_stays_bounded_down_to_zero_load(surrogate):
+    """T/N is the ratio network itself, however small N is."""
+    poses = random_poses(2000, seed=4)
+    wrenches, (roots, _) = surrogate.wrenches(poses), surrogate.root_loads(poses)
+    light = (roots[:, 0] > 0.0) & (roots[:, 0] < 0.02)
+    assert light.any()
+    of_tx = ratio_outputs(KNEE)["ratios_med"].index("Tx")
+    ratio = surrogate.networks["ratios_med"].value(local_poses(poses[light], KNEE.anchors_mm[0]))[:, of_tx]
+    normal = -wrenches[light, 0, WRENCH_NAMES.index("Fy")]
+    np.testing.assert_allclose(wrenches[light, 0, WRENCH_NAMES.index("Tx")] / normal, ratio, rtol=1e-9)
+
+
+def test_jacobian_is_the_derivative(surrogate):
+    poses, step = random_poses(30, seed=6), 1e-6
+    _, jacobian = surrogate.jacobian(poses)
+    _, d_roots = surrogate.root_loads(poses)
+    for column in range(6):
+        shift = step * np.eye(6)[column]
+        difference = (surrogate(poses + shift) - surrogate(poses - shift)) / (2 * step)
+        np.testing.assert_allclose(jacobian[:, :, column], difference, rtol=1e-5, atol=1e-6 * np.abs(jacobian).max())
+        roots = [surrogate.root_loads(poses + sign * shift)[0] for sign in (1, -1)]
+        np.testing.assert_allclose(d_roots[:, :, column], (roots[0] - roots[1]) / (2 * step), rtol=1e-5, atol=1e-6)
+
+
+def test_missing_networks_limit_the_loads_and_are_named(surrogate):
+    vertical = {name: net for name, net in surrogate.networks.items() if name.startswith("root")}
+    part = PatchSurrogate(KNEE, vertical)
+    assert part.load_names == ("Fy_med", "Fy_lat")
+    poses = random_poses(5)
+    np.testing.assert_array_equal(part(poses), surrogate(poses, ["Fy_med", "Fy_lat"]))
+    for ask in (lambda: part(poses, ["Fx"]), lambda: part.function(["Fx"]), lambda: part.wrenches(poses)):
+        with pytest.raises(ValueError, match=r"ratios_med"):
+            ask()
+    one_side = PatchSurrogate(KNEE, {"root_lat": surrogate.networks["root_lat"]})
+    assert one_side.load_names == ("Fy_lat",)
+    np.testing.assert_allclose(one_side.function()(poses[0]).full()[0], surrogate(poses[:1], ["Fy_lat"])[0], rtol=1e-12)
+    with pytest.raises(ValueError, match="root_med"):
+        one_side.root_loads(poses)
+    with pytest.raises(ValueError, match="root_med"):
+        one_side.root_function()
+
+
+def test_bad_input_gets_one_clear_line(surrogate):
+    with pytest.raises(ValueError, match=r"shape \(3, 5\), expected \(n, 6\)"):
+        surrogate(np.zeros((3, 5)))
+    with pytest.raises(ValueError, match="nan at row 1"):
+        surrogate.jacobian([[0.0] * 6, [np.nan] * 6])
+    with pytest.raises(ValueError, match="unknown load 'Fy_top'"):
+        surrogate(random_poses(1), ["Fy_top"])
+    with pytest.raises(ValueError, match="no loads"):
+        surrogate.function([])
+    with pytest.raises(ValueError, match="unknown network 'root_top'"):
+        PatchSurrogate(KNEE, {"root_top": surrogate.networks["root_med"]})
+    with pytest.raises(ValueError, match="not enough for any load"):
+        PatchSurrogate(KNEE, {})
+
+
+def test_targets_are_roots_gaps_and_ratios():
+    drawn = invented_samples()
+    regressions = {r.name: r for r in PatchSurrogate.regressions(drawn)}
+    assert set(regressions) == set(PatchSurrogate.network_inputs(KNEE))
+    fitted = drawn.role != TEST
+    root = regressions["root_lat"]
+    normal, gap = -drawn.wrenches[fitted, 1, 1], drawn.gaps[fitted, 1]
+    contact = normal > 0.0
+    np.testing.assert_allclose(root.targets[contact] ** 2 * KNEE.reference_load, normal[contact])
+    np.testing.assert_allclose(root.targets[~contact], -KNEE.gap_slope * gap[~contact])
+    np.testing.assert_allclose(root.inputs, local_poses(drawn.poses[fitted], KNEE.anchors_mm[1]))
+    np.testing.assert_array_equal(root.validation, drawn.role[fitted] == VALIDATION)
+    ratio, components = regressions["ratios_lat"], ratio_outputs(KNEE)["ratios_lat"]
+    np.testing.assert_allclose(ratio.targets[:, components.index("Tx")], -22.0)
+    want = np.outer(normal[contact], ratio.weights[0] / normal[contact][0])
+    np.testing.assert_allclose(ratio.weights, want)
+    np.testing.assert_array_equal(ratio.validation, root.validation[contact])
+
+
+def test_root_residuals_are_newtons_in_contact_and_fade_out_of_it():
+    drawn = invented_samples()
+    root = next(r for r in PatchSurrogate.regressions(drawn) if r.name == "root_med")
+    normal = KNEE.reference_load * np.maximum(root.targets, 0.0) ** 2
+    loaded = normal > KNEE.boundary_load
+    small = 1e-6
+    change = KNEE.reference_load * (root.targets[loaded] + small) ** 2 - normal[loaded]
+    np.testing.assert_allclose(root.weights[loaded] * small, change, rtol=1e-4)
+    boundary = 2.0 * np.sqrt(KNEE.boundary_load * KNEE.reference_load)
+    assert root.weights[loaded].min() >= boundary * (1 - 1e-12)
+    lifted = root.targets < 0.0
+    assert (root.weights[lifted] <= boundary * (1 + 1e-12)).all()
+    far = root_weight(np.array([-KNEE.gap_slope * 20.0]), KNEE)  # 20 mm
+    np.testing.assert_allclose(far, 0.02 * boundary, rtol=1e-12)
+    order = np.argsort(root.targets[lifted])
+    assert (np.diff(root.weights[lifted][order]) >= 0.0).all(), "the nearer to contact, the more an error counts"
+
+
+def test_tolerances_add_up_to_the_loads_tolerance():
+    """Both sides' errors of N·δρ and ρ·δN, independent, give at most the tolerance of each load."""
+    drawn = invented_samples()
+    regressions = {r.name: r for r in PatchSurrogate.regressions(drawn)}
+    tolerance = {name: r.tolerance for name, r in regressions.items()}
+    for load in ("Fx", "Fz", "Tx", "Ty", "Tz"):
+        square = 0.0
+        for p, patch in enumerate(KNEE.patch_names):
+            wrench = drawn.wrenches[drawn.role != TEST, p]
+            k = WRENCH_NAMES.index(load)
+            lever = np.abs(wrench[wrench[:, 1] < 0, k] / wrench[wrench[:, 1] < 0, 1]).max()
+            of_ratios, components = regressions[f"ratios_{patch}"], ratio_outputs(KNEE)[f"ratios_{patch}"]
+            per_newton = of_ratios.weights[:, components.index(load)] / -wrench[wrench[:, 1] < 0, 1]
+            ratio_tolerance = 1.0 / (per_newton.max() * np.sqrt(len(components)))
+            square += ratio_tolerance**2 + (lever * tolerance[f"root_{patch}"]) ** 2
+        assert np.sqrt(square) <= KNEE.tolerances[load] * (1 + 1e-9)
+    for patch in KNEE.patch_names:
+        assert tolerance[f"root_{patch}"] <= KNEE.tolerances[f"Fy_{patch}"]
+
+
+def test_samples_that_cannot_be_fitted_are_refused():
+    def changed(**columns) -> Samples:
+        good = invented_samples(50)
+        fields = {name: getattr(good, name).copy() for name in ("poses", "wrenches", "gaps", "domain", "role")}
+        for name, (index, value) in columns.items():
+            fields[name][index] = value
+        return Samples(KNEE, **fields)
+
+    with pytest.raises(ValueError, match="NaN or infinity in wrenches at row 7"):
+        PatchSurrogate.regressions(changed(wrenches=((7, 1, 2), np.nan)))
+    with pytest.raises(ValueError, match=r"row 5: med pulls with 3 N, expected Fy <= 0 \(1 such rows\)"):
+        PatchSurrogate.regressions(changed(wrenches=((4, 0, 1), 3.0), role=(4, TRAIN)))
+    with pytest.raises(ValueError, match="no row for training"):
+        PatchSurrogate.regressions(changed(role=(slice(None), TEST)))
+    lifted = int(np.flatnonzero((invented_samples(50).gaps[:, 0] > 0) & (invented_samples(50).role == TRAIN))[0])
+    with pytest.raises(ValueError, match=f"gap of patch 'med' is unknown at row {lifted}"):
+        PatchSurrogate.regressions(changed(gaps=((lifted, 0), np.nan)))
+
+
+def test_networks_that_fit_their_targets_give_back_the_loads():
+    """Constant-ratio samples: networks built to hit the targets exactly reproduce the contact model's loads."""
+    drawn = invented_samples(60)
+    networks = {}
+    for regression in PatchSurrogate.regressions(drawn):
+        assert isinstance(regression, Regression)
+        if regression.name.startswith("ratio"):
+            value = regression.targets[0]
+            zero = random_surrogate(KNEE, "patch").networks[regression.name]
+            networks[regression.name] = type(zero)(
+                zero.input_shift, zero.input_scale, (np.zeros((len(value), 6)),), (value,)
+            )
+    root = random_surrogate(KNEE, "patch", seed=2)
+    for patch in KNEE.patch_names:
+        networks[f"root_{patch}"] = root.networks[f"root_{patch}"]
+    surrogate = PatchSurrogate(KNEE, networks)
+    loads = dict(zip(surrogate.load_names, surrogate(drawn.poses).T, strict=True))
+    np.testing.assert_allclose(loads["Tz"], 4.0 * (loads["Fy_med"] + loads["Fy_lat"]), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(loads["Tx"], -22.0 * (loads["Fy_med"] - loads["Fy_lat"]), rtol=1e-9, atol=1e-9)

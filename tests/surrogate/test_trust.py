@@ -1,0 +1,227 @@
+"""Validity and expected error of the shipped knee: NumPy = CasADi, smooth, honest far outside, cover unseen walking."""
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.core.conventions import POSE_NAMES
+from casadi_contact.samples.reference import reference_motion
+from casadi_contact.samples.settings import SamplingSettings
+from casadi_contact.scenes.load_cycle import read_cycle
+from casadi_contact.scenes.walking import reference_cycles
+from casadi_contact.workflow.benchmark.walking import unseen_walking
+from problems import pose_estimation
+from tests.support.random_surrogates import random_surrogate
+from tests.support.shared_data import shared_file
+
+
+@pytest.fixture(scope="module")
+def walking(knee):
+    """Poses of walking cycles in between the built-in ones, none of which is a sample."""
+    settings = SamplingSettings.from_scene(knee.scene)
+    model = cc.ElasticFoundation(knee.scene, (40, 30))
+    motion, _ = reference_motion(model, reference_cycles(), settings)
+    return unseen_walking(model, motion, count=2, seed=8)
+
+
+def ranged_poses(knee, count, times, seed=0):
+    """Random poses of `times` the sampled range of every pose parameter."""
+    low, high = np.array([knee.record["pose_range"][name] for name in POSE_NAMES]).T
+    unit = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, 6))
+    return 0.5 * (low + high) + times * 0.5 * (high - low) * unit
+
+
+def test_casadi_gives_the_same_numbers(knee, walking):
+    poses = np.vstack([walking[::20], ranged_poses(knee, 10, 0.5), ranged_poses(knee, 10, 3.0)])
+    validity, errors = knee.validity_function(), knee.expected_error_function()
+    np.testing.assert_allclose([float(validity(p)) for p in poses], knee.validity(poses), atol=1e-12)
+    got = np.array([errors(p).full().ravel() for p in poses])
+    np.testing.assert_allclose(got, knee.expected_error(poses), rtol=1e-9)
+    assert got.min() > 0.0
+    assert knee.expected_error(poses).shape == (len(poses), len(knee.load_names))
+
+
+def test_first_and_second_derivatives_match_finite_differences(knee, walking):
+    """On a line from walking out of the learned region, across the edge, where g switches on."""
+    pose, step = ca.MX.sym("pose", 6), 4e-6
+    for output in (knee.validity_function()(pose), knee.expected_error_function()(pose)[0]):
+        hessian, gradient = ca.hessian(output, pose)
+        derivatives = ca.Function("d", [pose], [output, gradient, hessian])
+        scales = knee.trust.scales
+        line = [walking[30] + np.array([0.0, 0.0, t, 0.0, 0.0, 0.0]) for t in np.linspace(0.0, 3.0, 13)]
+        moves = step * np.diag(scales)
+        largest = 0.0
+        for at in line:
+            _, gradient_at, hessian_at = (np.asarray(d) for d in derivatives(at))
+            plus, minus = ([derivatives(at + sign * move) for move in moves] for sign in (1.0, -1.0))
+            slope = [float(p[0] - m[0]) / (2.0 * step) for p, m in zip(plus, minus, strict=True)]
+            bend = np.array([(p[1] - m[1]).full().ravel() for p, m in zip(plus, minus, strict=True)]) / (2.0 * step)
+            size = max(np.abs(gradient_at.ravel() * scales).max(), 1e-3)
+            np.testing.assert_allclose(slope, gradient_at.ravel() * scales, atol=1e-4 * size)
+            scaled = hessian_at * np.outer(scales, scales)
+            np.testing.assert_allclose(bend * scales, scaled, atol=1e-3 * max(np.abs(scaled).max(), 1e-3))
+            largest = max(largest, np.abs(scaled).max())
+        assert largest > 0.1, "the line crosses the edge of the region"
+
+
+@pytest.mark.parametrize("function", ["validity_function", "expected_error_function"])
+def test_derivatives_are_those_of_an_mx_problem_where_a_problem_is_written_in_sx(knee, walking, function):
+    f = getattr(knee, function)()
+
+    def value_slope_and_bend(symbol):
+        pose = symbol.sym("pose", 6)
+        hessian, slope = ca.hessian(f(pose)[0], pose)
+        return ca.Function("derivatives", [pose], [f(pose), slope, hessian])(walking[30])
+
+    for sx, mx in zip(value_slope_and_bend(ca.SX), value_slope_and_bend(ca.MX), strict=True):
+        np.testing.assert_allclose(sx.full(), mx.full(), rtol=1e-12)
+        assert np.abs(mx.full()).max() > 0.0
+
+
+@pytest.mark.parametrize("name", ["tx", "tz", "ry", "rz"])
+def test_validity_falls_and_the_error_grows_on_the_way_out(knee, walking, name):
+    """Insensitive pose parameters leave the tube: half the sampled range beyond its end nothing is known any more."""
+    low, high = knee.record["pose_range"][name]
+    poses = np.repeat(walking[30:31], 60, axis=0)
+    column = POSE_NAMES.index(name)
+    poses[:, column] = np.linspace(poses[0, column], high + 0.5 * (high - low), 60)
+    validity, error = knee.validity(poses), knee.expected_error(poses)
+    assert validity[0] > 0.98
+    assert validity[-1] < 0.02
+    outside = np.flatnonzero(validity < 0.5)
+    assert (np.diff(validity[outside]) <= 1e-12).all(), "once outside, it only falls"
+    usual = knee.trust.usual_loads
+    assert (error[-1] > usual).all()
+    assert (np.diff(error[outside], axis=0) > 0.0).all()
+
+
+def test_validity_falls_where_loads_leave_what_was_sampled(knee, walking):
+    """Pressed deeper than any sample, or lifted off further: 1 mm and 8 mm are well beyond both."""
+    up = np.zeros(6)
+    up[POSE_NAMES.index("ty")] = 1.0
+    pose = walking[30]
+    assert knee.validity([pose, pose + 1.0 * up])[0] > 0.98
+    assert knee.validity([pose - 1.0 * up])[0] < 0.01
+    assert knee.validity([pose + 8.0 * up])[0] < 0.01
+
+
+def test_no_pose_far_away_is_called_valid(knee):
+    """20,000 poses to three times the learned range: finite, never pulling, and no contact where the surfaces are
+    more than 3 mm apart unless validity says so."""
+    poses = ranged_poses(knee, 20_000, 3.0)
+    normal = -knee(poses)[:, :2]
+    validity, error = knee.validity(poses), knee.expected_error(poses)
+    assert np.isfinite(normal).all()
+    assert np.isfinite(validity).all()
+    assert np.isfinite(error).all()
+    assert normal.min() >= 0.0
+    gaps = cc.ElasticFoundation(knee.scene, (40, 20)).gaps(poses)
+    false_contact = ((normal > 0.0) & (gaps > 3.0)).any(axis=1)
+    assert false_contact.any(), "there is something to warn of"
+    assert validity[false_contact].max() < 0.5
+
+
+@pytest.mark.parametrize("far", [1e3, 1e6, 1e12])
+def test_any_distance_gives_numbers(knee, far):
+    poses = far * np.random.default_rng(1).standard_normal((50, 6))
+    assert knee.validity(poses).max() < 1e-4
+    assert np.isfinite(knee.expected_error(poses)).all()
+    pose = ca.MX.sym("pose", 6)
+    both = ca.vertcat(knee.validity_function()(pose), knee.expected_error_function()(pose))
+    derivative = ca.Function("d", [pose], [both, ca.jacobian(both, pose)])
+    for p in poses[:5]:
+        assert all(np.isfinite(np.asarray(part)).all() for part in derivative(p))
+
+
+def older(surrogate):
+    """The surrogate as files of before have it, whose error levels lie around the tube's centres."""
+    levels = np.full((len(surrogate.trust.centres), len(surrogate.load_names)), 2.0)
+    trust = replace(surrogate.trust, states=None, levels=levels)
+    return type(surrogate)(surrogate.scene, surrogate.networks, surrogate.record, trust)
+
+
+def test_error_levels_of_files_of_before_are_the_same_in_casadi(knee, walking):
+    before = older(knee)
+    errors = before.expected_error_function()
+    got = np.array([errors(pose).full().ravel() for pose in walking[::20]])
+    np.testing.assert_allclose(got, before.expected_error(walking[::20]), rtol=1e-9)
+
+
+def test_how_far_a_patch_is_lifted_off_is_no_other_state(knee, walking):
+    """Root loads of -1 and -10 are next to each other, 0.2 and 0.3 apart."""
+    states, pose = knee.trust.states, np.repeat(walking[:1], 4, axis=0)
+    far, farther, light, heavier = states.points(pose, np.array([[0.5, s] for s in (-1.0, -10.0, 0.2, 0.3)]))
+    assert np.linalg.norm(far - farther) < 0.1
+    assert np.linalg.norm(light - heavier) > 0.5
+
+
+@pytest.mark.parametrize("name", ["knee", "knee_two_stage"])
+def test_expected_error_covers_poses_moved_around_unseen_walking(name, walking):
+    """1 mm and 2 degrees off, uniform and normal: 93 to 99 % of the errors of the valid ones, over the loads carried,
+    of a single load but for what so few tell; every valid pose errs by less than 25 N, where a root load gone wrong
+    once let 17 kN pass."""
+    surrogate, rng = cc.load_surrogate(name), np.random.default_rng(19)
+    count = 2000
+    moves = np.vstack([rng.uniform(-1.0, 1.0, (count, 6)), rng.standard_normal((count, 6))])
+    poses = walking[rng.integers(len(walking), size=2 * count)] + moves * np.repeat([1.0, np.deg2rad(2.0)], 3)
+    poses = poses[surrogate.validity(poses) > 0.5]
+    teacher = cc.ElasticFoundation(surrogate.scene, surrogate.scene.grids["teacher"])
+    poses = poses[~teacher.at_edge(poses).any(axis=1)]
+    loads = teacher(poses)
+    errors, carried = np.abs(surrogate(poses) - loads), loads != 0.0
+    assert carried.sum() > 500
+    below = errors <= surrogate.expected_error(poses)
+    assert 0.93 <= np.mean(below[carried]) <= 0.99
+    for column, rows in zip(below.T, carried.T, strict=True):
+        assert column[rows].mean() > 0.95 - 2.5 * np.sqrt(0.95 * 0.05 / rows.sum())
+    assert errors[:, :2].max() < 25.0
+
+
+@pytest.mark.parametrize("name", ["knee", "knee_two_stage"])
+def test_expected_error_covers_unseen_walking(name, walking):
+    """93 to 99 % of errors against the teacher grid lie below the expected error."""
+    surrogate = cc.load_surrogate(name)
+    scene = surrogate.scene
+    error = np.abs(surrogate(walking) - cc.ElasticFoundation(scene, scene.grids["teacher"])(walking))
+    share = np.mean(error <= surrogate.expected_error(walking))
+    assert 0.93 <= share <= 0.99
+    assert surrogate.validity(walking).min() > 0.9
+
+
+@pytest.mark.parametrize("cycle", ["og1", "og4"])
+def test_expected_error_covers_measured_walking(knee, cycle):
+    """Cycles of the instrumented knee that the built-in ones derive from, none of which is a sample."""
+    measured = read_cycle(shared_file(f"data/jw/{cycle}_loads.csv"))
+    poses = pose_estimation.solve(pose_estimation.build(knee, measured)).poses
+    teacher = cc.ElasticFoundation(knee.scene, knee.scene.grids["teacher"])
+    share = np.mean(np.abs(knee(poses) - teacher(poses)) <= knee.expected_error(poses))
+    assert 0.93 <= share <= 0.99
+    assert knee.validity(poses).min() > 0.9
+
+
+@pytest.mark.parametrize("frame", [10, 30, 75])
+def test_ipopt_keeps_to_the_learned_region_and_comes_back_to_it(knee, walking, frame):
+    """Drawn to a pose far outside, the solution ends on the constraint, from a start inside and from one outside."""
+    scales = knee.trust.scales
+    drawn = walking[frame] + 4.0 * scales * np.eye(6)[POSE_NAMES.index("ry")]
+    x = ca.MX.sym("x", 6)
+    nlp = {"x": x, "f": ca.sumsqr(x - drawn / scales), "g": 1.0 / knee.validity_function()(x * scales)}
+    solver = ca.nlpsol("s", "ipopt", nlp, {"ipopt": {"print_level": 0, "sb": "yes"}, "print_time": False})
+    for start in (walking[frame], 0.5 * (walking[frame] + drawn)):
+        answer = solver(x0=start / scales, lbg=1.0, ubg=2.0)
+        assert solver.stats()["success"]
+        assert float(answer["g"]) == pytest.approx(2.0, abs=1e-5)
+    assert knee.validity(drawn[None])[0] < 0.1
+
+
+def test_a_surrogate_without_calibration_says_how_to_get_one():
+    surrogate = random_surrogate(cc.load_scene("sphere_on_plane"), "patch")
+    for ask in (surrogate.validity, surrogate.expected_error):
+        with pytest.raises(ValueError, match="calibrate"):
+            ask(np.zeros((1, 6)))
+    with pytest.raises(ValueError, match="build it again"):
+        surrogate.validity_function()
+    assert "not calibrated" in str(surrogate.info())

@@ -1,0 +1,250 @@
+"""The choice meets its tolerance, and nothing cheaper on the front does."""
+
+import shlex
+import shutil
+from itertools import pairwise
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.cli import main as cli
+from casadi_contact.core.quantities import FORCE, quantity
+from casadi_contact.workflow.benchmark import at_hand
+from casadi_contact.workflow.benchmark.choose import MEASURED, SAME_TIME, Offer, Tolerance, cheapest, meeting
+from casadi_contact.workflow.benchmark.front_file import read_front
+from casadi_contact.workflow.benchmark.shipped import shipped_front
+from casadi_contact.workflow.project import Project
+from tests.support.stored_results import SPEED_ACCURACY as STORED
+
+TOLERANCES = [(50.0, 1000.0), (5.0, 100.0), (2.0, 40.0), (0.5, 20.0), (0.12, 3.5)]
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder that holds the stored measurements, and nothing else."""
+    shutil.copy(STORED, tmp_path / "speed_accuracy.csv")
+    return tmp_path
+
+
+def rms(point, loads, force):
+    squares = [point.load_rms[load] ** 2 for load in loads if (quantity(load).kind == FORCE) == force]
+    return np.sqrt(np.mean(squares)) if squares else 0.0
+
+
+@pytest.mark.parametrize("loads", [None, ["Fy_med", "Fy_lat"], ["Tz"]])
+@pytest.mark.parametrize(("force_n", "torque_nmm"), TOLERANCES)
+def test_the_choice_meets_its_tolerance_and_nothing_cheaper_does(force_n, torque_nmm, loads):
+    front = read_front(STORED)
+    names = loads or front.loads
+    offers = meeting(front, Tolerance(force_n, torque_nmm), names)
+    choice, better = cheapest(offers, Tolerance(force_n, torque_nmm))
+    points = {point.name: point for point in front.points}
+    chosen = points[choice.name]
+    assert rms(chosen, names, True) <= force_n
+    assert rms(chosen, names, False) <= torque_nmm
+    for point in front.models:
+        if point.value.median_us < chosen.value.median_us / SAME_TIME:
+            assert rms(point, names, True) > force_n or rms(point, names, False) > torque_nmm
+    if better is not None:
+        worst = [
+            max(rms(points[offer.name], names, True) / force_n, rms(points[offer.name], names, False) / torque_nmm)
+            for offer in (choice, better)
+        ]
+        assert worst[1] < worst[0] <= 1.0
+        assert better.time_us >= choice.time_us
+
+
+def test_wider_tolerances_never_cost_more():
+    front = read_front(STORED)
+    times = []
+    for pair in TOLERANCES:
+        tolerance = Tolerance(*pair)
+        times.append(cheapest(meeting(front, tolerance, front.loads), tolerance)[0].time_us)
+    assert all(wide <= SAME_TIME * narrow for wide, narrow in pairwise(times))
+
+
+def test_of_models_that_are_as_cheap_the_most_accurate_is_chosen():
+    def offer(name, time_us, force_n):
+        return Offer(name, "networks", time_us, MEASURED, force_n, float("nan"))
+
+    offers = [offer("rough", 0.212, 1.5), offer("fine", 0.213, 0.5), offer("finest", 0.3, 0.2)]
+    chosen, better = cheapest(offers, Tolerance(2.0, None))
+    assert (chosen.name, better.name) == ("fine", "finest")
+
+
+def test_the_next_better_model_is_the_cheapest_of_those_more_accurate():
+    def offer(name, time_us, force_n):
+        return Offer(name, "networks", time_us, MEASURED, force_n, float("nan"))
+
+    offers = [offer("dearest", 9.0, 0.1), offer("worse", 2.0, 1.8), offer("next", 3.0, 0.9), offer("first", 1.0, 1.5)]
+    chosen, better = cheapest(offers, Tolerance(2.0, None))
+    assert (chosen.name, better.name) == ("first", "next")
+
+
+def test_an_elastic_foundation_is_chosen_where_it_is_enough_and_told_how_to_make(folder):
+    front = read_front(STORED)
+    ef = min((p for p in front.points if p.family == "EF"), key=lambda p: p.value.median_us)
+    lines = [line for line in STORED.read_text("utf-8").splitlines() if line[0] == "#" or line[:5] == "name,"]
+    rows = [line for line in STORED.read_text("utf-8").splitlines() if line.startswith("EF ")]
+    (folder / "speed_accuracy.csv").write_text("\n".join(lines + rows) + "\n", "utf-8")
+    choice = cc.choose("knee", force_tolerance_n=100.0, torque_tolerance_nmm=3000.0, folder=folder)
+    assert choice.model.name == ef.name
+    assert choice.path is None
+    model = eval(choice.python, {"cc": cc})
+    assert model(np.array([[0.5, 27.4, 0.1, 0.0, -0.05, -0.3]])).shape == (1, 7)
+
+
+@pytest.fixture
+def machine(monkeypatch):
+    """A machine on which whatever is timed takes so many times its estimate, nothing by the clock."""
+
+    def candidates(project, names, loads):
+        _, front = shipped_front(project.scene)
+        for point in front.models:
+            if point.name in names:
+                seconds = 1e-6 * machine.slower * at_hand._estimate(project, point, loads)[0]
+                yield SimpleNamespace(name=point.name, time_value=lambda poses, seconds=seconds: seconds)
+
+    machine = SimpleNamespace(slower=1.0)
+    monkeypatch.setattr(at_hand, "motion_at_hand", lambda project: SimpleNamespace(poses=np.zeros((1, 1, 6))))
+    monkeypatch.setattr(at_hand, "_candidates", candidates)
+    return machine
+
+
+def test_times_for_some_loads_are_of_one_machine_even_where_most_are_estimated(machine, tmp_path):
+    """Five times slower than the chart's, it takes five times as long of every model, timed or not."""
+    project = Project.open("knee", "quick", tmp_path)
+    _, front = shipped_front(project.scene)
+    loads = ["Fy_med", "Fy_lat"]
+    as_fast = at_hand.times_for_loads(project, front.models, loads)
+    machine.slower = 5.0
+    slower = at_hand.times_for_loads(project, front.models, loads)
+    for name, (time_us, how) in slower.items():
+        assert (time_us, how) == (pytest.approx(5.0 * as_fast[name][0]), as_fast[name][1])
+    said = {how for _, how in slower.values()}
+    networks, all_loads = (f"{how}, {at_hand.SCALED}" for how in (at_hand.SHARE, at_hand.ALL_LOADS))
+    assert said == {at_hand.TIMED_AGAIN, networks, all_loads}
+
+
+def test_where_nothing_is_timed_again_all_times_are_the_chart_s(machine, tmp_path, monkeypatch):
+    monkeypatch.setattr(at_hand, "_candidates", lambda project, names, loads: ())
+    project = Project.open("knee", "quick", tmp_path)
+    _, front = shipped_front(project.scene)
+    times = at_hand.times_for_loads(project, front.models, ["Tz"])
+    assert {how for _, how in times.values()} == {at_hand.SHARE, at_hand.ALL_LOADS}
+
+
+@pytest.mark.parametrize(
+    ("loads", "shares"),
+    [
+        (["Fy_med"], {"knee": (1, 4), "knee_two_stage": (1, 7)}),
+        (["Fy_med", "Fy_lat"], {"knee": (2, 4), "knee_two_stage": (2, 7)}),
+        (["Tz"], {"knee": (4, 4), "knee_two_stage": (3, 7)}),
+    ],
+)
+def test_a_surrogate_takes_the_share_of_time_of_the_networks_that_the_loads_need(
+    machine, tmp_path, monkeypatch, loads, shares
+):
+    """A side has a root and one network of all its ratios; in two stages each of the seven
+    loads has its own, and others than Fy take both of these first. A foundation always takes its whole time."""
+    monkeypatch.setattr(at_hand, "_candidates", lambda project, names, loads: ())
+    project = Project.open("knee", "quick", tmp_path)
+    _, front = shipped_front(project.scene)
+    times = at_hand.times_for_loads(project, front.models, loads)
+    for point in front.models:
+        needed, of_all = shares.get(point.name.removesuffix(" (CasADi MX)"), (1, 1))
+        assert times[point.name][0] == pytest.approx(needed / of_all * point.value.median_us)
+
+
+def test_a_slower_machine_chooses_the_same_model(machine, tmp_path):
+    def chosen():
+        tolerance = {"force_tolerance_n": 0.5, "folder": tmp_path}
+        return cc.choose("knee", loads=["Fy_med", "Fy_lat"], **tolerance).model
+
+    as_fast = chosen()
+    machine.slower = 20.0  # the kernels then take longer than what was not timed takes on the chart
+    assert chosen().name == as_fast.name
+
+
+def test_a_single_load_may_be_asked_for_by_its_name(machine, tmp_path):
+    by_name, in_a_list = (
+        cc.choose("knee", force_tolerance_n=0.5, loads=loads, folder=tmp_path) for loads in ("Fy_med", ["Fy_med"])
+    )
+    assert by_name == in_a_list
+    assert by_name.loads == ("Fy_med",)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"force_tolerance_n": 1e-6, "torque_tolerance_nmm": 1.0}, "no measured model meets 1e-06 N.*the nearest"),
+        ({"force_tolerance_n": 1.0}, "no torque tolerance given"),
+        ({"force_tolerance_n": -1.0, "torque_tolerance_nmm": 1.0}, "force tolerance is -1.0, expected N above 0"),
+        ({"force_tolerance_n": float("nan"), "torque_tolerance_nmm": 1.0}, "force tolerance is nan"),
+        ({"force_tolerance_n": 1.0, "loads": ["Fq"]}, "loads Fq, expected some of Fy_med"),
+        ({"force_tolerance_n": 1.0, "loads": "Fq"}, "loads Fq, expected some of Fy_med"),
+        ({"force_tolerance_n": 1.0, "loads": []}, r"loads \(none\), expected some of Fy_med"),
+    ],
+)
+def test_what_cannot_be_chosen_is_said_in_one_line(arguments, said, folder):
+    with pytest.raises(ValueError, match=said) as caught:
+        cc.choose("knee", folder=folder, **arguments)
+    assert "\n" not in str(caught.value)
+
+
+def test_without_measurements_or_on_another_scene_it_says_what_to_run(folder, tmp_path):
+    with pytest.raises(FileNotFoundError, match="run casadi-contact chart sphere_on_plane --preset quick --out"):
+        cc.choose("sphere_on_plane", force_tolerance_n=1.0, torque_tolerance_nmm=1.0, folder=tmp_path / "empty")
+    (folder / "other.toml").write_text(cc.load_scene("knee", settle=(40, 20)).to_toml())
+    with pytest.raises(ValueError, match="measured on another scene than knee"):
+        cc.choose(folder / "other.toml", force_tolerance_n=1.0, torque_tolerance_nmm=1.0, folder=folder)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["choose", "hip", "--force-tol", "1"], "run casadi-contact chart hip --preset quick --out"),
+        (["chart", "knee"], "samples.h5 does not exist"),
+        (["chart", "elbow"], "unknown scene 'elbow'"),
+    ],
+)
+def test_a_mistake_on_the_command_line_is_said_without_a_traceback(arguments, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["casadi-contact", *arguments, "--out", str(tmp_path)])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code not in (0, None)
+    message = f"{ended.value.code} {capsys.readouterr().err}"
+    assert said in message
+    assert "Traceback" not in message
+
+
+def said_by(arguments, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["casadi-contact", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    return str(ended.value.code)
+
+
+def test_a_command_that_is_named_as_the_cure_finds_the_same_scene_and_folder(tmp_path, monkeypatch):
+    """choose names chart, chart names sample: each as it has to be typed, here of a scene file in another folder."""
+    (tmp_path / "my scenes").mkdir()
+    (tmp_path / "my scenes" / "ball.toml").write_text(cc.load_scene("sphere_on_plane").to_toml())
+    (tmp_path / "work").mkdir()
+    monkeypatch.chdir(tmp_path / "work")
+    words = [
+        "casadi-contact",
+        "choose",
+        "../my scenes/ball.toml",
+        "--force-tol",
+        "1",
+        "--torque-tol",
+        "9",
+        "--out",
+        "out",
+    ]
+    for cure in ("chart", "sample"):
+        said = said_by(words[1:], monkeypatch)
+        words = shlex.split(said.partition(": run ")[2].removesuffix(" first"))
+        assert words == ["casadi-contact", cure, "../my scenes/ball.toml", "--preset", "quick", "--out", "out"]

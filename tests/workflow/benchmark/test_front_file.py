@@ -1,0 +1,136 @@
+"""The result file comes back as it was written, other tools can read it, and damage is named by its line."""
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from casadi_contact.core.quantities import FORCE, TORQUE
+from casadi_contact.workflow.benchmark.front_file import (
+    SAMPLES,
+    SECONDS,
+    SIZE,
+    Front,
+    Point,
+    pareto,
+    read_front,
+    write_front,
+)
+from casadi_contact.workflow.benchmark.timing import Timing
+from tests.support.stored_results import SPEED_ACCURACY as STORED
+
+
+def lines_of(path):
+    return path.read_text("utf-8").splitlines()
+
+
+def test_what_was_written_is_what_is_read(tmp_path):
+    front = read_front(STORED)
+    write_front(tmp_path / "again.csv", front)
+    assert read_front(tmp_path / "again.csv") == front
+
+
+def test_texts_with_commas_quotes_and_line_breaks_stay_one_cell(tmp_path):
+    point = Point("a", "A", value=Timing(2.0, 1.0, 3.0), load_rms={"Fx": 0.5}, remark='x, "y"\n# z')
+    header = {"scene": "s", "scene_digest": "d", "loads": "Fx Tx"}
+    write_front(tmp_path / "f.csv", Front(header, (point, Point("b", "B", failure="singular, 1e17"))))
+    got = read_front(tmp_path / "f.csv")
+    assert got.header == header
+    assert got.points[0].remark == "x; 'y'  z"
+    assert replace(got.points[0], remark="") == replace(point, remark="")
+    assert got.points[1].failure == "singular; 1e17"
+    assert got.points[1].value is None
+    assert np.isnan(got.points[1].force_rms_n)
+
+
+def test_numpy_and_csv_read_it_by_column_name():
+    front = read_front(STORED)
+    comments = sum(line.startswith("#") for line in lines_of(STORED))
+    table = np.genfromtxt(STORED, delimiter=",", names=True, skip_header=comments, dtype=None, encoding="utf-8")
+    np.testing.assert_allclose(
+        table["value_us"], [p.value.median_us if p.value else np.nan for p in front.points], rtol=1e-5
+    )
+    rows = list(csv.DictReader(line for line in lines_of(STORED) if not line.startswith("#")))
+    assert [row["name"] for row in rows] == [point.name for point in front.points]
+
+
+def test_force_and_torque_are_root_mean_squares_over_their_loads():
+    point = Point("a", "A", load_rms={"Fx": 3.0, "Fz": 4.0, "Tx": 7.0})
+    assert point.force_rms_n == pytest.approx(np.sqrt(12.5))
+    assert point.torque_rms_nmm == 7.0
+    assert point.rms(FORCE, ["Fz"]) == 4.0
+    assert np.isnan(point.rms(TORQUE, ["Fz"]))
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (lambda lines: lines[1:], "line 1: expected '# format"),
+        (lambda lines: [line for line in lines if not line.startswith("# loads")], "no line '# loads"),
+        (
+            lambda lines: [line for line in lines if not line.startswith("name,")],
+            r"line \d+: expected the column names",
+        ),
+        (lambda lines: [*lines[:-1], lines[-1][:20]], r"line \d+ has \d+ cells, expected \d+"),
+        (
+            lambda lines: [*lines[:-1], lines[-1].replace(",size,", ",size,fast", 1)],
+            "value_us is 'fast.*expected a number",
+        ),
+        (
+            lambda lines: [*lines[:-1], lines[-1].replace(",size,", ",size,-", 1)],
+            "expected a finite number of 0 or more",
+        ),
+        (lambda lines: [*lines[:-1], lines[-1].replace(",size,", ",sighs,", 1)], "sweep is 'sighs'"),
+    ],
+)
+def test_a_damaged_file_is_refused_with_its_line(damage, said, tmp_path):
+    path = tmp_path / "f.csv"
+    point = Point("a", "A", value=Timing(2.0, 1.0, 3.0), load_rms={"Fx": 0.5})
+    write_front(path, Front({"scene": "s", "scene_digest": "d", "loads": "Fx Tx"}, (point,)))
+    path.write_text("\n".join(damage(lines_of(path))) + "\n", "utf-8")
+    with pytest.raises(ValueError, match=said):
+        read_front(path)
+
+
+def test_what_cannot_be_a_table_is_refused_with_its_name(tmp_path):
+    lines = lines_of(STORED)
+    for text, said in (
+        ([*lines[:-1], f'"{"9" * 140_000}"'], r"f\.csv cannot be read as a table"),
+        ([line.replace("# loads: ", "# loads: foo ") for line in lines], r"f\.csv, # loads: .*'foo'"),
+    ):
+        (tmp_path / "f.csv").write_text("\n".join(text) + "\n", "utf-8")
+        with pytest.raises(ValueError, match=said):
+            read_front(tmp_path / "f.csv")
+
+
+def test_what_is_not_there_or_not_text_is_refused(tmp_path):
+    with pytest.raises(FileNotFoundError, match="run casadi-contact chart first"):
+        read_front(tmp_path / "none.csv")
+    (tmp_path / "f.csv").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ValueError, match="is not text"):
+        read_front(tmp_path / "f.csv")
+
+
+@given(st.lists(st.tuples(st.floats(1, 9), st.floats(1, 9)), min_size=1))
+def test_the_pareto_front_is_what_nothing_else_beats(points):
+    best = [points[i] for i in pareto(points)]
+    assert best == sorted(best)
+    for cost, error in best:
+        assert not any(c <= cost and e <= error and (c, e) != (cost, error) for c, e in points)
+    for cost, error in points:
+        assert any(c <= cost and e <= error for c, e in best)
+
+
+def test_a_fit_that_ended_before_its_budget_stands_once():
+    def fit(name, error, sweep=SIZE, samples=100):
+        return Point(name, "patch", sweep, load_rms={"Fx": error}, samples=samples, parameters=9)
+
+    ended, stopped = fit("8-8", 0.3), fit("8-8 (10 Gflop)", 0.4, SECONDS)
+    again, fewer = fit("8-8 (90 Gflop)", 0.3, SECONDS), fit("8-8 (50 samples)", 0.3, SAMPLES, samples=50)
+    front = Front({}, (ended, stopped, again, fewer, fit("another size", 0.3)))
+    assert front.repeats == {again.name: ended.name}
+    assert front.swept(SECONDS) == (stopped,)
+    assert front.swept(SAMPLES, SECONDS) == (stopped, fewer)

@@ -1,0 +1,155 @@
+"""Before anything is built, the shipped surrogates of a scene and their measured front serve it."""
+
+import re
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import casadi_contact as cc
+from casadi_contact.cli import pipeline
+from casadi_contact.core.terminal import run_app
+from casadi_contact.pictures.report.kernel_speed import read_kernel_speed
+from casadi_contact.samples.errors import load_errors, rms_by_kind
+from casadi_contact.workflow.benchmark import shipped
+from casadi_contact.workflow.benchmark.front_file import read_front
+from casadi_contact.workflow.benchmark.kernel_speed import KernelSpeed, MachineLimit
+from casadi_contact.workflow.benchmark.shipped import shipped_front
+from casadi_contact.workflow.benchmark.timing import Timing
+from casadi_contact.workflow.benchmark.walking import unseen_walking
+from casadi_contact.workflow.project import Project, built_in_motion, motion_at_hand, surrogates_at_hand
+from tests.support.own_contact import SCENE as SOCKET
+
+speed_module = import_module("casadi_contact.workflow.benchmark.speed")  # in the package its name is the function's
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    """A knee in an empty folder."""
+    return Project.open("knee", "quick", tmp_path_factory.mktemp("fresh"))
+
+
+@pytest.fixture(scope="module")
+def motion(project):
+    return motion_at_hand(project)
+
+
+@pytest.fixture(scope="module")
+def walking(project, motion):
+    """Unseen poses of walking and the loads of a fine elastic foundation there."""
+    poses = unseen_walking(cc.ElasticFoundation(project.scene, project.scene.grids["settle"]), motion)
+    return poses, cc.ElasticFoundation(project.scene, (320, 160))(poses)
+
+
+def test_its_errors_are_those_of_the_surrogates_that_are_shipped_today(project, walking):
+    _, front = shipped_front(project.scene)
+    poses, loads = walking
+    assert front.header["walking_poses"] == str(len(poses))
+    assert front.header["processor"]
+    points = {point.name: point for point in front.points}
+    for name in ("knee", "knee_two_stage"):
+        surrogate = cc.load_surrogate(name)
+        forces = [i for i, load in enumerate(surrogate.load_names) if load.startswith("F")]
+        rms = np.sqrt(np.mean((surrogate(poses) - loads)[:, forces] ** 2))
+        assert points[name].force_rms_n == pytest.approx(rms, rel=0.05), f"measure the front of {name} again"
+
+
+def test_the_shipped_knee_errs_on_unseen_walking_as_the_readme_says(walking):
+    """Within a factor of 1.3 either way, in forces and in torques."""
+    readme = (Path(__file__).parents[2] / "README.md").read_text("utf-8")
+    (line,) = re.findall(r"RMS error of `knee` on (\d+) unseen poses of walking \| ([\d.]+) N, ([\d.]+) N·mm", readme)
+    poses, loads = walking
+    knee = cc.load_surrogate("knee")
+    rms = rms_by_kind(load_errors(knee.load_names, knee(poses), loads))
+    assert int(line[0]) == len(poses)
+    for kind, stated in zip(("force", "torque"), line[1:], strict=True):
+        assert float(stated) / 1.3 <= rms[kind] <= 1.3 * float(stated)
+
+
+def test_no_scene_but_the_very_same_has_the_shipped_front(project):
+    assert shipped_front(cc.load_scene("knee", settle=(40, 20))) is None
+    assert shipped_front(cc.load_scene("hip")) is None
+
+
+@pytest.mark.usefixtures("as_shipped")  # which model is the fastest is what users get told
+@pytest.mark.parametrize("loads", [None, ["Fy_med", "Fy_lat"]])
+def test_a_choice_names_a_model_that_is_at_hand_and_the_machine(project, motion, loads, monkeypatch):
+    monkeypatch.setattr("casadi_contact.workflow.benchmark.at_hand.motion_at_hand", lambda project: motion)
+    choice = cc.choose("knee", force_tolerance_n=0.3, torque_tolerance_nmm=10.0, loads=loads, folder=project.folder)
+    _, front = shipped_front(project.scene)
+    assert choice.model.name.startswith("knee")
+    assert front.header["processor"] in choice.measured
+    function = eval(choice.python, {"cc": cc})
+    pose = [0.5, 27.35, 0.1, 0.0, -0.05, -0.3]
+    wanted = cc.load_surrogate("knee")([pose])[0][: len(choice.loads)]
+    np.testing.assert_allclose(function(pose).full().ravel(), wanted, rtol=1e-9)
+
+
+def test_the_shipped_surrogates_are_exported_and_their_example_pose_is_in_contact(project, motion, monkeypatch):
+    monkeypatch.setattr(pipeline, "motion_at_hand", lambda project: motion)
+    paths = pipeline.export(project)
+    function = ca.Function.load(str(project.folder / "export" / "patch" / "knee.casadi"))
+    pose = motion.poses[0, 25]
+    np.testing.assert_allclose(function(pose).full().ravel(), cc.load_surrogate("knee")([pose])[0], rtol=1e-9)
+    assert function(pose).full()[0] < -50.0
+    assert {path.parent.name for path in paths} == {"patch", "two_stage"}
+
+
+def test_a_folder_with_samples_speaks_for_itself(tmp_path):
+    project = Project.open("knee", "quick", tmp_path)
+    assert set(surrogates_at_hand(project)) == {"patch", "two_stage"}
+    project.samples_path.write_bytes(b"begun")
+    with pytest.raises(FileNotFoundError, match=r"run casadi-contact train knee --preset quick --out .* first"):
+        surrogates_at_hand(project)
+    with pytest.raises(FileNotFoundError, match="run casadi-contact chart knee"):
+        cc.choose("knee", force_tolerance_n=1.0, torque_tolerance_nmm=50.0, folder=tmp_path)
+
+
+def test_speed_times_the_shipped_surrogates_on_poses_of_the_built_in_cycles(project, motion, monkeypatch):
+    timed = {}
+
+    def kernel_speed(surrogate, poses):
+        timed[surrogate.structure] = surrogate.scene.digest, len(poses)
+        return KernelSpeed({"value, kernel": Timing(1.0, 1.0, 1.0)}, MachineLimit(1, 1, 1.0, 1.0))
+
+    monkeypatch.setattr(speed_module, "kernel_speed", kernel_speed)
+    monkeypatch.setattr(speed_module, "poses_at_hand", lambda project: motion.poses.reshape(-1, 6))
+    content = read_kernel_speed(speed_module.speed(project))
+    assert timed == dict.fromkeys(("patch", "two_stage"), (project.scene.digest, 505))
+    assert set(content["surrogates"]) == set(timed)
+
+
+def test_measuring_again_says_what_was_measured_and_leaves_the_package_as_it_is(tmp_path, monkeypatch):
+    path, front = shipped_front(cc.load_scene("knee"))
+    before = path.read_bytes()
+    monkeypatch.setattr(shipped, "measured_front", lambda scene: front)
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(shipped.app, ["knee"], catch_exceptions=False)
+    (knee,) = (point for point in front.points if point.name == "knee")
+    assert f"knee: {knee.value.median_us:.3g} µs, RMS 0.155 N, 5.3 N·mm" in done.output
+    assert read_front(tmp_path / "results" / "knee-front.csv") == front
+    assert path.read_bytes() == before
+
+
+def test_a_scene_without_geometry_has_no_front_and_no_motion_of_its_own(tmp_path, monkeypatch):
+    (tmp_path / "socket.toml").write_text(SOCKET.to_toml(), "utf-8")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        run_app(shipped.app, "shipped", ["socket.toml"], "python -m casadi_contact.workflow.benchmark.shipped")
+    assert "scene socket has no geometry for an elastic foundation (shape own_model)" in str(ended.value.code)
+    assert "\n" not in str(ended.value.code)
+    with pytest.raises(ValueError, match="scene socket has no geometry for an elastic foundation"):
+        built_in_motion(SOCKET)
+
+
+def test_a_scene_that_is_not_there_is_told_in_one_line(tmp_path):
+    command = [sys.executable, "-m", "casadi_contact.workflow.benchmark.shipped", str(tmp_path / "none.toml")]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1
+    assert "none.toml" in done.stderr

@@ -1,0 +1,106 @@
+"""How two bodies meet: along which direction they press each other, and with which sides."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from casadi_contact.core.conventions import rotation
+from casadi_contact.geometry.mesh import checked_mesh
+from casadi_contact.workflow.proposal.meeting import meeting_of
+from casadi_contact.workflow.proposal.pair import Pair, centre_of_normals
+from tests.support.joint_meshes import DOWN, POLE, ball_in_cup, ball_on_box, seen
+from tests.support.meshes import ball_mesh, cap_mesh, sheet_mesh, slab_mesh
+
+
+@pytest.mark.parametrize("far", [np.zeros(3), np.array([300.0, -200.0, 800.0])])
+def test_a_ball_presses_along_the_pole_of_its_cup_wherever_the_scan_s_origin_lies(far):
+    meeting, regions, joint, frame = seen(*ball_in_cup(lambda points: points + far))
+    assert meeting.together
+    assert meeting.pressing @ POLE > np.cos(np.radians(3.0))
+    assert (joint.kind, joint.patches, joint.sensitive) == ("hip", ("contact",), ["F"])
+    np.testing.assert_allclose(regions.anchors_mm[0], far, atol=0.5)  # the ball's centre
+    assert frame.axes == ("x", "y", "z")
+    centre = frame.points(far[None], "moving")[0]
+    np.testing.assert_allclose(centre, 0.0, atol=0.6)
+
+
+@pytest.mark.parametrize("triangles_mm", [None, 3.0])
+def test_large_flat_triangles_tell_where_a_surface_is_as_small_ones_do(triangles_mm):
+    meeting, regions, joint, _ = seen(*ball_on_box(triangles_mm))
+    np.testing.assert_allclose(meeting.pressing, [0.0, -1.0, 0.0], atol=1e-3)
+    np.testing.assert_allclose(meeting.translation_mm, 0.0, atol=0.2)
+    np.testing.assert_allclose(regions.anchors_mm, [[0.0, 20.0, 0.0]], atol=0.3)
+    assert (joint.kind, joint.patches) == ("other", ("contact",))
+
+
+def test_an_open_condyle_touches_with_its_outside_and_never_with_its_hollow():
+    """Behind an open surface distances are negative however far it is: the way there is no touch."""
+    condyle, faces = cap_mesh(25.0, 1.5, 1.2)
+    box = trimesh.creation.box((44.0, 8.0, 22.0)).subdivide_to_size(1.5)
+    pair = Pair.of(checked_mesh("condyle", condyle, faces), checked_mesh("insert", box.vertices, box.faces))
+    down = np.array([0.0, -1.0, 0.0])
+    np.testing.assert_allclose(pair.dropped(np.eye(3), np.zeros(3), down), [0.0, 29.0, 0.0], atol=0.1)
+    assert pair.dropped(np.eye(3), np.zeros(3), -down) is None
+
+
+def test_an_open_surface_inside_out_is_refused():
+    ball, box = ball_on_box(3.0)
+    top = box.part(box.normals[:, 1] > 0.9)
+    assert meeting_of(Pair.of(ball, top)).together
+    inside_out = checked_mesh("top", top.vertices_mm, top.faces[:, ::-1])
+    with pytest.raises(ValueError, match="the fixed surface faces away from the moving one"):
+        meeting_of(Pair.of(ball, inside_out))
+
+
+def test_an_open_condyle_inside_out_is_refused_and_a_hollow_cup_on_a_ball_is_none():
+    condyle, faces = cap_mesh(25.0, 1.5, 1.2)
+    box = trimesh.creation.box((44.0, 8.0, 22.0)).subdivide_to_size(1.5)
+    insert = checked_mesh("insert", box.vertices, box.faces)
+    assert len(seen(checked_mesh("condyle", condyle, faces), insert)[2].patches) == 1
+    with pytest.raises(ValueError, match=r"over \d+ mm² with its inside out, expected its outside towards it: turn"):
+        seen(checked_mesh("condyle", condyle, faces[:, ::-1]), insert)
+    cup, faces = cap_mesh(16.5, 1.5, 1.2)  # a bowl: upside down, and its inside out as it was, it covers the ball
+    ball = checked_mesh("ball", *ball_mesh(16.0, 2.5))
+    assert len(seen(checked_mesh("cup", cup * [1.0, -1.0, 1.0], faces), ball)[2].patches) == 1
+
+
+def flat_backed(side_mm, back_mm, height):
+    """A closed body whose top is y = height(x, z) over a square, and whose back is a plane."""
+    points, faces = slab_mesh(*sheet_mesh(side_mm, 1.0, height), 1.0)
+    points[len(points) // 2 :, 1] = back_mm
+    return points, faces
+
+
+def pierced(points, faces, every_mm=4.0, hole_mm=1.5):
+    """The body with round holes in all of its sides, which are open there."""
+    middles = points[faces].mean(axis=1)[:, [0, 2]]
+    beside = middles - every_mm * np.round(middles / every_mm)
+    return points, faces[np.linalg.norm(beside, axis=1) > hole_mm]
+
+
+@pytest.mark.parametrize("made", [lambda *body: body, pierced])
+def test_parts_with_flat_backs_meet_with_the_sides_that_bear(made):
+    """As of a disc prosthesis: a dome in a trough, each in its own frame. Their backs would meet over a larger area."""
+    dome, faces = made(*flat_backed(20.0, 5.0, lambda x, z: np.sqrt(16.0**2 - x**2 - z**2)))
+    moving = checked_mesh("dome", dome * [1.0, -1.0, 1.0] + np.array([0.0, 60.0, 0.0]), faces[:, ::-1])
+    trough = made(*flat_backed(24.0, -4.0, lambda x, z: 16.3 - np.sqrt(16.3**2 - z**2) + 0.0 * x))
+    meeting = meeting_of(Pair.of(moving, checked_mesh("trough", *trough)))
+    np.testing.assert_array_equal(meeting.pressing, DOWN)
+    assert not meeting.together
+
+
+def test_plates_meet_with_their_planes():
+    """No curved side is there to meet: edges do not count for one."""
+    plate, faces = slab_mesh(*sheet_mesh(16.0, 1.0), 3.0)
+    moving = checked_mesh("moving", plate + np.array([0.0, 40.0, 0.0]), faces)
+    meeting = meeting_of(Pair.of(moving, checked_mesh("fixed", plate, faces)))
+    np.testing.assert_array_equal(np.abs(meeting.pressing), [0.0, 1.0, 0.0])
+
+
+def test_lines_along_the_normals_of_a_sphere_meet_at_its_centre_and_those_of_a_plane_nowhere():
+    normals = rotation(np.random.default_rng(0).uniform(-0.5, 0.5, (200, 3)))[:, :, 1]
+    centre = np.array([3.0, -2.0, 1.0])
+    np.testing.assert_allclose(centre_of_normals(centre + 20.0 * normals, normals, np.ones(200)), centre, atol=0.3)
+    flat = np.random.default_rng(1).uniform(-5.0, 5.0, (200, 3)) * [1.0, 0.0, 1.0]
+    up = np.tile([0.0, 1.0, 0.0], (200, 1))
+    np.testing.assert_allclose(centre_of_normals(flat, up, np.ones(200)), flat.mean(axis=0), atol=1e-9)

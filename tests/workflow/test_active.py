@@ -1,0 +1,137 @@
+"""Active samples: the largest error falls further than by as many even ones, and a build goes on through its rounds."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.cli import pipeline
+from casadi_contact.networks.training.fit import fit
+from casadi_contact.networks.training.settings import TrainingSettings
+from casadi_contact.samples.draw import foundations
+from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, write_samples
+from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
+from casadi_contact.workflow.active import candidates, worst_samples
+from casadi_contact.workflow.presets import ActiveRound, Effort, Preset
+from casadi_contact.workflow.project import Project
+from casadi_contact.workflow.train import train
+from tests.support.smooth_samples import SPHERE, scaled, smooth_samples, smooth_wrenches
+
+
+def with_a_corner(poses):
+    """A smooth load, and in one corner of tx, tz and rz, a hundredth of all poses, one that rises by up to 400 N."""
+    wrenches = smooth_wrenches(poses)
+    beyond = np.maximum(scaled(poses)[:, [0, 2, 5]] - 0.5, 0.0)
+    wrenches[:, 0, 1] -= 3200.0 * beyond.prod(axis=1)
+    return wrenches
+
+
+def fitted(samples, iterations, start=None):
+    """A root network of 8-8 neurons after so many iterations, begun anew or from another surrogate's."""
+    given = TrainingSettings(sizes=((8, 8),), max_iterations=iterations, restarts=0, stall_window=iterations)
+    networks = {
+        r.name: fit(replace(r, tolerance=0.0), given, start=None if start is None else start.networks[r.name]).network
+        for r in PatchSurrogate.regressions(samples)
+        if r.name.startswith("root")
+    }
+    return PatchSurrogate(SPHERE, networks)
+
+
+def test_the_largest_error_falls_further_than_by_as_many_even_samples_at_equal_work():
+    known, drawn = smooth_samples(1000, with_a_corner), smooth_samples(6000, with_a_corner, seed=1)
+    start = fitted(known, 150)
+    worst = worst_samples(start, drawn, 0.1)
+    even = replace(drawn.rows(np.arange(600)), role=np.full(600, TRAIN, dtype=np.uint8))
+    unseen = smooth_samples(20_000, with_a_corner, seed=2)
+    largest = {}
+    for name, more in (("worst", worst), ("even", even)):
+        better = fitted(known.join_samples(more), 150, start)
+        largest[name] = np.abs(better(unseen.poses, ["Fy"]) - unseen.loads(["Fy"])).max()
+    assert len(worst) == len(even)
+    assert largest["worst"] < 0.7 * largest["even"]
+
+
+def test_the_worst_are_those_that_miss_most_tolerances_and_all_that_are_lifted():
+    samples = smooth_samples(200)
+    samples.wrenches[[17, 29]] = 0.0
+    names = samples.scene.load_names
+
+    def off(poses):
+        loads = samples.loads(names)
+        loads[3, 1] += 7.0 * samples.scene.tolerances[names[1]]
+        loads[8, 0] -= 6.0 * samples.scene.tolerances[names[0]]
+        loads[29, 0] = -0.1 * samples.scene.tolerances[names[0]]
+        return loads
+
+    off.load_names = names
+    worst = worst_samples(off, samples, 0.01)
+    np.testing.assert_array_equal(worst.poses, samples.poses[[3, 8, 17, 29]])
+    assert (worst.role == TRAIN).all()
+    with pytest.raises(ValueError, match=r"share is 1\.5"):
+        worst_samples(off, samples, 1.5)
+
+
+@pytest.fixture
+def project(tmp_path):
+    before, after = ({"": Effort((size,), 0.1)} for size in ((6, 6), (8, 8)))
+    rounds = tuple(ActiveRound(2.0, 0.1, {"patch": after}) for _ in range(2))
+    return replace(Project.open("knee", "quick", tmp_path), own=Preset(0.005, {"patch": before}, rounds))
+
+
+def built(project):
+    with ThreadPoolExecutor(2) as here:
+        samples, _ = pipeline.sample(project, executor=here, models=foundations)
+        (path,) = train(project, executor=here)
+    return samples, cc.load_surrogate(path)
+
+
+def test_a_build_goes_on_through_its_rounds_on_wider_networks_and_ends_alike_when_run_again(project):
+    samples, surrogate = built(project)
+    assert {net.hidden for net in surrogate.networks.values()} == {(8, 8)}
+    command = f"casadi-contact build knee --preset quick --model foundation --out {project.folder}"
+    assert surrogate.record["command"] == command
+    added = surrogate.record["active"]
+    drawn = [candidates(project, samples, number, 2.0) for number in (1, 2)]
+    for count, more in zip(added, drawn, strict=True):
+        assert len(more) == pytest.approx(2.0 * len(samples), rel=0.05)
+        lifted = (more.wrenches == 0.0).all(axis=(1, 2)).sum()
+        assert 0 <= count - round(0.1 * len(more)) <= lifted
+    assert not np.array_equal(drawn[0].poses, drawn[1].poses)
+    fitted_rows = np.isin(samples.role, (TRAIN, VALIDATION)).sum()
+    assert sum(surrogate.record["samples"].values()) == fitted_rows + sum(added)
+    assert all(len(more.dropped) for more in drawn)
+    assert surrogate.record["dropped"] == samples.dropped_shares(), "of the plan, not of the few that a round keeps"
+    tested = {d for d in np.unique(samples.domain) if ((samples.domain == d) & (samples.role == TEST)).any()}
+    assert set(surrogate.record["test_errors"]) == {f"D{d}" for d in tested}
+    weights = {name: network.weights for name, network in surrogate.networks.items()}
+    _, again = built(project)
+    for name, network in again.networks.items():
+        for before, after in zip(weights[name], network.weights, strict=True):
+            np.testing.assert_array_equal(before, after, "what was drawn and trained is gone on from")
+
+
+def test_a_round_without_work_for_a_network_only_makes_it_wider(project):
+    alone = replace(project, own=replace(project.own, active=()))
+    samples, before = built(alone)
+    efforts = {"patch": {"root": Effort(((8, 8),), 0.0), "ratios": Effort(((8, 8),), 0.1)}}
+    _, after = built(replace(project, own=replace(project.own, active=(ActiveRound(2.0, 0.1, efforts),))))
+    assert {network.hidden for network in after.networks.values()} == {(8, 8)}
+    roots = [each.root_loads(samples.poses)[0] for each in (after, before)]
+    np.testing.assert_allclose(*roots, rtol=1e-9, atol=1e-12)
+    assert after.record["gflop"]["root_med"] == before.record["gflop"]["root_med"], "work of the rounds before counts"
+    assert after.record["gflop"]["ratios_med"] > before.record["gflop"]["ratios_med"]
+    with pytest.raises(ValueError, match="max_gflop is 0"):  # nothing is there to go on from
+        built(replace(project, folder=project.folder / "none", own=Preset(0.005, efforts)))
+
+
+def two_sides(count):
+    """Columns of samples of a scene of two parts."""
+    return {"wrenches": np.zeros((count, 2, 6)), "gaps": np.zeros((count, 2))}
+
+
+def test_samples_of_another_model_are_refused_before_training(project):
+    write_samples(project.samples_path, replace(smooth_samples(50), scene=project.scene, **two_sides(50)))
+    with pytest.raises(ValueError, match="choose another preset"):
+        train(project)

@@ -1,0 +1,249 @@
+"""Training to a tolerance: it ends where every domain's validation rows meet it, and says what misses."""
+
+import shlex
+import shutil
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from inspect import signature
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.samples.draw import elastic_foundations
+from casadi_contact.samples.samples import TEST, VALIDATION, write_samples
+from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
+from casadi_contact.workflow import tolerance
+from casadi_contact.workflow.presets import Effort, Preset
+from casadi_contact.workflow.project import Project, project_surrogates
+from casadi_contact.workflow.samples import sample
+from casadi_contact.workflow.smallest import smallest_networks
+from casadi_contact.workflow.tolerance import misses, scene_to_tolerance
+from casadi_contact.workflow.train import train
+from tests.support.random_surrogates import random_network
+from tests.support.smooth_samples import SPHERE, smooth_samples
+
+
+class Off:
+    """The samples' own loads, off by so much [N, N·mm] of each."""
+
+    def __init__(self, samples, **off):
+        self.load_names, self._samples, self._off = samples.scene.load_names, samples, off
+
+    def __call__(self, poses):
+        rows = [np.flatnonzero((self._samples.poses == pose).all(axis=1))[0] for pose in poses]
+        return self._samples.loads()[rows] + [self._off.get(name, 0.0) for name in self.load_names]
+
+
+def test_one_tolerance_for_all_forces_and_one_for_all_torques():
+    scene = scene_to_tolerance(cc.load_scene("knee"), 2.0, None)
+    assert {scene.tolerances[name] for name in ("Fy_med", "Fy_lat", "Fx", "Fz")} == {2.0}
+    assert {scene.tolerances[name] for name in ("Tx", "Ty", "Tz")} == {25.0}
+    with pytest.raises(ValueError, match=r"force tolerance is -1\.0, expected N above 0"):
+        scene_to_tolerance(scene, -1.0, None)
+    with pytest.raises(
+        ValueError, match=r"got a torque tolerance, but the loads of scene planar_knee are Fy, Fx: leave"
+    ):
+        scene_to_tolerance(cc.load_scene("planar_knee"), None, 5.0)
+
+
+def test_misses_are_judged_on_validation_rows_by_domain_and_load_the_worst_first():
+    samples = smooth_samples(120)
+    assert (samples.role == VALIDATION).any()
+    tolerances = samples.scene.tolerances
+    first, second = samples.scene.load_names[:2]
+    assert misses(Off(samples, **{first: 0.7 * tolerances[first]}), samples) == []
+    found = misses(Off(samples, **{first: 1.5 * tolerances[first], second: 3.0 * tolerances[second]}), samples)
+    assert found[0].startswith(second)
+    assert found[-1].startswith(first)
+    assert misses(Off(samples, **{first: 0.9 * tolerances[first]}), samples, 1.0) == []
+    assert misses(Off(samples, **{first: np.nan}), samples)[0].startswith(f"{first} nan of"), "no number meets nothing"
+    held_back = samples.select(role=[0, TEST])
+    assert misses(Off(held_back, **{first: 1e6}), held_back) == []
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """Scales that rounds asked samples for: drawn are those of a smooth function; all that is trained is real."""
+    scales = []
+
+    def drawn(project, *_):
+        scales.append(project.preset.sampling_scale)
+        samples = replace(smooth_samples(int(2400 * project.preset.sampling_scale)), scene=project.scene)
+        write_samples(project.samples_path, samples)
+        project.motion_path.touch()
+        return samples, None
+
+    monkeypatch.setattr(tolerance, "sample", drawn)
+    monkeypatch.setattr(tolerance, "FIRST_GFLOP", 0.1)
+    monkeypatch.setattr("casadi_contact.workflow.training_record.has_motion", lambda project: False)
+    return scales
+
+
+def trained(folder, force_n, torque_nmm, **more):
+    project = Project(scene_to_tolerance(SPHERE, force_n, torque_nmm), "quick", folder)
+    with ThreadPoolExecutor(1) as here:
+        return tolerance.train_to_tolerance(project, executor=here, **more)
+
+
+def test_a_loose_tolerance_takes_one_round_a_tight_one_more(tmp_path, asked):
+    small = trained(tmp_path / "loose", 100.0, 3000.0)
+    assert asked == [tolerance.FIRST_SCALE]
+    large = trained(tmp_path / "tight", 1.0, 30.0)
+    rounds = asked[1:]
+    assert len(rounds) > 1
+    assert rounds == [tolerance.FIRST_SCALE * 2**k for k in range(len(rounds))]
+    assert misses(large, replace(smooth_samples(int(2400 * rounds[-1])), scene=large.scene)) == []
+    assert sum(n.parameter_count for n in small.networks.values()) <= sum(
+        n.parameter_count for n in large.networks.values()
+    )
+
+
+def test_a_tolerance_and_a_preset_draw_from_the_same_model_unless_told():
+    of_both = [signature(draws).parameters["models"].default for draws in (tolerance.train_to_tolerance, sample)]
+    assert of_both == [elastic_foundations, elastic_foundations]
+
+
+def test_a_tolerance_out_of_reach_says_what_misses_and_keeps_what_there_is(tmp_path, asked):
+    with pytest.raises(ValueError, match=r"after 1 rounds, 240 samples, the tolerance is missed: .* of 0.001 in D\d"):
+        trained(tmp_path / "far", 1e-3, 1e-3, rounds=1)
+    assert cc.load_surrogate(tmp_path / "far" / "patch.h5").scene.tolerances["Fy"] == 1e-3
+
+
+def test_held_back_rows_meet_the_tolerance_too(tmp_path, asked, monkeypatch):
+    """Validation rows choose among networks; a round that only they find good enough is not the last."""
+    told = []
+
+    def missed(model, samples, most=tolerance.MET, role=VALIDATION):
+        told.append(role)
+        return ["Fy 9 of 1 in D1"] if told == [VALIDATION, TEST] else []
+
+    monkeypatch.setattr(tolerance, "misses", missed)
+    monkeypatch.setattr(tolerance, "_smallest", lambda surrogate, *_: surrogate)
+    trained(tmp_path / "out", 100.0, 3000.0)
+    assert told == [VALIDATION, TEST, VALIDATION, TEST]
+    assert len(asked) == 2
+
+
+def test_a_second_tolerance_finds_its_own_place_in_the_folder(tmp_path, asked):
+    for force_n in (100.0, 50.0):
+        trained(tmp_path / "out", force_n, 3000.0)
+        assert cc.load_surrogate(tmp_path / "out" / "patch.h5").scene.tolerances["Fy"] == force_n
+
+
+def test_what_another_build_made_is_not_replaced(tmp_path, asked):
+    of_preset, of_other_scene, text = (tmp_path / name for name in ("preset", "scene", "text"))
+    for folder in (of_preset, of_other_scene, text):
+        folder.mkdir()
+    write_samples(of_preset / "samples.h5", smooth_samples(120))
+    cc.load_surrogate("knee").save(of_other_scene / "patch.h5")
+    (text / "samples.h5").write_text("notes\n")
+    for folder, said in (
+        (of_preset, "holds samples or surrogates that no build to a tolerance made"),
+        (of_other_scene, "was trained for another scene"),
+        (text, r"text/samples\.h5"),
+    ):
+        before = {path: path.read_bytes() for path in folder.iterdir()}
+        with pytest.raises(ValueError, match=said):
+            trained(folder, 100.0, 3000.0)
+        assert asked == []
+        assert {
+            path: path.read_bytes() for path in folder.iterdir() if path.name in ("samples.h5", "patch.h5")
+        } == before
+
+
+def test_samples_of_a_preset_beside_what_a_killed_build_left_are_not_replaced(tmp_path, asked):
+    (tmp_path / "within-100-3000" / "round-1").mkdir(parents=True)
+    write_samples(tmp_path / "samples.h5", smooth_samples(120))
+    with pytest.raises(ValueError, match="that no build to a tolerance made"):
+        trained(tmp_path, 100.0, 3000.0)
+    assert asked == []
+
+
+def test_rounds_that_were_deleted_are_trained_again(tmp_path, asked):
+    trained(tmp_path, 100.0, 3000.0)
+    for folder in tmp_path.glob("within-*"):
+        shutil.rmtree(folder)
+    trained(tmp_path, 100.0, 3000.0)
+    assert len(asked) == 2
+
+
+def test_a_tolerance_of_many_digits_is_recorded_with_all_of_them(tmp_path, asked, monkeypatch):
+    monkeypatch.setattr("casadi_contact.workflow.train.model_name_of", lambda samples: "foundation")
+    assert "--force-tol 100.12345678" in trained(tmp_path / "out", 100.12345678, 3000.0).record["command"]
+
+
+def test_the_record_names_the_build_with_its_tolerances(tmp_path, asked, monkeypatch):
+    """What the command asks for is what the scene of the surrogate has."""
+    monkeypatch.setattr("casadi_contact.workflow.train.model_name_of", lambda samples: "foundation")
+    words = shlex.split(trained(tmp_path / "out", 100.0, 3000.0).record["command"])
+    assert words[:3] == ["casadi-contact", "build", SPHERE.name]
+    options = dict(zip(words[3::2], words[4::2], strict=True))
+    named = {"--model": "foundation", "--force-tol": "100", "--torque-tol": "3000", "--out": str(tmp_path / "out")}
+    assert options == named
+
+
+def test_samples_drawn_for_one_tolerance_are_learned_to_another(tmp_path):
+    """The tolerances of now decide when a fit ends, and stand in the surrogate that comes of it."""
+    efforts = {"patch": {"": Effort(((6, 6),), 2.0)}}
+    fits = {}
+    for factor in (1.0, 1000.0):
+        loose = SPHERE.with_tolerances(**{name: factor * value for name, value in SPHERE.tolerances.items()})
+        project = Project(loose, "quick", tmp_path / "out", own=Preset(1.0, efforts))
+        project.folder.mkdir(exist_ok=True)
+        drawn = replace(smooth_samples(240), provenance={"table": "smooth.csv", "table_digest": "0"})
+        write_samples(project.samples_path, drawn)
+        assert project.samples().scene.tolerances == SPHERE.tolerances
+        with ThreadPoolExecutor(1) as here:
+            train(project, executor=here)
+        fits[factor] = project_surrogates(project)["patch"]
+        assert fits[factor].scene == loose
+        assert shlex.split(fits[factor].record["command"])[2:5] == [SPHERE.name, "--preset", "quick"]
+    assert sum(fits[1000.0].record["gflop"].values()) < sum(fits[1.0].record["gflop"].values())
+
+
+def of_sizes(samples, sizes):
+    """A surrogate of random networks in these sizes by name, with a record of their fits."""
+    rng = np.random.default_rng(0)
+    networks = {
+        name: random_network(rng, np.zeros(6), np.ones(6), sizes[name], "algebraic", 1.0)
+        for name in (regression.name for regression in PatchSurrogate.regressions(samples))
+    }
+    record = {key: dict.fromkeys(networks, 0.0) for key in ("training_errors", "stop_reasons", "convergence")}
+    return PatchSurrogate(
+        samples.scene, networks, record | {key: dict.fromkeys(sizes, 1.0) for key in ("gflop", "seconds")}
+    )
+
+
+ROOT = next(r.name for r in PatchSurrogate.regressions(smooth_samples(60)) if r.name.startswith("root"))
+
+
+def shrunk(met):
+    """Networks by name of a surrogate of seven neurons each that are made as small as `met` allows; what was fitted."""
+    samples, ladder, asked = smooth_samples(60), [(n,) for n in range(1, 8)], []
+
+    def fitted(sizes, surrogate):
+        asked.append(dict(sizes))
+        return of_sizes(samples, {name: net.hidden for name, net in surrogate.networks.items()} | dict(sizes))
+
+    seven = of_sizes(samples, {regression.name: (7,) for regression in PatchSurrogate.regressions(samples)})
+    small = smallest_networks(seven, samples, ladder, fitted, met)
+    assert set(small.record["test_errors"]) == {"D1", "D2"}
+    return small.networks, asked
+
+
+def test_networks_end_at_the_smallest_size_that_meets_what_is_asked():
+    """What is asked goes by sizes alone here: three neurons of the root, nothing of the ratios."""
+    networks, asked = shrunk(lambda surrogate: surrogate.networks[ROOT].hidden >= (3,))
+    assert networks.pop(ROOT).hidden == (3,)
+    assert {network.hidden for network in networks.values()} == {(1,)}
+    assert len(asked) <= 3, "bisection: seven sizes take three steps"
+
+
+def test_networks_that_are_small_enough_one_by_one_are_judged_together():
+    def enough(networks):
+        return sum(network.hidden[0] for network in networks.values()) >= 20
+
+    networks, _ = shrunk(lambda surrogate: enough(surrogate.networks))
+    assert enough(networks)
+    assert any(network.hidden < (7,) for network in networks.values())
