@@ -24,12 +24,10 @@ import numpy as np
 
 from casadi_contact.core.conventions import Array
 from casadi_contact.samples.envelopes import Envelopes
-from casadi_contact.samples.hammersley import hammersley
 from casadi_contact.samples.samples import DOMAINS, TEST, TRAIN, VALIDATION
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.normal_load import NormalLoad
 
-_LEAST_ROWS = 10
 _FILLING, _VERTICES, _ROLES = 0, 1, 2  # streams of random numbers within one domain
 
 
@@ -95,6 +93,21 @@ def plan_domains(
     return blocks
 
 
+def hammersley(count: int, dimensions: int, shift: Array | None = None) -> Array:
+    """Hammersley points (count, dimensions) in [0, 1)^d: x_i = (i/n, φ_2(i), φ_3(i), φ_5(i), ...) [EF15 §2.2].
+
+    φ_b is the radical inverse in base b (SciPy's unscrambled Halton sequence). A shift u (dimensions,) moves every
+    point to (x_i + u) mod 1, the Cranley-Patterson rotation: another set of points, as evenly spread.
+    """
+    from scipy.stats import qmc  # takes a second to import
+
+    points = np.empty((count, dimensions))
+    points[:, 0] = np.arange(count) / max(count, 1)
+    if dimensions > 1:
+        points[:, 1:] = qmc.Halton(dimensions - 1, scramble=False).random(count)
+    return points if shift is None else (points + shift) % 1.0
+
+
 def left_out(normals: Sequence[NormalLoad], settings: SamplingSettings) -> dict[str, str]:
     """Domains that make no sense for these patches or this plan though they are wanted, with the reason."""
     reasons = dict.fromkeys(("D1", "D2"), "the plan reach follows no motion") if settings.reach else {}
@@ -115,7 +128,7 @@ def _scale(name: str, settings: SamplingSettings) -> int:
     """
     per_row = settings.liftoff_steps if name in ("D4", "D5") else 1
     rows = settings.counts[name] / per_row
-    return max(round(rows * settings.scale), min(_LEAST_ROWS, round(rows)), int(rows > 0))
+    return max(round(rows * settings.scale), min(10, round(rows)), int(rows > 0))
 
 
 def _shares(total: int, parts: int) -> np.ndarray:

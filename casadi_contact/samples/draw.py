@@ -6,15 +6,19 @@ samples are the same for every executor and number of workers, and after a kill 
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, as_completed
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 
 from casadi_contact.contact.callable_model import CallableModel
@@ -35,12 +39,52 @@ from casadi_contact.samples.chunk import (
     plan_digest,
 )
 from casadi_contact.samples.domains import left_out
-from casadi_contact.samples.folder import ChunkFolder, refuse_other
 from casadi_contact.samples.reference import ReferenceMotion
+from casadi_contact.samples.resume import ChunkFolder, check_same_plan
 from casadi_contact.samples.samples import DOMAINS, Dropped, Samples, partial_folder, read_samples, write_samples
 from casadi_contact.samples.settings import SamplingSettings
-from casadi_contact.samples.worker_models import ModelPair, WorkerModels, one_thread
 from casadi_contact.scenes.scene import Scene
+
+# Makes the model that poses are settled on and the one that samples are evaluated on, in each worker process.
+ModelPair = Callable[[Scene, SamplingSettings], tuple[ContactModel, WrenchModel]]
+
+
+@dataclass(frozen=True)
+class WorkerModels:
+    """What a worker needs to make its models, in hashable form."""
+
+    scene_toml: str
+    settings_json: str
+    models: ModelPair
+
+    @classmethod
+    def of(cls, scene: Scene, settings: SamplingSettings, models: ModelPair) -> WorkerModels:
+        """Of a scene and the settings of its samples."""
+        return cls(scene.to_toml(), json.dumps(settings.to_table(), sort_keys=True), models)
+
+    def settings(self) -> SamplingSettings:
+        """Those of the samples."""
+        return SamplingSettings.from_table(json.loads(self.settings_json))
+
+    def pair(self) -> tuple[ContactModel, WrenchModel]:
+        """The models, made once in each process."""
+        return _made(self)
+
+
+@lru_cache(maxsize=2)
+def _made(models: WorkerModels) -> tuple[ContactModel, WrenchModel]:
+    return models.models(Scene.from_toml(models.scene_toml), models.settings())
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """One numba thread in the block: the executor already uses all cores."""
+    threads = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        yield
+    finally:
+        numba.set_num_threads(threads)
 
 
 @dataclass(frozen=True)
@@ -182,7 +226,7 @@ def draw_samples(
     if path.exists():
         samples = read_samples(path)
         there = {**samples.provenance, "scene": samples.scene.digest}
-        refuse_other(there, identity, path)
+        check_same_plan(there, identity, path)
         if models is foundations:
             _refuse_coarser(samples.scene, scene, path)
         if own:

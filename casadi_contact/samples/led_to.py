@@ -9,10 +9,9 @@ import numpy as np
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.settle import settle
 from casadi_contact.core.conventions import Array, Progress
-from casadi_contact.samples.around import samples_at
 from casadi_contact.samples.chunk import WrenchModel
 from casadi_contact.samples.draw import model_name_of
-from casadi_contact.samples.in_range import ASKED_FROM_VALIDITY
+from casadi_contact.samples.perturbed import LEAST_VALIDITY, label_poses
 from casadi_contact.samples.samples import TEST, TRAIN, Samples
 
 _MOST, _MOST_OF_OWN = 40_000, 2_000  # of a model of the library's; of a user's own, which may be slow
@@ -32,7 +31,7 @@ def samples_led_to(
     progress: Progress | None = None,
 ) -> Samples:
     """`poses_led_to` with the contact model's loads, those whose contact runs off the elements too: where an insert's
-    rim is passed, the surrogate is wrong. Roles are those of `samples_around`. progress(done, all) is called as
+    rim is passed, the surrogate is wrong. Roles are those of `perturbed_samples`. progress(done, all) is called as
     poses settle, which counts for half, and as the model is evaluated.
 
     validity (n,) of poses (n, 6): a user's own model, which may fail far off, is asked where it is above 0.1 alone.
@@ -44,8 +43,8 @@ def samples_led_to(
     settling, evaluating = (None if progress is None else _half(progress, number) for number in range(2))
     poses = poses_led_to(surrogate, samples, count=count, seed=seed, progress=settling)
     if own and validity is not None:
-        poses = poses[validity(poses) > ASKED_FROM_VALIDITY]
-    return samples_at(model, samples.scene, poses, evaluating, rim=True)
+        poses = poses[validity(poses) > LEAST_VALIDITY]
+    return label_poses(model, samples.scene, poses, evaluating, rim=True)
 
 
 def _half(progress: Progress, number: int) -> Progress:

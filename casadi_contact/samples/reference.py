@@ -14,12 +14,13 @@ from casadi_contact.contact.approach import advance_to_contact, rotate_about_anc
 from casadi_contact.contact.continuity import Motion
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.model_checks import check_contact_model
+from casadi_contact.contact.sensitive import sensitive_directions
 from casadi_contact.contact.settle import SettleReport, settle
 from casadi_contact.core.conventions import POSE_NAMES, Array, Progress, pose_index
 from casadi_contact.core.quantities import quantity
 from casadi_contact.samples.envelopes import Envelopes
-from casadi_contact.samples.sample_point import SamplePoint
-from casadi_contact.samples.settings import SamplingSettings
+from casadi_contact.samples.settings import SamplePoint, SamplingSettings
+from casadi_contact.scenes.joint_cycle import driving_loads
 from casadi_contact.scenes.pose_space import PoseSpace
 
 
@@ -218,6 +219,19 @@ def reference_poses(
         motion = Motion(model, free, loads, np.full(frames, tolerance_n), _pressed(loads))
         poses[k] = motion.without_leaps(poses[k], converged & motion.usable)
     return poses, report
+
+
+def found_sensitive_pose(model: ContactModel, cycles: Sequence[Cycle]) -> tuple[str, ...]:
+    """As many pose parameters as the scene's normal loads are made of loads, the most sensitive ones, in pose order.
+
+    The reference pose is the first cycle's most loaded one. Raises ValueError like `reference_poses`.
+    """
+    poses, _ = reference_poses(model, cycles[:1], frames=21)
+    roots, _ = model.root_loads(poses[0])
+    reference = poses[0][int(np.argmax((np.maximum(roots, 0.0) ** 2).sum(axis=1)))]
+    found = sensitive_directions(model, reference, loads=driving_loads(model.scene))
+    strongest = found.names[: len(model.scene.sensitive_loads)]
+    return tuple(name for name in POSE_NAMES if name in strongest)
 
 
 def _pressed(loads: Mapping[str, Array]) -> np.ndarray:

@@ -1,38 +1,106 @@
-"""Settings of a sampling plan; the defaults are the paper's [EF15 §3.3, Table 1]."""
+"""What a sample is drawn from: its inputs, and the settings of a sampling plan [EF15 §2.1, §3.2, §3.3, Table 1]."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
-from casadi_contact.core.conventions import POSE_NAMES
-from casadi_contact.samples.sample_point import SamplePoint
+from casadi_contact.core.conventions import POSE_NAMES, WRENCH_NAMES
 from casadi_contact.samples.samples import DOMAINS
+from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.checks import grid_size
 
 MOST_SAMPLES = 10_000_000  # of a domain: hundreds of times the paper's
 PAPER_COUNTS = {"D1": 24000, "D2": 24000, "D3": 24000, "D4": 30000, "D5": 300, "D6": 20000, "D7": 100}
 ALONE_COUNTS = {"D5": 6000, "D7": 3000}
-"""Of joints of which no patch is lifted off alone, without D4 and D6: all that tells what is out of contact."""
+"""Of joints with one patch, which have no D4 and D6: only D5 and D7 show what is out of contact."""
+
+
+@dataclass(frozen=True)
+class SamplePoint:
+    """Inputs (pose parameters and loads, any mix) and the free pose parameters that a static analysis finds for them.
+
+    Every movable pose parameter is an input or free, and there is one load for each free parameter: the knee's is
+    {tx, Fy_med, tz, Fy_lat, ry, rz} -> (ty, rx).
+    """
+
+    inputs: tuple[str, ...]
+    free: tuple[str, ...]
+    movable: tuple[str, ...] = POSE_NAMES
+
+    def __post_init__(self) -> None:
+        given, loads = ", ".join(self.inputs), self.load_inputs
+        if len(set(self.inputs)) != len(self.inputs):
+            raise ValueError(f"sample point inputs {given} repeat a name, expected each once")
+        if sorted((*self.free, *self.pose_inputs)) != sorted(self.movable):
+            raise ValueError(
+                f"sample point has inputs {given} and free {', '.join(self.free)}, expected each of "
+                f"{', '.join(self.movable)} in exactly one of them"
+            )
+        for name in loads:
+            if name.partition("_")[0] not in WRENCH_NAMES:
+                raise ValueError(f"sample point input {name!r} is neither a pose parameter nor a load")
+        if len(loads) != len(self.free):
+            raise ValueError(
+                f"sample point has {len(loads)} loads for {len(self.free)} free pose parameters "
+                f"({', '.join(self.free)}), expected one load for each"
+            )
+
+    @property
+    def pose_inputs(self) -> tuple[str, ...]:
+        """Inputs that are pose parameters, in input order."""
+        return tuple(name for name in self.inputs if name in POSE_NAMES)
+
+    @property
+    def load_inputs(self) -> tuple[str, ...]:
+        """Inputs that are loads, in input order."""
+        return tuple(name for name in self.inputs if name not in POSE_NAMES)
+
+    def columns(self, names: Sequence[str]) -> list[int]:
+        """Columns of these inputs in an array of inputs."""
+        return [self.inputs.index(name) for name in names]
+
+    @classmethod
+    def of_inputs(cls, inputs: Sequence[str], space: PoseSpace | None = None) -> SamplePoint:
+        """The definition with these inputs; the other movable pose parameters are free."""
+        movable = POSE_NAMES if space is None else space.free_names
+        return cls(tuple(inputs), tuple(name for name in movable if name not in inputs), movable)
+
+    @classmethod
+    def of_scene(cls, scene: Scene) -> SamplePoint:
+        """[EF15 §3.2]: the pose parameters, each sensitive one replaced by a sensitive load (see `Scene.pressed`).
+
+        Raises ValueError unless the scene has as many sensitive pose parameters as sensitive loads.
+        """
+        if not scene.sensitive_pose:
+            raise ValueError(
+                f"scene {scene.name} leaves loads.sensitive_pose out: find it first "
+                "(cc.sensitive_directions, sampling.found_sensitive_pose), or give sampling.inputs"
+            )
+        loads = [name for normal in scene.pressed for name in normal.loads]
+        if len(scene.sensitive_pose) != len(loads):
+            raise ValueError(
+                f"scene {scene.name} has {len(scene.sensitive_pose)} sensitive pose parameters for "
+                f"{len(loads)} sensitive loads, expected as many; give sampling.inputs"
+            )
+        swap = dict(zip(scene.sensitive_pose, loads, strict=True))
+        return cls.of_inputs([swap.get(name, name) for name in scene.pose_space.free_names], scene.pose_space)
 
 
 @dataclass(frozen=True)
 class SamplingSettings:
-    """How many samples, from which boxes, on which grids.
+    """How many samples, from which boxes, on which grids; the defaults are the paper's [EF15 §3.3, Table 1].
 
-    counts: samples per domain at scale 1; d1_fraction and d1_offset (times the mean width, for narrow frames)
-    expand the envelopes to D1, likewise D2; d3_fraction expands the extremes; d3_minimum_widths: width that D3 has at
-    least in an input [mm, rad or N] (empty in the paper; an input that hardly varies in the reference motion would
-    leave other motions and an optimiser's steps outside all domains); fixed_offsets: an input's offset in
-    D1 and in D2 [mm, rad or N], whatever its curves (the paper gives no number for ry, known from a single curve: these
-    are 1.1 and 3.4 degrees; other inputs with one curve: see `envelopes`); settle_tolerance_n: largest force error of a
-    static analysis; most_dropped: share of a domain's plan that may become no samples; inputs: sample-point inputs, the
-    scene's if empty; reach: ranges (low, high) of all inputs [mm, rad, N], the plan `reach` instead of the paper's: see
-    `domains`.
+    counts: samples per domain at scale 1; d1_fraction and d1_offset (times the mean width, for narrow frames) expand
+    the envelopes to D1, likewise D2; d3_fraction expands the extremes; d3_minimum_widths: least width of D3 in an
+    input [mm, rad or N]; fixed_offsets: an input's offset in D1 and in D2 [mm, rad or N], whatever its curves (ry is
+    known from a single curve: 1.1° and 3.4°); settle_tolerance_n: largest force error of a static analysis;
+    most_dropped: share of a domain's plan that may become no samples; inputs: sample-point inputs, the scene's if
+    empty; reach: ranges (low, high) of all inputs [mm, rad, N] of the plan `reach` (see `domains`).
     """
 
     counts: Mapping[str, int] = field(default_factory=lambda: dict(PAPER_COUNTS))
@@ -59,55 +127,52 @@ class SamplingSettings:
     reach: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.counts, Mapping) or set(self.counts) - set(DOMAINS):
+        for name in ("counts", "fixed_offsets", "d3_minimum_widths", "reach"):
+            if not isinstance(getattr(self, name), Mapping):
+                raise _bad(name, getattr(self, name), "a table")
+        if set(self.counts) - set(DOMAINS):
             raise _bad("counts", self.counts, f"samples for some of {', '.join(DOMAINS)}")
         for domain, count in self.counts.items():
-            _whole(f"counts.{domain}", count, least=0, most=MOST_SAMPLES)
-        object.__setattr__(self, "counts", {d: self.counts.get(d, 0) for d in DOMAINS})
-        if not isinstance(self.fixed_offsets, Mapping):
-            raise _bad("fixed_offsets", self.fixed_offsets, "pairs (D1, D2) of offsets by input")
-        offsets: dict[str, tuple[float, float]] = {}
-        for name, pair in self.fixed_offsets.items():
-            key = f"fixed_offsets.{name}"
-            numbers = [_number(key, value) for value in pair] if isinstance(pair, list | tuple) else []
-            if len(numbers) != 2 or not 0.0 < numbers[0] <= numbers[1]:
-                raise _bad(key, pair, "two offsets, D1's and D2's, with 0 < D1 <= D2")
-            offsets[name] = (numbers[0], numbers[1])
-        object.__setattr__(self, "fixed_offsets", offsets)
-        if not isinstance(self.d3_minimum_widths, Mapping):
-            raise _bad("d3_minimum_widths", self.d3_minimum_widths, "widths by input")
-        widths = {name: _number(f"d3_minimum_widths.{name}", w) for name, w in self.d3_minimum_widths.items()}
-        object.__setattr__(self, "d3_minimum_widths", widths)
+            _whole(f"counts.{domain}", count, 0, MOST_SAMPLES)
+        whole = {"seed": (0, 2**63 - 1), "frames": (2, 10_000), "liftoff_steps": (1, 1000), "chunk_size": (1, 100_000)}
+        for name, (least, most) in whole.items():
+            _whole(name, getattr(self, name), least, most)
         for name in ("scale", "liftoff_mm", "settle_tolerance_n"):
             _number(name, getattr(self, name), positive=True)
         for name in ("d1_fraction", "d1_offset", "d2_fraction", "d2_offset", "d3_fraction"):
             _number(name, getattr(self, name))
-        if not 0.0 <= _number("most_dropped", self.most_dropped) <= 1.0:
-            raise _bad("most_dropped", self.most_dropped, "a share from 0 to 1")
-        for name in ("test_fraction", "validation_fraction"):
-            if not 0.0 <= _number(name, getattr(self, name)) <= 0.5:
-                raise _bad(name, getattr(self, name), "a number from 0 to 0.5")
-        limits = {"seed": (0, 2**63 - 1), "frames": (2, 10_000), "liftoff_steps": (1, 1000), "chunk_size": (1, 100_000)}
-        for name, (least, most) in limits.items():
-            _whole(name, getattr(self, name), least=least, most=most)
-        if self.scale * max(self.counts.values()) > MOST_SAMPLES:
+        for name, largest in (("most_dropped", 1.0), ("test_fraction", 0.5), ("validation_fraction", 0.5)):
+            if _number(name, getattr(self, name)) > largest:
+                raise _bad(name, getattr(self, name), f"a number from 0 to {largest:g}")
+        if self.scale * max(self.counts.values(), default=0) > MOST_SAMPLES:
             raise _bad("scale", self.scale, f"at most {MOST_SAMPLES} samples in a domain")
-        for name in ("settle_grid", "teacher_grid"):
-            grid = getattr(self, name)
-            object.__setattr__(self, name, grid_size(f"sampling.{name}", grid))
         if isinstance(self.inputs, str) or not all(isinstance(name, str) for name in self.inputs):
             raise _bad("inputs", self.inputs, "a list of pose parameters and loads")
-        object.__setattr__(self, "inputs", tuple(self.inputs))
+        offsets = {name: _pair(f"fixed_offsets.{name}", pair) for name, pair in self.fixed_offsets.items()}
+        for name, (of_d1, of_d2) in offsets.items():
+            if not 0.0 < of_d1 <= of_d2:
+                raise _bad(f"fixed_offsets.{name}", (of_d1, of_d2), "two offsets, D1's and D2's, with 0 < D1 <= D2")
+        reach = {name: _pair(f"reach.{name}", pair) for name, pair in self.reach.items()}
+        for name, (low, high) in reach.items():
+            if not low < high:
+                raise _bad(f"reach.{name}", (low, high), "two numbers, low < high")
+        plain: dict[str, Any] = {
+            "counts": {domain: self.counts.get(domain, 0) for domain in DOMAINS},
+            "fixed_offsets": offsets,
+            "d3_minimum_widths": {n: _number(f"d3_minimum_widths.{n}", w) for n, w in self.d3_minimum_widths.items()},
+            "inputs": tuple(self.inputs),
+            "reach": reach,
+            **{name: grid_size(f"sampling.{name}", getattr(self, name)) for name in ("settle_grid", "teacher_grid")},
+        }
+        for name, value in plain.items():
+            object.__setattr__(self, name, value)
         if self.inputs:
             SamplePoint.of_inputs(self.inputs)
-        if not isinstance(self.reach, Mapping):
-            raise _bad("reach", self.reach, "pairs (low, high) by input")
-        object.__setattr__(self, "reach", {name: _range(f"reach.{name}", pair) for name, pair in self.reach.items()})
 
     @classmethod
     def from_scene(cls, scene: Scene, **overrides: Any) -> SamplingSettings:
-        """The paper's settings, with more of D5 and D7 where no patch is lifted off alone (`ALONE_COUNTS`), the scene's
-        grids, the scene's ``[sampling]`` table, then keyword overrides.
+        """The paper's settings (`ALONE_COUNTS` with one patch), then the scene's grids and ``[sampling]`` table, then
+        keyword overrides.
 
         A ``counts``, ``fixed_offsets`` or ``d3_minimum_widths`` table replaces single entries. Raises ValueError naming
         an unknown key or a bad value.
@@ -138,11 +203,10 @@ class SamplingSettings:
         return point
 
     def to_table(self) -> dict[str, Any]:
-        """Plain numbers, lists and tables, as JSON keeps them; without `most_dropped`, which changes no sample, and
-        without an empty reach, which files of before do not know."""
-        table = json.loads(json.dumps(asdict(self)))
+        """Plain numbers, lists and tables for JSON, without `most_dropped`, which changes no sample."""
+        table: dict[str, Any] = json.loads(json.dumps(asdict(self)))
         del table["most_dropped"]
-        return {key: value for key, value in table.items() if key != "reach" or value}
+        return table
 
     @classmethod
     def from_table(cls, table: Mapping[str, Any]) -> SamplingSettings:
@@ -154,17 +218,9 @@ def _bad(name: str, got: object, expected: str) -> ValueError:
     return ValueError(f"sampling setting {name} = {got!r}, expected {expected}")
 
 
-def _whole(name: str, value: object, *, least: int, most: int) -> int:
+def _whole(name: str, value: object, least: int, most: int) -> None:
     if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
         raise _bad(name, value, f"a whole number from {least} to {most}")
-    return value
-
-
-def _range(name: str, pair: object) -> tuple[float, float]:
-    numbers = [v for v in pair if isinstance(v, int | float)] if isinstance(pair, list | tuple) else []
-    if len(numbers) != 2 or not all(map(math.isfinite, numbers)) or not numbers[0] < numbers[1]:
-        raise _bad(name, pair, "two numbers, low < high")
-    return float(numbers[0]), float(numbers[1])
 
 
 def _number(name: str, value: object, *, positive: bool = False) -> float:
@@ -173,3 +229,12 @@ def _number(name: str, value: object, *, positive: bool = False) -> float:
     if positive and value == 0:
         raise _bad(name, value, "a number > 0")
     return float(value)
+
+
+def _pair(name: str, pair: object) -> tuple[float, float]:
+    numbers = (
+        [v for v in pair if isinstance(v, int | float) and math.isfinite(v)] if isinstance(pair, list | tuple) else []
+    )
+    if len(numbers) != 2:
+        raise _bad(name, pair, "two numbers")
+    return float(numbers[0]), float(numbers[1])

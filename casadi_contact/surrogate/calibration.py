@@ -52,9 +52,9 @@ def with_trust(
 ) -> Surrogate:
     """The surrogate with validity and expected error, and their coverage on test rows in its record.
 
-    around: poses between and beside the sampled ones with the contact model's loads (`sampling.samples_around`), so
+    around: poses between and beside the sampled ones with the contact model's loads (`sampling.perturbed_samples`), so
     that the expected error holds off equilibrium too. model: that contact model; it is asked at poses over the whole
-    sampled range (`sampling.in_range`), so that the expected error holds wherever validity is high, and at those to
+    sampled range (`sampling.perturbed`), so that the expected error holds wherever validity is high, and at those to
     which the surrogate itself leads (`sampling.led_to`), so that validity is low where it is wrong. update: called
     as (what, done, all, remark) meanwhile.
 

@@ -17,10 +17,9 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.conventions import POSE_NAMES, Array
 from casadi_contact.core.files.containers import read_npz
 from casadi_contact.core.files.writing import folder_lock, writable_folder, write_text
-from casadi_contact.samples.motion_file import motion_in
-from casadi_contact.samples.reference import ReferenceMotion, reference_motion
+from casadi_contact.samples.reference import ReferenceMotion, found_sensitive_pose, reference_motion
+from casadi_contact.samples.resume import motion_in
 from casadi_contact.samples.samples import Samples, partial_folder, read_samples
-from casadi_contact.samples.sensitive_pose import found_sensitive_pose
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.columns import TextColumns
 from casadi_contact.scenes.joint_cycle import JointCycle, column_names, driving_loads, read_joint_cycle, scene_cycles

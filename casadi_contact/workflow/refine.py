@@ -15,12 +15,11 @@ from casadi_contact.networks.network import Network
 from casadi_contact.networks.training.fit import FitOutcome, fit
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.optimisation.verification.verify import Verification, verify
-from casadi_contact.samples.around import samples_around
 from casadi_contact.samples.chunk import Chunk, WrenchModel, draw_chunk
 from casadi_contact.samples.errors import domain_errors
-from casadi_contact.samples.sample_point import SamplePoint
+from casadi_contact.samples.perturbed import perturbed_samples
 from casadi_contact.samples.samples import COLUMNS, TEST, TRAIN, VALIDATION, Samples
-from casadi_contact.samples.settings import SamplingSettings
+from casadi_contact.samples.settings import SamplePoint, SamplingSettings
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import with_trust
 from casadi_contact.surrogate.info import samples_record
@@ -192,5 +191,5 @@ def _trained_on(
     if not before.get("refined"):
         record["command"] = f"cc.refine in Python, of what this makes: {before.get('command', 'not known')}"
     record["test_errors"] = domain_errors(kind(surrogate.scene, networks, record), everything)
-    around = samples_around(everything, model, count=len(everything) // 3)
+    around = perturbed_samples(everything, model, count=len(everything) // 3)
     return with_trust(kind(surrogate.scene, networks, record), everything, around, model)

@@ -14,6 +14,7 @@ from casadi_contact.core.conventions import Update, in_stage
 from casadi_contact.samples.check_table import check_gaps, conflicting_rows
 from casadi_contact.samples.chunk import WrenchModel
 from casadi_contact.samples.draw import (
+    ModelPair,
     check_rejection_rate,
     draw_samples,
     elastic_foundations,
@@ -21,13 +22,11 @@ from casadi_contact.samples.draw import (
     model_pair,
     models_identity,
 )
-from casadi_contact.samples.folder import begun
-from casadi_contact.samples.motion_file import kept_motion, motion_origin, write_motion
 from casadi_contact.samples.reference import ReferenceReport, reference_motion
+from casadi_contact.samples.resume import begun, kept_motion, motion_origin, write_motion
 from casadi_contact.samples.samples import Samples, write_samples
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.samples.table import read_sample_table
-from casadi_contact.samples.worker_models import ModelPair
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.workflow.project import Project, alone, reference_motion_cycles, surrogates_made
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from casadi_contact.core.conventions import Update, in_stage
 from casadi_contact.core.workers import worker_pool
-from casadi_contact.samples.around import samples_around
 from casadi_contact.samples.chunk import WrenchModel
 from casadi_contact.samples.draw import model_name_of, teacher_of
+from casadi_contact.samples.perturbed import perturbed_samples
 from casadi_contact.samples.samples import Samples
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import with_trust
@@ -108,9 +108,9 @@ def _active_rounds(
 
 
 def moved_samples(samples: Samples, model: WrenchModel | None, update: Update | None = None) -> Samples | None:
-    """`samples_around` on the model that the samples were evaluated on, None without one: a surrogate's trust is
+    """`perturbed_samples` on the model that the samples were evaluated on, None without one: a surrogate's trust is
     calibrated on them too. Of a user's own model, which may be slow, a third as many poses as there are samples."""
     if model is None:
         return None
     count = len(samples) // 3 if model_name_of(samples) is None else None
-    return samples_around(samples, model, count=count, progress=in_stage(update, "poses around the samples"))
+    return perturbed_samples(samples, model, count=count, progress=in_stage(update, "poses around the samples"))

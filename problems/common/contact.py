@@ -16,7 +16,7 @@ from casadi_contact.contact.symbolic import SymbolicContact, symbolic
 from casadi_contact.core.compiler import warn_once
 from casadi_contact.optimisation.joint_mechanics import whole_wrench
 from casadi_contact.optimisation.verification.verdict import own_model
-from casadi_contact.samples.sensitive_pose import found_sensitive_pose
+from casadi_contact.samples.reference import found_sensitive_pose
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.workflow.project import reference_motion_cycles
 

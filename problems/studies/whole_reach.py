@@ -38,8 +38,8 @@ from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.core.terminal import PlainConsole
 from casadi_contact.samples.chunk import WrenchModel
 from casadi_contact.samples.errors import load_errors
-from casadi_contact.samples.in_range import samples_in_range
 from casadi_contact.samples.led_to import samples_led_to
+from casadi_contact.samples.perturbed import uniform_samples
 from casadi_contact.samples.samples import DOMAINS, TRAIN, Samples, read_samples
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.coverage import trust_coverage
@@ -85,7 +85,7 @@ def reach_record(surrogate: Surrogate, samples: Samples) -> dict[str, Any]:
 def _others(surrogate: Surrogate, samples: Samples, foundation: WrenchModel) -> dict[str, Samples]:
     """Poses over the range of all samples, and those to which the surrogate leads, with the foundation's loads."""
     known, seed = replace(samples, role=np.full(len(samples), TRAIN, dtype=np.uint8)), _OTHER_SEED
-    even = samples_in_range(known, foundation, surrogate.validity, surrogate.trust_roots, count=_OTHERS, seed=seed)
+    even = uniform_samples(known, foundation, surrogate.validity, surrogate.trust_roots, count=_OTHERS, seed=seed)
     return {EVENLY: even, LED: samples_led_to(surrogate, known, foundation, count=_OTHERS, seed=seed)}
 
 

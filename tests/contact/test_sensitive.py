@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.samples.sample_point import SamplePoint
-from casadi_contact.samples.sensitive_pose import found_sensitive_pose
+from casadi_contact.samples.reference import found_sensitive_pose
+from casadi_contact.samples.settings import SamplePoint
 from casadi_contact.workflow.project import Project, reference_motion_cycles
 from tests.support.ready_poses import at
 

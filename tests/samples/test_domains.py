@@ -5,9 +5,8 @@ from casadi_contact.contact.settle import settle
 from casadi_contact.samples.domains import plan_domains
 from casadi_contact.samples.envelopes import Envelopes
 from casadi_contact.samples.liftoff import lift_all, lift_one
-from casadi_contact.samples.sample_point import SamplePoint
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION
-from casadi_contact.samples.settings import PAPER_COUNTS, SamplingSettings
+from casadi_contact.samples.settings import PAPER_COUNTS, SamplePoint, SamplingSettings
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.normal_load import normal_loads
 from tests.support.two_spheres import TwoSpheres, knee

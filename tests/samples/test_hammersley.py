@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from casadi_contact.samples.hammersley import hammersley
+from casadi_contact.samples.domains import hammersley
 
 
 def test_first_points_by_hand():

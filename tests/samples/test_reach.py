@@ -9,8 +9,7 @@ from casadi_contact.samples.chunk import Chunk, draw_chunk
 from casadi_contact.samples.domains import plan_domains
 from casadi_contact.samples.envelopes import Envelopes
 from casadi_contact.samples.liftoff import lift_each
-from casadi_contact.samples.sample_point import SamplePoint
-from casadi_contact.samples.settings import SamplingSettings
+from casadi_contact.samples.settings import SamplePoint, SamplingSettings
 from tests.support.two_spheres import RADIUS_MM, STIFFNESS, TwoSpheres, knee
 
 INPUTS = ("tx", "Fy_med", "tz", "Fy_lat", "ry", "rz")

@@ -1,7 +1,6 @@
 import pytest
 
-from casadi_contact.samples.sample_point import SamplePoint
-from casadi_contact.samples.settings import SamplingSettings
+from casadi_contact.samples.settings import SamplePoint, SamplingSettings
 from casadi_contact.scenes.loading import load_scene
 
 

@@ -7,8 +7,8 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact.approach import advance_to_contact
-from casadi_contact.samples.around import samples_at
 from casadi_contact.samples.led_to import poses_led_to, samples_led_to
+from casadi_contact.samples.perturbed import label_poses
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.surrogate.calibration import with_trust
@@ -72,7 +72,7 @@ def learning():
 @pytest.fixture(scope="module")
 def classified(surrogate, model, samples, learning):
     trusted = with_trust(surrogate, samples)
-    shown = samples_at(model, SCENE, other_poses(surrogate, 1), rim=True)
+    shown = label_poses(model, SCENE, other_poses(surrogate, 1), rim=True)
     trust = with_error_classifier(trusted.trust, surrogate, samples, [shown], lambda k, n: learning.append(k / n))
     return type(surrogate)(SCENE, surrogate.networks, trusted.record, trust)
 
@@ -125,14 +125,14 @@ def test_a_surrogate_that_is_right_everywhere_has_no_classifier(surrogate, sampl
     right = replace(samples, wrenches=surrogate.wrenches(samples.poses))
     trust = with_trust(surrogate, right).trust
     poses = other_poses(surrogate, 1)
-    assert with_error_classifier(trust, surrogate, right, [samples_at(surrogate, SCENE, poses)]).classifier is None
+    assert with_error_classifier(trust, surrogate, right, [label_poses(surrogate, SCENE, poses)]).classifier is None
 
 
 def test_one_gross_error_on_a_validation_row_hides_no_other_wrong_pose(surrogate, model, samples, classified):
     """Beyond the rim all of a load is missing, and one lifted pose claims ten thousand times as much."""
     wrenches = samples.wrenches.copy()
     wrenches[np.flatnonzero(samples.role == VALIDATION)[0]] *= 1e4
-    shown = samples_at(model, SCENE, other_poses(surrogate, 1), rim=True)
+    shown = label_poses(model, SCENE, other_poses(surrogate, 1), rim=True)
     gross = replace(samples, wrenches=wrenches)
     trust = with_error_classifier(with_trust(surrogate, samples).trust, surrogate, gross, [shown])
     assert trust.classifier is not None
@@ -150,7 +150,7 @@ def test_poses_led_to_carry_loads_of_samples_from_all_over_the_range():
     drawn[:, 1] -= rng.uniform(0.1, 0.3, 400)
     drawn = drawn[(model(drawn, ["Fy_med", "Fy_lat"]) < 0.0).all(axis=1)]
     role, domain = np.full(len(drawn), TRAIN, dtype=np.uint8), np.ones(len(drawn), dtype=np.uint8)
-    known = samples_at(model, model.scene, drawn, rim=True)
+    known = label_poses(model, model.scene, drawn, rim=True)
     known = replace(known, role=role, domain=domain)
     found = poses_led_to(model, known, count=300)
     assert len(found) > 200
@@ -165,7 +165,7 @@ def test_sides_that_share_one_sensitive_pose_parameter_are_led_by_their_total_lo
     rng = np.random.default_rng(1)
     drawn = advance_to_contact(model, rng.uniform(-1.0, 1.0, (200, 6)) * [2.0, 0.0, 0.0, 0.0, 0.0, 0.3], {})
     drawn[:, 1] -= rng.uniform(0.1, 0.3, 200)
-    known = samples_at(model, model.scene, drawn, rim=True)
+    known = label_poses(model, model.scene, drawn, rim=True)
     role, domain = np.full(len(known), TRAIN, dtype=np.uint8), np.ones(len(known), dtype=np.uint8)
     found = poses_led_to(model, replace(known, role=role, domain=domain), count=100)
     assert len(found) > 70

@@ -5,7 +5,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.samples.reference import ReferenceMotion
-from casadi_contact.samples.sample_point import SamplePoint
+from casadi_contact.samples.settings import SamplePoint
 from casadi_contact.workflow.benchmark.peers.candidates import peer_candidates
 from casadi_contact.workflow.benchmark.peers.history.cycles import Cycles
 from casadi_contact.workflow.benchmark.peers.history.hammerstein_wiener import hammerstein_wiener

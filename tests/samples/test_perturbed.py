@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation
-from casadi_contact.samples.in_range import samples_in_range
+from casadi_contact.samples.perturbed import uniform_samples
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.scenes.loading import load_scene
 
@@ -20,7 +20,7 @@ def drawn(validity=lambda poses: np.ones(len(poses)), count=400):
     role = np.array([TRAIN, VALIDATION, TEST], dtype=np.uint8)
     samples = Samples(SCENE, poses, np.zeros((3, 1, 6)), np.ones((3, 1)), np.ones(3, dtype=np.uint8), role)
     model = ElasticFoundation(SCENE, (20, 20))
-    return samples_in_range(samples, model, validity, lambda poses: 30.0 - poses[:, 1:2], count=count), model
+    return uniform_samples(samples, model, validity, lambda poses: 30.0 - poses[:, 1:2], count=count), model
 
 
 def test_poses_lie_all_over_the_range_with_the_models_loads_and_half_of_them_press():
@@ -46,7 +46,7 @@ def test_the_librarys_own_model_is_asked_more_often_than_one_that_may_be_slow():
     own = Samples(SCENE, poses, np.zeros((rows, 1, 6)), np.ones((rows, 1)), np.ones(rows, dtype=np.uint8), role)
     librarys = replace(own, provenance={"models": "casadi_contact.samples.draw.elastic_foundations"})
     found = [
-        samples_in_range(
+        uniform_samples(
             samples,
             ElasticFoundation(SCENE, (8, 8)),
             lambda poses: np.ones(len(poses)),
@@ -69,4 +69,4 @@ def test_samples_of_which_none_was_learned_have_no_range():
     role = np.full(2, TEST, dtype=np.uint8)
     samples = Samples(SCENE, poses, np.zeros((2, 1, 6)), np.ones((2, 1)), np.ones(2, dtype=np.uint8), role)
     with pytest.raises(ValueError, match="all of them test rows"):
-        samples_in_range(samples, ElasticFoundation(SCENE, (20, 20)), lambda poses: poses[:, 0], lambda poses: poses)
+        uniform_samples(samples, ElasticFoundation(SCENE, (20, 20)), lambda poses: poses[:, 0], lambda poses: poses)
