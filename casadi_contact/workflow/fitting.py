@@ -13,9 +13,9 @@ import numpy as np
 from casadi_contact.core.conventions import Update
 from casadi_contact.networks.network import Network, Regression, size_text
 from casadi_contact.networks.training.fit import Fit
-from casadi_contact.networks.training.growth import widen
+from casadi_contact.networks.training.parallel import fit_all
 from casadi_contact.networks.training.settings import TrainingSettings
-from casadi_contact.networks.training.side_by_side import fit_all
+from casadi_contact.networks.training.weights import widen
 from casadi_contact.samples.mirror import either_side
 from casadi_contact.samples.samples import DOMAINS, Samples
 from casadi_contact.scenes.scene import Scene

@@ -12,7 +12,7 @@ import numpy as np
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import Array, pose_index
 from casadi_contact.networks.network import Network
-from casadi_contact.networks.training.fit import FitOutcome, fit
+from casadi_contact.networks.training.fit import Fit, fit
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.optimisation.verification.verify import Verification, verify
 from casadi_contact.samples.chunk import Chunk, WrenchModel, draw_chunk
@@ -161,11 +161,9 @@ def _drawn_around(
     return Samples(scene, **drawn)
 
 
-def _fitted_on(
-    surrogate: Surrogate, samples: Samples, gflop: float
-) -> tuple[dict[str, Network], dict[str, FitOutcome]]:
+def _fitted_on(surrogate: Surrogate, samples: Samples, gflop: float) -> tuple[dict[str, Network], dict[str, Fit]]:
     """The networks trained on, and their fits by name."""
-    networks, fits = dict(surrogate.networks), dict[str, FitOutcome]()
+    networks, fits = dict(surrogate.networks), dict[str, Fit]()
     for regression in surrogate.regressions(samples):
         start = networks[regression.name]
         settings = TrainingSettings(sizes=(start.hidden,), activation=start.activation, max_gflop=gflop, restarts=0)

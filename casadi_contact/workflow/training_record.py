@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.core.machine import machine_record
-from casadi_contact.networks.training.fit import FitOutcome
+from casadi_contact.networks.training.fit import Fit
 from casadi_contact.samples.errors import domain_errors
 from casadi_contact.samples.samples import Samples
 from casadi_contact.surrogate.base import Surrogate
@@ -32,7 +32,7 @@ def training_record(
     }
 
 
-def fits_record(fits: Mapping[str, FitOutcome]) -> dict[str, Any]:
+def fits_record(fits: Mapping[str, Fit]) -> dict[str, Any]:
     """What the record says of the fits alone."""
     return {
         "training_errors": {name: fit.rms for name, fit in fits.items()},

@@ -22,8 +22,8 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.core.workers import worker_pool
+from casadi_contact.networks.training.parallel import fit_all
 from casadi_contact.networks.training.settings import TrainingSettings
-from casadi_contact.networks.training.side_by_side import fit_all
 from casadi_contact.optimisation.verification.verdict import judge
 from casadi_contact.samples.samples import Samples, read_samples
 from casadi_contact.scenes.columns import write_columns

@@ -6,8 +6,8 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.foundation import CellFoundation
+from casadi_contact.networks.training.parallel import fit_all
 from casadi_contact.networks.training.settings import TrainingSettings
-from casadi_contact.networks.training.side_by_side import fit_all
 from casadi_contact.samples.chunk import Chunk, draw_chunk
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.samples.settings import SamplingSettings

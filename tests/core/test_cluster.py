@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from casadi_contact.core.workers import cluster_workers
+from casadi_contact.networks.training.parallel import fit_all
 from casadi_contact.networks.training.settings import TrainingSettings
-from casadi_contact.networks.training.side_by_side import fit_all
 from casadi_contact.networks.training.weights import flatten
 from casadi_contact.samples.samples import partial_folder
 from tests.support.drawn_spheres import draw

@@ -9,7 +9,6 @@ import pytest
 from casadi_contact.networks.activations import ACTIVATIONS, Activation, activation_of
 from casadi_contact.networks.graph import network_value
 from casadi_contact.networks.network import Network
-from casadi_contact.networks.training.arrays import NumpyArrays
 from casadi_contact.networks.training.mlp import Mlp
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.networks.training.weights import flatten, initial_network
@@ -121,7 +120,7 @@ def test_training_has_its_jacobian(name):
     """Columns of J, one for each parameter, against central differences of the residuals."""
     data, step = smooth(30), 1e-5
     network = initial_network(data.inputs, data.targets, (4, 3), name, seed=3)
-    mlp, parameters = Mlp(network, data.inputs, data.targets, data.weights, 0.0, NumpyArrays()), flatten(network)
+    mlp, parameters = Mlp(network, data.inputs, data.targets, data.weights, 0.0), flatten(network)
     mlp.accept(mlp.evaluate(parameters, solve_output=False)[0])
     for column, shift in enumerate(step * np.eye(len(parameters))):
         ends = [mlp.weighted_residuals(parameters + way * shift) for way in (1.0, -1.0)]

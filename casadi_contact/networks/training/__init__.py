@@ -1,1 +1,1 @@
-"""Fitting networks to samples: batch Levenberg-Marquardt, stopping, growth, checkpoints (§2.6)."""
+"""Fitting networks to samples: batch Levenberg-Marquardt, stopping, growth, checkpoints ([EF15 §2.6])."""

@@ -3,11 +3,10 @@
 Every iteration solves (JᵀJ + λ·d·I)·x = -Jᵀr over all rows (d the mean diagonal of JᵀJ), but does not assemble that
 JᵀJ: products JᵀJ·v cost about a hundredth of it. The preconditioner is a JᵀJ assembled from a weighted random
 subset of a few rows per parameter, anew for each iteration (Blendenpik, Avron et al. 2010, has the same idea for
-linear problems): two or three products then make a step that is exact enough. One that is kept for several
-iterations costs twice as much time for the same error, as measured for networks from 16-16-16 to 48-48.
+linear problems): two or three products then make a step that is exact enough.
 
 λ follows Nielsen (1999): reduced by up to 3 where the model predicted the loss well, doubled at a growing pace where
-not. A step that does not reduce the loss is shortened first, since a trial costs less than one product.
+not. A step that does not reduce the loss is shortened first, since evaluating one costs less than a product.
 """
 
 from __future__ import annotations
@@ -16,15 +15,25 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.networks.training.mlp import Mlp
+from casadi_contact.networks.training.mlp import Mlp, cholesky
 
-ACCURACY = 0.1  # of steps: two or three products each
-MAX_PRODUCTS = 60
-SHORTER = 0.4
-TRIALS = 4
-FIRST_DAMPING, MIN_DAMPING, MAX_DAMPING = 1e-2, 1e-15, 1e8
+
+@dataclass(frozen=True)
+class StepSettings:
+    """How a step is made. accuracy: conjugate gradients end when a product adds less than this share of the mean gain
+    so far, or after max_products. shorten, evaluations: a step that does not reduce the loss is multiplied by
+    `shorten`, up to so many evaluations. Dampings λ: the first, the least, and that at which the fit ends."""
+
+    accuracy: float = 0.1
+    max_products: int = 60
+    shorten: float = 0.4
+    evaluations: int = 4
+    first_damping: float = 1e-2
+    min_damping: float = 1e-15
+    max_damping: float = 1e8
 
 
 @dataclass(frozen=True)
@@ -34,43 +43,45 @@ class State:
     parameters: Array
     damping: float
     damping_growth: float
-    iterations: int  # begun so far
+    iterations: int
 
 
-def next_damping(damping: float, growth: float, ratio: float) -> tuple[float, float]:
+def next_damping(damping: float, growth: float, ratio: float, least: float = 1e-15) -> tuple[float, float]:
     """λ and its growth after a step that reduced the loss by `ratio` times what the model predicted (Nielsen 1999)."""
     if ratio > 0.0:
         damping, growth = damping * max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3), 2.0
     else:
         damping, growth = damping * growth, min(2.0 * growth, 16.0)
-    return max(damping, MIN_DAMPING), growth
+    return max(damping, least), growth
 
 
 class LevenbergMarquardt:
-    """Minimises ½Σr² of an `Mlp` (or `PartsMlp`) step by step; reproducible for a seed, and from a `State` at any
-    iteration. accuracy: conjugate gradients end when a product adds less than this share of the mean gain so far."""
+    """Minimises ½Σr² of an `Mlp` step by step; reproducible for a seed, and from a `State` at any iteration."""
 
     def __init__(
-        self, mlp: Mlp, parameters: Array, seed: int, state: State | None = None, accuracy: float = ACCURACY
+        self,
+        mlp: Mlp,
+        parameters: Array,
+        seed: int,
+        state: State | None = None,
+        settings: StepSettings | None = None,
     ) -> None:
-        self.mlp, self.xp, self._seed, self._accuracy = mlp, mlp.xp, seed, accuracy
-        self.damping, self._growth, self._iterations = FIRST_DAMPING, 2.0, 0
+        self.mlp, self._seed, self._settings = mlp, seed, settings or StepSettings()
+        self.damping, self._growth, self._iterations = self._settings.first_damping, 2.0, 0
         self.exhausted = False
         self._solver_flop = 0
         if state is not None and state.iterations:
             self.damping, self._growth, self._iterations = state.damping, state.damping_growth, state.iterations
-        self._move_to(parameters if state is None else state.parameters, solve_output=not self._iterations)
-
-    def _move_to(self, parameters: Array, *, solve_output: bool) -> None:
-        self._parameters, self.loss = self.mlp.evaluate(self.mlp.arrays.array(parameters), solve_output=solve_output)
+        start = parameters if state is None else state.parameters
+        self._parameters, self.loss = mlp.evaluate(np.ascontiguousarray(start), solve_output=not self._iterations)
         if not np.isfinite(self.loss):
             raise ValueError("the residuals at the starting weights are not finite numbers, expected finite data")
-        self._gradient = self.mlp.accept(self._parameters)
+        self._gradient = mlp.accept(self._parameters)
 
     @property
     def parameters(self) -> Array:
-        """Weights and biases (parameters,), see `mlp`."""
-        return self.mlp.arrays.numpy(self._parameters).copy()
+        """Weights and biases (parameters,), see `weights`."""
+        return self._parameters.copy()
 
     @property
     def flop(self) -> int:
@@ -91,35 +102,34 @@ class LevenbergMarquardt:
         helps."""
         gram = self.mlp.drawn_gram([self._seed, self._iterations])
         self._iterations += 1
-        self._unit = float(self.mlp.arrays.diagonal(gram).mean()) or 1.0
+        self._unit = float(np.diagonal(gram).mean()) or 1.0
         while True:
-            factor = self.mlp.arrays.factor(gram, self.damping * self._unit)
-            self._solver_flop += self.mlp.parameter_count * self.mlp.block_parameters**2 // 3
-            if factor is not None or self.damping > MAX_DAMPING:
+            factor = cholesky(gram, self.damping * self._unit)
+            self._solver_flop += self.mlp.parameter_count**3 // 3
+            if factor is not None or self.damping > self._settings.max_damping:
                 return factor
             self.damping *= 10.0
 
-    def _solve(self, factor: Any) -> tuple[Any, float]:
+    def _solve(self, factor: Any) -> tuple[Array, float]:
         """x ≈ -(JᵀJ + λ·d·I)⁻¹·Jᵀr, and the reduction of ½Σr² that the linear model predicts; factor: of the
         preconditioner."""
-        arrays, shift = self.mlp.arrays, self.damping * self._unit
-        x = arrays.zeros(self.mlp.parameter_count)
+        shift, x = self.damping * self._unit, np.zeros(self.mlp.parameter_count)
         residual = -self._gradient
-        z = arrays.solve(factor, residual)
+        z = scipy.linalg.cho_solve(factor, residual, check_finite=False)
         direction, rz, gain = z, float(residual @ z), 0.0
-        for count in range(1, MAX_PRODUCTS + 1):
+        for count in range(1, self._settings.max_products + 1):
             product = self.mlp.gram_product(direction) + shift * direction
             curvature = float(direction @ product)
             if not (curvature > 0.0 and rz > 0.0):
                 break
-            self._solver_flop += 2 * self.mlp.parameter_count * self.mlp.block_parameters
+            self._solver_flop += 2 * self.mlp.parameter_count**2
             length = rz / curvature
             x = x + length * direction
             residual = residual - length * product
             gain += length * rz
-            if count > 1 and length * rz * count < self._accuracy * gain:
+            if count > 1 and length * rz * count < self._settings.accuracy * gain:
                 break
-            z = arrays.solve(factor, residual)
+            z = scipy.linalg.cho_solve(factor, residual, check_finite=False)
             rz, before = float(residual @ z), rz
             direction = z + (rz / before) * direction
         # JᵀJ·x = -Jᵀr - residual - λ·d·x, so gᵀx + ½xᵀJᵀJx needs no further product.
@@ -128,25 +138,22 @@ class LevenbergMarquardt:
 
     def step(self) -> bool:
         """One iteration; True if the loss fell. Sets ``exhausted`` when no damping gives a lower loss any more."""
-        if float(self.xp.abs(self._gradient).max()) == 0.0:
-            self.exhausted = True
-            return False
-        factor = self._precondition()
+        factor = self._precondition() if float(np.abs(self._gradient).max()) > 0.0 else None
         if factor is None:
             self.exhausted = True
             return False
         x, predicted = self._solve(factor)
         start, length, ratio, fell = self.loss, 1.0, -np.inf, False
-        for trial in range(TRIALS):
-            tried, loss = self.mlp.evaluate(self._parameters + length * x)
-            if trial == 0 and predicted > 0.0 and np.isfinite(loss):
+        for count in range(self._settings.evaluations):
+            parameters, loss = self.mlp.evaluate(self._parameters + length * x)
+            if count == 0 and predicted > 0.0 and np.isfinite(loss):
                 ratio = (start - loss) / predicted
             fell = loss < start
             if fell:
-                self._gradient = self.mlp.accept(tried)
-                self._parameters, self.loss = tried, loss
+                self._gradient = self.mlp.accept(parameters)
+                self._parameters, self.loss = parameters, loss
                 break
-            length *= SHORTER
-        self.damping, self._growth = next_damping(self.damping, self._growth, ratio)
-        self.exhausted = self.damping > MAX_DAMPING
+            length *= self._settings.shorten
+        self.damping, self._growth = next_damping(self.damping, self._growth, ratio, self._settings.min_damping)
+        self.exhausted = self.damping > self._settings.max_damping
         return fell

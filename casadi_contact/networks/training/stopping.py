@@ -1,4 +1,4 @@
-"""When to stop: the three criteria of §2.6, and a fit that stands still.
+"""When to stop: the three criteria of [EF15 §2.6], a fit that stands still, and a trend that will miss the tolerance.
 
 History columns are the root-mean-square weighted residuals of the training and validation rows, one entry an
 iteration, in the unit of the tolerance (N or N·mm).
@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from math import isfinite
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from casadi_contact.core.conventions import Array
 
@@ -18,21 +19,20 @@ BUDGET_USED = "budget used"
 ITERATION_LIMIT = "iteration limit"
 VALIDATION_RISING = "validation error rising"
 STALLED = "stalled"
-# The error might have fallen further; surrogate files of before say "time used".
-LIMITS = (BUDGET_USED, ITERATION_LIMIT, "time used")
+LIMITS = (BUDGET_USED, ITERATION_LIMIT)
+"""Reasons after which the error might have fallen further."""
 
 
 def error_reached(training_rms: float, validation_rms: float, tolerance: float) -> bool:
-    """Criterion 1: the training error is at most the wanted one - and so is the validation error, where there are
-    validation rows (NaN without), lest a network too large for its data counts as good."""
+    """Criterion 1: training and validation error are at most the tolerance (validation NaN without such rows)."""
     return training_rms <= tolerance and not validation_rms > tolerance
 
 
 def reached_in_every_domain(
     residuals: Array, validation: np.ndarray, domain: np.ndarray | None, tolerance: float
 ) -> bool:
-    """Criterion 1 in each domain by itself: root mean square of its validation rows at most the wanted one, lest many
-    easy rows hide a few that are far off. residuals (n,) or (n, m); True without domains."""
+    """Criterion 1 for the validation rows of each domain by itself, so that many easy rows do not hide a few that are
+    far off. residuals (n,) or (n, m); True without domains."""
     if domain is None:
         return True
     squares = np.reshape(residuals**2, (len(residuals), -1)).sum(axis=1)
@@ -40,15 +40,10 @@ def reached_in_every_domain(
     return all(bool(squares[chosen].mean() <= tolerance**2) for chosen in rows)
 
 
-def budget_used(gflop: float, max_gflop: float) -> bool:
-    """Criterion 2, the paper's allotted time counted as work."""
-    return gflop >= max_gflop
-
-
 def validation_rising(validation_rms: Sequence[float], rises: int) -> bool:
     """Criterion 3: the validation error rose ``rises`` times in a row.
 
-    Iterations that changed nothing (a refused step) repeat the last value; they neither rise nor break a row.
+    Iterations without an accepted step repeat the last value; they neither rise nor break a row.
     """
     in_a_row = 0
     for before, after in zip(validation_rms[-2::-1], validation_rms[:0:-1], strict=False):
@@ -68,3 +63,18 @@ def stalled(training_rms: Sequence[float], window: int, least_improvement: float
         return False
     before, now = training_rms[-1 - window], training_rms[-1]
     return isfinite(before) and before - now < least_improvement * before
+
+
+def extrapolated_error(effort: ArrayLike, rms: ArrayLike, end: float) -> float:
+    """The error to expect at ``end``: log(rms) as a line in log(effort) through the latter half of the entries.
+
+    Effort is the work (or iterations) since this size began, all > 0: errors of these fits fall like a power of it.
+    The line never rises: a trend upwards counts as standing still.
+    """
+    effort, rms = np.asarray(effort, dtype=float), np.asarray(rms, dtype=float)
+    half = len(rms) // 2
+    x, y = np.log(effort[half:]), np.log(np.maximum(rms[half:], 1e-300))
+    if len(x) < 2 or np.ptp(x) == 0.0:
+        return float(rms[-1])
+    power = min(float(np.polyfit(x, y, 1)[0]), 0.0)
+    return float(rms[-1]) * (end / float(effort[-1])) ** power if end > effort[-1] else float(rms[-1])

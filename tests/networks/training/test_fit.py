@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from casadi_contact.networks.network import Regression
-from casadi_contact.networks.training.arrays import NumpyArrays
 from casadi_contact.networks.training.fit import fit
-from casadi_contact.networks.training.mlp import Mlp
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.networks.training.weights import flatten, initial_network
 from tests.support.regressions import FIXED, smooth
@@ -81,23 +79,6 @@ def test_a_budget_counts_operations_so_that_a_busy_machine_gives_the_same_weight
     assert len(sizes_in_order(quiet, settings)) > 1
     np.testing.assert_array_equal(flatten(quiet.network), flatten(busy.network))
     assert quiet.gflop == busy.gflop >= 0.15
-
-
-def test_work_is_two_operations_for_each_row_and_weight_that_a_product_visits():
-    """An evaluation with its small least-squares problem, a gradient, a product with JᵀJ and JᵀJ itself, by hand."""
-    data = smooth(100)
-    network = initial_network(data.inputs, data.targets, (4,), "tanh", 0)
-    mlp = Mlp(network, data.inputs, data.targets, data.weights, 0.0, NumpyArrays())
-    weights = 4 * 4 + 5
-    parameters, _ = mlp.evaluate(flatten(network))
-    assert mlp.flop == 2 * 100 * weights + 2 * 100 * 5**2
-    mlp.accept(parameters)
-    assert mlp.flop == 6 * 100 * weights + 2 * 100 * 5**2
-    before = mlp.flop
-    mlp.gram_product(parameters)
-    assert mlp.flop - before == 4 * 100 * weights
-    mlp.gram()
-    assert mlp.flop - before == 4 * 100 * weights + 100 * weights**2
 
 
 def noise(rows=60):
@@ -282,7 +263,58 @@ def test_wrong_false_loads_are_refused():
             fit(replace(smooth(), false_load=wrong), FIXED)
 
 
-def test_whole_numbers_of_numpy_are_whole_numbers():
-    settings = TrainingSettings(seed=np.int64(3), max_iterations=np.int32(7))
-    assert (settings.seed, settings.max_iterations) == (3, 7)
-    assert type(settings.seed) is int, "as files of plain values hold it"
+def test_several_outputs_are_fitted_by_neurons_they_share():
+    one = smooth()
+    targets = np.column_stack([one.targets, one.targets**2, np.sin(one.inputs).sum(axis=1)])
+    weights = np.random.default_rng(1).uniform(0.2, 1.0, targets.shape)
+    three = replace(one, targets=targets, weights=weights)
+    found = fit(three, TrainingSettings(sizes=((8, 8),), max_iterations=60, restarts=0))
+    training = three.residuals(found.network)[~one.validation]
+    assert found.rms == pytest.approx(np.sqrt((training**2).sum(axis=1).mean()))
+    spread = weights * (targets - targets.mean(axis=0))
+    assert found.rms < 0.05 * np.sqrt((spread**2).sum(axis=1).mean())
+    with pytest.raises(ValueError, match="weights"):
+        fit(replace(three, weights=weights[:, 0]))
+
+
+# --- residuals that count more in some domains
+
+DOMAIN = np.repeat(np.array([1, 3, 4], dtype=np.uint8), 200)
+INPUTS = np.random.default_rng(5).uniform(-1.0, 1.0, (600, 2))
+ROUGH = np.sin(3.0 * INPUTS[:, 0]) * np.cos(2.0 * INPUTS[:, 1])
+
+
+def regression(**columns):
+    alone = Regression("root", INPUTS, ROUGH, np.ones(600), np.zeros(600, bool), 0.0, domain=DOMAIN)
+    return replace(alone, **columns)
+
+
+def by_domain(residuals):
+    """Sum of squares of each domain's rows."""
+    return np.sum(residuals.reshape(3, -1) ** 2, axis=1)
+
+
+@pytest.mark.parametrize("outputs", [1, 2])
+def test_residuals_are_multiplied_and_their_mean_square_is_kept(outputs):
+    columns = {} if outputs == 1 else {"targets": np.stack([ROUGH, ROUGH], 1), "weights": np.ones((600, 2))}
+    before = regression(false_load=0.5 if outputs == 1 else 0.0, **columns)
+    after = before.weighted({1: 4.0, 3: 2.0})
+    network = initial_network(INPUTS, before.targets, (4,), "tanh", 0)
+    ratio = by_domain(after.residuals(network)) / by_domain(before.residuals(network))
+    np.testing.assert_allclose(ratio, 3.0 * np.array([16.0, 4.0, 1.0]) / 21.0)
+
+
+def test_rows_of_no_domain_cannot_be_weighted():
+    own = regression(domain=None)
+    assert own.weighted({}) is own
+    with pytest.raises(ValueError, match="domain"):
+        own.weighted({1: 2.0})
+
+
+def test_a_small_network_is_more_accurate_where_rows_count_for_more():
+    """Too few neurons for all rows: what one domain gains others lose."""
+    settings = TrainingSettings(sizes=((3,),), max_iterations=150, restarts=0)
+    apart = regression(targets=np.where(DOMAIN == 1, 1.0, -1.0) * ROUGH)
+    even, weighted = (by_domain(apart.residuals(fit(r, settings).network)) for r in (apart, apart.weighted({1: 5.0})))
+    assert weighted[0] < 0.5 * even[0]
+    assert weighted[1:].sum() > even[1:].sum()

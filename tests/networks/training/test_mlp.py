@@ -1,143 +1,135 @@
-"""The Jacobian of the residuals against torch's autograd and finite differences, and the conversions around it."""
+"""Products with the Jacobian of the residuals: one and several outputs against finite differences and autograd."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from casadi_contact.networks.training.arrays import NumpyArrays
 from casadi_contact.networks.training.mlp import Mlp
-from casadi_contact.networks.training.weights import flatten, initial_network, unflatten
+from casadi_contact.networks.training.several_outputs import SeveralOutputsMlp
+from casadi_contact.networks.training.weights import flatten, initial_network, unflatten, widen
 from tests.support.regressions import smooth
 
-torch = pytest.importorskip("torch", reason="these oracles need the extra torch")
 
-
-@pytest.fixture(params=["algebraic", "tanh"])
-def network(request):
-    data = smooth()
-    return initial_network(data.inputs, data.targets, (5, 4, 3), request.param, seed=3)
-
-
-def mlp_of(network, data, arrays=None, chunk_rows=64):
-    return Mlp(network, data.inputs, data.targets, data.weights, data.false_load, arrays or NumpyArrays(), chunk_rows)
-
-
-def with_false_loads(rows):
-    """Every third row must not be positive: the targets there are below zero."""
+def regression(outputs=1, rows=150):
+    """One output, where every third row must not be positive; or several."""
     data, rng = smooth(rows), np.random.default_rng(4)
+    if outputs > 1:
+        targets = np.column_stack([data.targets, data.targets**2, np.sin(data.inputs).sum(axis=1)])
+        return replace(data, targets=targets, weights=rng.uniform(0.2, 1.0, targets.shape))
     must_not = np.arange(rows) % 3 == 0
-    targets = np.where(must_not, -data.targets, data.targets)
-    return replace(data, targets=targets, false_load=np.where(must_not, rng.uniform(0.5, 30.0, rows), 0.0))
+    false_load = np.where(must_not, rng.uniform(0.5, 30.0, rows), 0.0)
+    return replace(data, targets=np.where(must_not, -data.targets, data.targets), false_load=false_load)
+
+
+def mlp_of(network, data, chunk_rows=64, **options):
+    kind = Mlp if network.outputs == 1 else SeveralOutputsMlp
+    return kind(network, data.inputs, data.targets, data.weights, data.false_load, chunk_rows, **options)
 
 
 def at(mlp, parameters):
     """Make the parameters current as they are; returns the gradient."""
-    parameters, _ = mlp.evaluate(parameters, solve_output=False)
-    return mlp.accept(parameters)
+    return mlp.accept(mlp.evaluate(parameters, solve_output=False)[0])
 
 
-def torch_residuals(network, data, parameters):
-    a = torch.tensor((data.inputs - network.input_shift) / network.input_scale)
-    start, layers = 0, list(zip(network.weights, network.biases, strict=True))
-    for level, (weight, bias) in enumerate(layers):
-        rows, columns = len(bias), weight.shape[1] + 1
-        v = parameters[start : start + rows * columns].reshape(rows, columns)
-        start += rows * columns
-        a = a @ v[:, :-1].T + v[:, -1]
-        if level < len(layers) - 1:
-            a = torch.tanh(a) if network.activation == "tanh" else a / torch.sqrt(1 + a**2)
-    y = network.output_scale * a[:, 0]
-    off = torch.tensor(data.weights) * (y - torch.tensor(data.targets))
-    return torch.cat([off, torch.tensor(data.false_load) * y.clip(min=0.0) ** 2]) if np.any(data.false_load) else off
+@pytest.fixture(params=[(1, "algebraic"), (1, "tanh"), (3, "algebraic"), (3, "tanh")], ids=str)
+def case(request):
+    outputs, activation = request.param
+    data = regression(outputs)
+    return initial_network(data.inputs, data.targets, (5, 4, 3), activation, seed=3), data
 
 
-def test_jacobian_is_autograd_s(network):
-    data, parameters = smooth(150), flatten(network)
-    mlp = mlp_of(network, data)
-    at(mlp, parameters)
-    oracle = torch.autograd.functional.jacobian(
-        lambda p: torch_residuals(network, data, p), torch.tensor(parameters)
-    ).numpy()
-    np.testing.assert_allclose(mlp.residuals, torch_residuals(network, data, torch.tensor(parameters)), rtol=1e-12)
-    np.testing.assert_allclose(mlp.jacobian(slice(None)), oracle, atol=1e-12 * np.abs(oracle).max())
+def test_products_gradient_and_gram_are_those_of_the_differentiated_loss(case):
+    """Finite differences of the residuals r and e; J of `Mlp` may differ from them by a rotation within each row."""
+    network, data = case
+    mlp, parameters, h = mlp_of(network, data), flatten(network), 1e-6
 
+    def residuals(p):
+        y = unflatten(p, network).value(data.inputs)
+        off = data.weights * (y - data.targets)
+        return np.concatenate([off.ravel(), np.ravel(data.false_load * np.maximum(y, 0.0) ** 2)])
 
-def test_jacobian_is_that_of_finite_differences(network):
-    data, parameters, h = smooth(50), flatten(network), 1e-6
-    mlp = mlp_of(network, data)
-    at(mlp, parameters)
-    jacobian = mlp.jacobian(slice(None))
-    ends = [mlp.weighted_residuals(parameters + side * h * np.eye(len(parameters))[j]) for j in range(len(parameters))
-            for side in (1, -1)]  # fmt: skip
-    differences = np.stack([(ends[2 * j] - ends[2 * j + 1]) / (2 * h) for j in range(len(parameters))], axis=1)
-    np.testing.assert_allclose(jacobian, differences, atol=1e-7 * np.abs(jacobian).max())
-
-
-def test_loss_gradient_and_gram_with_false_loads_are_those_of_two_residuals_a_row(network):
-    data, parameters = with_false_loads(150), flatten(network)
-    assert (network.value(data.inputs)[data.false_load > 0.0] > 0.0).any(), "false loads"
-    mlp = mlp_of(network, data)
-    _, loss = mlp.evaluate(parameters, solve_output=False)
-    gradient = mlp.accept(parameters)
-    both = torch_residuals(network, data, torch.tensor(parameters)).numpy()
-    oracle = torch.autograd.functional.jacobian(
-        lambda p: torch_residuals(network, data, p), torch.tensor(parameters)
-    ).numpy()
-    assert loss == pytest.approx(0.5 * both @ both, rel=1e-12)
-    np.testing.assert_allclose(gradient, oracle.T @ both, atol=1e-11 * np.abs(gradient).max())
-    gram = oracle.T @ oracle
-    np.testing.assert_allclose(np.triu(mlp.gram()), np.triu(gram), atol=1e-12 * np.abs(gram).max())
-    of_rows = np.hypot(*both.reshape(2, -1))
-    np.testing.assert_allclose(np.abs(mlp.weighted_residuals(parameters)), of_rows, rtol=1e-12)
-    np.testing.assert_allclose(np.abs(data.residuals(network)), of_rows, rtol=1e-12)
-
-
-def test_products_and_gram_are_those_of_the_jacobian(network):
-    data = with_false_loads(730)
-    mlp = mlp_of(network, data)
-    gradient = at(mlp, flatten(network))
-    jacobian = mlp.jacobian(slice(None))
-    rng = np.random.default_rng(0)
-    v, u = rng.normal(size=mlp.parameter_count), rng.normal(size=mlp.rows)
-    for got, expected in (
-        (mlp.jvp(v), jacobian @ v),
-        (mlp.vjp(u), jacobian.T @ u),
+    steps = h * np.eye(len(parameters))
+    differences = np.stack([(residuals(parameters + e) - residuals(parameters - e)) / (2 * h) for e in steps], axis=1)
+    gradient = at(mlp, parameters)
+    expected = differences.T @ residuals(parameters)
+    np.testing.assert_allclose(gradient, expected, atol=1e-7 * np.abs(expected).max())
+    gram = differences.T @ differences
+    np.testing.assert_allclose(np.triu(mlp.gram()), np.triu(gram), atol=1e-6 * np.abs(gram).max())
+    jacobian, rng = mlp.jacobian(slice(None)), np.random.default_rng(0)
+    v, u = rng.normal(size=len(parameters)), rng.normal(size=mlp.residuals.shape)
+    for got, product in (
+        (mlp.jvp(v).ravel(), jacobian @ v),
+        (mlp.vjp(u), jacobian.T @ u.ravel()),
         (mlp.gram_product(v), jacobian.T @ (jacobian @ v)),
-        (gradient, jacobian.T @ mlp.residuals),
-        (mlp.gram()[np.triu_indices(len(v))], (jacobian.T @ jacobian)[np.triu_indices(len(v))]),
+        (gradient, jacobian.T @ mlp.residuals.ravel()),
+        (np.triu(mlp.gram()), np.triu(jacobian.T @ jacobian)),
     ):
-        np.testing.assert_allclose(got, expected, atol=1e-11 * np.abs(expected).max())
+        np.testing.assert_allclose(got, product, atol=1e-11 * np.abs(product).max())
 
 
-def test_gram_of_chosen_rows_scales_each(network):
-    data = smooth(700)
+def test_residuals_are_those_of_the_regression(case):
+    network, data = case
+    residuals = mlp_of(network, data).weighted_residuals(flatten(network))
+    np.testing.assert_allclose(residuals, data.residuals(network), atol=1e-12 * np.abs(residuals).max())
+
+
+def test_gram_of_chosen_rows_scales_each(case):
+    network, data = case
     mlp = mlp_of(network, data)
     at(mlp, flatten(network))
-    rows, scales = np.arange(3, 690, 7), np.linspace(0.5, 3.0, 99)
-    chosen = mlp.jacobian(rows) * scales[:, None]
+    rows, scales = np.arange(3, 147, 7), np.linspace(0.5, 3.0, 21)
+    chosen = mlp.jacobian(rows) * np.repeat(scales, network.outputs)[:, None]
     expected = chosen.T @ chosen
     np.testing.assert_allclose(np.triu(mlp.gram(rows, scales)), np.triu(expected), atol=1e-11 * np.abs(expected).max())
 
 
-def test_the_output_layer_is_the_least_squares_one(network):
-    """No change of the output layer lowers the loss: the gradient by its weights vanishes."""
-    data = smooth()
-    mlp = mlp_of(network, data)
+@pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
+def test_single_precision_is_near_double_precision(case, scale):
+    network, data = case
+    data = replace(data, weights=scale * data.weights, false_load=0.0)
+    rough, exact = (mlp_of(network, data, single_from=rows) for rows in (0, 10**9))
+    v = np.random.default_rng(2).normal(size=network.parameter_count)
+    for mlp in (rough, exact):
+        at(mlp, flatten(network))
+    got, expected = rough.gram_product(v), exact.gram_product(v)
+    np.testing.assert_allclose(got, expected, atol=1e-5 * np.abs(expected).max())
+    assert not np.array_equal(got, expected)
+
+
+def test_the_output_layer_is_the_least_squares_one(case):
+    """No change of the output layer lowers the loss: the gradient with respect to its weights vanishes."""
+    network, data = case
+    mlp, width = mlp_of(network, replace(data, false_load=0.0)), 4 * network.outputs
     before = mlp.evaluate(flatten(network), solve_output=False)[1]
-    start = np.abs(mlp.accept(flatten(network))[-4:]).max()
+    start = np.abs(mlp.accept(flatten(network))[-width:]).max()
     parameters, loss = mlp.evaluate(flatten(network))
     assert loss < before
-    assert np.abs(mlp.accept(parameters)[-4:]).max() < 1e-7 * start
+    assert np.abs(mlp.accept(parameters)[-width:]).max() < 1e-7 * start
 
 
-def test_parameters_and_networks_convert_both_ways(network):
-    data = smooth()
-    again = unflatten(flatten(network), network)
-    np.testing.assert_array_equal(again.value(data.inputs), network.value(data.inputs))
-    expected = data.weights * (network.value(data.inputs) - data.targets)
-    residuals = mlp_of(network, data).weighted_residuals(flatten(network))
-    np.testing.assert_allclose(residuals, expected, atol=1e-12 * np.abs(expected).max())
+def test_gradients_of_a_network_are_those_of_finite_differences(case):
+    network, data = case
+    x, h = data.inputs, 1e-6
+    _, gradient = network.value_and_gradient(x)
+    differences = np.stack([(network.value(x + e) - network.value(x - e)) / (2 * h) for e in h * np.eye(3)], axis=-1)
+    np.testing.assert_allclose(gradient, differences, atol=1e-7 * np.abs(gradient).max())
+
+
+def test_work_is_two_operations_for_each_row_and_weight():
+    """An evaluation with its small least-squares problem, a gradient, a product with JᵀJ and JᵀJ itself, by hand."""
+    data = smooth(100)
+    mlp = mlp_of(initial_network(data.inputs, data.targets, (4,), "tanh", 0), data)
+    weights = 4 * 4 + 5
+    parameters, _ = mlp.evaluate(flatten(mlp.like))
+    assert mlp.flop == 2 * 100 * weights + 2 * 100 * 5**2
+    mlp.accept(parameters)
+    assert mlp.flop == 6 * 100 * weights + 2 * 100 * 5**2
+    before = mlp.flop
+    mlp.gram_product(parameters)
+    assert mlp.flop - before == 4 * 100 * weights
+    mlp.gram()
+    assert mlp.flop - before == 4 * 100 * weights + 100 * weights**2
 
 
 def test_initial_network_is_seeded_and_scaled_by_the_data():
@@ -145,6 +137,20 @@ def test_initial_network_is_seeded_and_scaled_by_the_data():
     one, same, other = (initial_network(data.inputs, data.targets, (4,), "tanh", seed) for seed in (1, 1, 2))
     np.testing.assert_array_equal(flatten(one), flatten(same))
     assert not np.array_equal(flatten(one), flatten(other))
-    standard = (data.inputs - one.input_shift) / one.input_scale
-    np.testing.assert_allclose(standard.std(axis=0), 1.0)
+    np.testing.assert_allclose(((data.inputs - one.input_shift) / one.input_scale).std(axis=0), 1.0)
     assert one.output_scale == pytest.approx(data.targets.std())
+
+
+@pytest.mark.parametrize("wide", [(7, 4, 3), (6, 5, 3), (5, 6, 4)])
+def test_widening_keeps_the_function(case, wide):
+    network, data = case
+    wider = widen(network, wide, seed=0)
+    assert wider.hidden == wide
+    values = network.value(data.inputs)
+    np.testing.assert_allclose(wider.value(data.inputs), values, atol=1e-12 * np.abs(values).max())
+
+
+@pytest.mark.parametrize("hidden", [(5, 4), (5, 4, 2), (5, 4, 3, 3)])
+def test_only_more_neurons_in_as_many_layers_are_widening(case, hidden):
+    with pytest.raises(ValueError, match=r"widen|wider"):
+        widen(case[0], hidden, seed=0)

@@ -1,8 +1,10 @@
-"""Each stopping criterion of §2.6 on hand-made histories, and stall detection."""
+"""Each stopping criterion of [EF15 §2.6] on hand-made histories, stall detection and the trend of an error."""
 
+import numpy as np
 import pytest
 
-from casadi_contact.networks.training.stopping import budget_used, error_reached, stalled, validation_rising
+from casadi_contact.networks.training.settings import TrainingSettings
+from casadi_contact.networks.training.stopping import error_reached, extrapolated_error, stalled, validation_rising
 
 NAN = float("nan")
 
@@ -13,11 +15,6 @@ NAN = float("nan")
 )
 def test_error_reached_on_training_and_validation_rows(training, validation, reached):
     assert error_reached(training, validation, tolerance=1.0) is reached
-
-
-def test_the_budget_is_used_up_when_it_is_reached():
-    assert budget_used(60.0, 60.0)
-    assert not budget_used(59.9, 60.0)
 
 
 @pytest.mark.parametrize(
@@ -40,3 +37,15 @@ def test_stalled_over_a_window():
     assert stalled([9.0, 1.0, 0.9995, 0.999], window=2, least_improvement=2e-3)
     assert not stalled([9.0, 1.0, 0.9995, 0.99], window=2, least_improvement=2e-3)
     assert not stalled([1.0, 1.0], window=2, least_improvement=2e-3)
+
+
+def test_an_error_falling_as_a_power_of_effort_is_extrapolated_and_a_rising_one_stands_still():
+    effort = np.arange(1.0, 51.0)
+    assert extrapolated_error(effort, 8.0 / effort**0.5, end=200.0) == pytest.approx(8.0 / 200.0**0.5)
+    assert extrapolated_error(effort, 1.0 + 0.01 * effort, end=100.0) == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize("sizes", [(), ((),), ((0,),), ((8,), (6,)), ((8, 8), (20,)), ((8,), (8,))])
+def test_sizes_that_do_not_contain_each_other_are_refused(sizes):
+    with pytest.raises(ValueError, match="sizes"):
+        TrainingSettings(sizes=sizes)

@@ -9,10 +9,10 @@ from threading import Event
 import numpy as np
 import pytest
 
-from casadi_contact.networks.training import side_by_side
+from casadi_contact.networks.training import parallel
 from casadi_contact.networks.training.fit import fit
+from casadi_contact.networks.training.parallel import fit_all
 from casadi_contact.networks.training.settings import TrainingSettings
-from casadi_contact.networks.training.side_by_side import fit_all
 from casadi_contact.networks.training.weights import flatten
 from tests.support.regressions import smooth
 
@@ -73,7 +73,7 @@ def test_progress_of_a_worker_reaches_the_caller(tmp_path, monkeypatch):
         told.append(line)
         heard.set()
 
-    monkeypatch.setattr(side_by_side, "fit", patient_fit)
+    monkeypatch.setattr(parallel, "fit", patient_fit)
     with ThreadPoolExecutor(1) as pool:
         fit_all([smooth()], {"smooth": SETTINGS}, pool, tmp_path, progress)
     *before, end = told
@@ -94,7 +94,7 @@ def test_a_fit_that_has_ended_is_told_while_another_goes_on(monkeypatch):
         if name == "Fx/lat" and used == allotted:
             heard.set()
 
-    monkeypatch.setattr(side_by_side, "fit", one_waits)
+    monkeypatch.setattr(parallel, "fit", one_waits)
     few = replace(SETTINGS, max_iterations=3)
     with ThreadPoolExecutor(2) as pool:
         fits = fit_all(DATA[:2], lambda r: few, pool, progress=progress)

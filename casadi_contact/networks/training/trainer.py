@@ -1,4 +1,4 @@
-"""The course of one fit: iterate, judge, grow or restart, remember the best. Its whole state fits in a checkpoint."""
+"""The course of one fit: iterate, stop, grow or restart, keep the best network. Its state fits in a checkpoint."""
 
 from __future__ import annotations
 
@@ -7,27 +7,24 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.core.conventions import Array
 from casadi_contact.networks.network import Network, Regression
 from casadi_contact.networks.training import stopping
-from casadi_contact.networks.training.arrays import NumpyArrays
-from casadi_contact.networks.training.growth import widen, will_reach
-from casadi_contact.networks.training.history import History
 from casadi_contact.networks.training.levenberg_marquardt import LevenbergMarquardt, State
 from casadi_contact.networks.training.mlp import Mlp
 from casadi_contact.networks.training.settings import TrainingSettings
-from casadi_contact.networks.training.trunk import TrunkMlp
-from casadi_contact.networks.training.weights import flatten, initial_network, unflatten
+from casadi_contact.networks.training.several_outputs import SeveralOutputsMlp
+from casadi_contact.networks.training.weights import flatten, initial_network, unflatten, widen
 
-# A larger or restarted network needs time of its own; with less of the allotment left, the present one goes on.
-_SHARE_FOR_ANOTHER = 0.2
-_LEAST_ITERATIONS = 20
+HISTORY = ("training_rms", "validation_rms", "gflop", "size")
 
 
-class Search:
-    """One fit in progress; `iterate` until ``stop_reason`` is set."""
+class Trainer:
+    """One fit in progress; `iterate` until ``stop_reason`` is set.
 
-    _lm: Any  # LevenbergMarquardt, or a member of a batch
+    history: lists with one entry an iteration: training_rms, validation_rms (NaN without validation rows), Gflop used,
+    and the index of the network's size in the settings. level: that index now. flop: work done, interrupted runs
+    included. saved: the content of a checkpoint; start: a network to begin from instead of random weights.
+    """
 
     def __init__(
         self,
@@ -37,10 +34,8 @@ class Search:
         start: Network | None = None,
     ) -> None:
         self.regression, self.settings, self._given = regression, settings, start
-        self._arrays = NumpyArrays()
-        self._training, self._validation = ~regression.validation, regression.validation
-        self.history = History()
-        self.level = self.attempt = self.began = 0
+        self.history: dict[str, list[Any]] = {name: [] for name in HISTORY}
+        self.level = self._attempt = self._began = 0
         self.stop_reason = ""
         self.flop = self._counted = 0
         self._best_level, self._best_score = 0, np.inf
@@ -50,7 +45,7 @@ class Search:
         else:
             self._restore(saved)
 
-    # --- where it stands
+    # --- state
 
     @property
     def gflop(self) -> float:
@@ -67,28 +62,30 @@ class Search:
         return unflatten(self._best, self._fresh(self._best_level))
 
     def snapshot(self) -> dict[str, Any]:
-        """The present state, to be stored by `content`; cheap, and untouched by later iterations."""
+        """The present state, for `content`; cheap, and untouched by later iterations."""
         return {
             **{f"lm_{name}": value for name, value in asdict(self._lm.state()).items()},
             "level": self.level,
-            "attempt": self.attempt,
-            "began": self.began,
+            "attempt": self._attempt,
+            "began": self._began,
             "stop_reason": self.stop_reason,
             "flop": self.flop,
             "best": self._best,
             "best_level": self._best_level,
             "best_score": self._best_score,
-            "entries": len(self.history),
+            "entries": len(self.history["gflop"]),
         }
 
     def content(self, snapshot: dict[str, Any]) -> dict[str, Any]:
         """Everything that `__init__` needs to go on from a snapshot, as arrays and numbers."""
-        history = self.history.arrays(snapshot["entries"])
-        return {**snapshot, **{f"history_{name}": column for name, column in history.items()}}
+        history = {f"history_{name}": np.array(self.history[name][: snapshot["entries"]]) for name in HISTORY}
+        return {**snapshot, **history}
 
     def _restore(self, saved: dict[str, Any]) -> None:
-        self.history = History.from_arrays({k[8:]: v for k, v in saved.items() if k.startswith("history_")})
-        self.level, self.attempt, self.began, self.flop = (int(saved[k]) for k in ("level", "attempt", "began", "flop"))
+        self.history = {name: saved[f"history_{name}"].tolist() for name in HISTORY}
+        self.level, self._attempt, self._began, self.flop = (
+            int(saved[k]) for k in ("level", "attempt", "began", "flop")
+        )
         self._best, self._best_level = saved["best"], int(saved["best_level"])
         self._best_score = float(saved["best_score"])
         lm = {k[3:]: v if v.ndim else v.item() for k, v in saved.items() if k.startswith("lm_")}
@@ -100,35 +97,36 @@ class Search:
     # --- one iteration
 
     def iterate(self) -> None:
-        """One step of Levenberg-Marquardt, then what §2.6 says to do about it."""
+        """One step of Levenberg-Marquardt, then stop, grow or restart as [EF15 §2.6] says."""
         self._lm.step()
-        self.judge()
-
-    def judge(self) -> None:
-        """What §2.6 says to do about a step that was made."""
         validation_rms = self._validation_rms()
         self._count()
-        self.history.add(self._lm.rms, validation_rms, self.gflop, self.level)
+        for name, value in zip(HISTORY, (self._lm.rms, validation_rms, self.gflop, self.level), strict=True):
+            self.history[name].append(value)
         score = self._lm.rms if np.isnan(validation_rms) else validation_rms
         reached = self._error_reached(validation_rms)
         if reached or score < self._best_score:
             self._best, self._best_level, self._best_score = self._lm.parameters, self.level, score
+        self.update_stopping(reached)
+
+    def update_stopping(self, reached: bool) -> None:
+        """Set ``stop_reason``, or begin a larger or another network, after a step; reached: the tolerance is met."""
         if reached:
             self.stop_reason = stopping.ERROR_REACHED
         elif reason := self._limit_reached():
             self.stop_reason = reason
         elif stopping.validation_rising(self._phase("validation_rms"), self.settings.max_validation_rises):
             self.stop_reason = stopping.VALIDATION_RISING
-        elif self._stands_still():
-            if self._can_begin_another() and self._larger():
+        elif self._stalled():
+            if self._can_begin_another() and self._can_grow():
                 self._grow()
-            elif self._can_begin_another() and self.attempt < self.settings.restarts:
-                self.attempt += 1
-                self.began = len(self.history)
+            elif self._can_begin_another() and self._attempt < self.settings.restarts:
+                self._attempt += 1
+                self._began = len(self.history["gflop"])
                 self._start(self._fresh())
             else:
                 self.stop_reason = stopping.STALLED
-        elif self._can_begin_another() and self._larger() and self._trend_misses():
+        elif self._can_begin_another() and self._can_grow() and self._trend_misses():
             self._grow()
 
     def _error_reached(self, validation_rms: float) -> bool:
@@ -139,24 +137,21 @@ class Search:
         return stopping.reached_in_every_domain(residuals, of.validation, of.domain, of.tolerance)
 
     def _limit_reached(self) -> str:
-        if self.settings.max_iterations is not None and len(self.history) >= self.settings.max_iterations:
+        most = self.settings.max_iterations
+        if most is not None and len(self.history["gflop"]) >= most:
             return stopping.ITERATION_LIMIT
-        return stopping.BUDGET_USED if stopping.budget_used(self.gflop, self.settings.max_gflop) else ""
+        return stopping.BUDGET_USED if self.gflop >= self.settings.max_gflop else ""
 
     def _count(self) -> None:
-        """Count what the present network has cost since it was counted last."""
-        now = self._flop_of_network()
+        """Count the work of the present network since it was counted last."""
+        now = self._lm.flop + (self._validation_mlp.flop if self._validation_mlp else 0)
         self.flop, self._counted = self.flop + now - self._counted, now
-
-    def _flop_of_network(self) -> int:
-        """Operations of the present network since it (or the run) began."""
-        return self._lm.flop + (self._validation_mlp.flop if self._validation_mlp else 0)
 
     def _phase(self, column: str) -> list[float]:
         """Entries since the present network began."""
-        return getattr(self.history, column)[self.began :]
+        return self.history[column][self._began :]
 
-    def _stands_still(self) -> bool:
+    def _stalled(self) -> bool:
         settings = self.settings
         return self._lm.exhausted or stopping.stalled(
             self._phase("training_rms"), settings.stall_window, settings.stall_improvement
@@ -164,41 +159,43 @@ class Search:
 
     def _effort(self) -> tuple[np.ndarray, float]:
         """Effort at each entry of the history and at the end: iterations if these are limited, else Gflop."""
+        gflop = self.history["gflop"]
         if self.settings.max_iterations is not None:
-            return np.arange(1.0, len(self.history) + 1.0), float(self.settings.max_iterations)
-        return np.array(self.history.gflop), self.settings.max_gflop
+            return np.arange(1.0, len(gflop) + 1.0), float(self.settings.max_iterations)
+        return np.array(gflop), self.settings.max_gflop
 
     def _can_begin_another(self) -> bool:
         effort, end = self._effort()
-        return end - effort[-1] >= _SHARE_FOR_ANOTHER * end
+        return bool(end - effort[-1] >= self.settings.share_for_another * end)
 
-    def _larger(self) -> bool:
+    def _can_grow(self) -> bool:
         return self.level + 1 < len(self.settings.sizes)
 
     def _trend_misses(self) -> bool:
-        if len(self.history) % 10:
+        """True if the error's trend stays above the tolerance at the end; asked at every tenth iteration."""
+        if len(self.history["gflop"]) % 10:
             return False
         effort, end = self._effort()
-        before = effort[self.began - 1] if self.began else 0.0
-        own = effort[self.began :] - before
-        if len(own) < _LEAST_ITERATIONS or own[-1] < self.settings.growth_share * end:
+        before = effort[self._began - 1] if self._began else 0.0
+        own = effort[self._began :] - before
+        if len(own) < self.settings.growth_iterations or own[-1] < self.settings.growth_share * end:
             return False
-        return not will_reach(own, self._phase("training_rms"), end - before, self.regression.tolerance)
+        expected = stopping.extrapolated_error(own, self._phase("training_rms"), end - before)
+        return not expected <= self.regression.tolerance
 
     # --- networks
 
     def _seed(self, level: int) -> list[int]:
-        return [self.settings.seed, level, self.attempt]
+        return [self.settings.seed, level, self._attempt]
 
     def _fresh(self, level: int | None = None) -> Network:
         """A random network of one size, scaled by the training rows alone; first of all the given start."""
         level = self.level if level is None else level
-        if self._given is not None and level == 0 and self.attempt == 0:
+        if self._given is not None and level == 0 and self._attempt == 0:
             return self._given
-        rows, regression = self._training, self.regression
+        rows, regression = ~self.regression.validation, self.regression
         sizes, activation = self.settings.sizes[level], self.settings.activation
-        columns = regression.inputs[rows], regression.targets[rows]
-        fresh = initial_network(*columns, sizes, activation, self._seed(level))
+        fresh = initial_network(regression.inputs[rows], regression.targets[rows], sizes, activation, self._seed(level))
         if self._given is None or level > 0:
             return fresh
         scales = ("input_shift", "input_scale", "output_scale")  # kept, so that weights of all attempts compare
@@ -208,31 +205,25 @@ class Search:
         """Go on with the next size: warm if it is only wider, from random weights if it is deeper (see `widen`)."""
         present = unflatten(self._lm.parameters, self._fresh())
         self.level += 1
-        self.began = len(self.history)
+        self._began = len(self.history["gflop"])
         hidden = self.settings.sizes[self.level]
         same_depth = len(hidden) == len(present.hidden)
         self._start(widen(present, hidden, self._seed(self.level)) if same_depth else self._fresh())
 
     def _start(self, network: Network, state: State | None = None) -> None:
         def mlp(rows: np.ndarray) -> Mlp:
-            kind = Mlp if network.outputs == 1 else TrunkMlp
-            return kind(network, *self._columns(rows), self._arrays, self.settings.chunk_rows)
+            kind, of = Mlp if network.outputs == 1 else SeveralOutputsMlp, self.regression.of_rows(rows)
+            return kind(network, of.inputs, of.targets, of.weights, of.false_load, self.settings.chunk_rows)
 
-        self._lm = LevenbergMarquardt(mlp(self._training), flatten(network), self._drawing_seed(), state)
-        self._validation_mlp = mlp(self._validation) if self._validation.any() else None
+        seed = int(np.random.default_rng(self._seed(self.level)).integers(2**31))
+        validation = self.regression.validation
+        self._lm = LevenbergMarquardt(mlp(~validation), flatten(network), seed, state)
+        self._validation_mlp = mlp(validation) if validation.any() else None
         self._counted = 0 if state is None else self._lm.flop  # what a resumed fit does again was counted before
         self._count()
-
-    def _drawing_seed(self) -> int:
-        return int(np.random.default_rng(self._seed(self.level)).integers(2**31))
-
-    def _columns(self, rows: np.ndarray) -> tuple[Array, Array, Array, Array | float]:
-        """Inputs, targets, weights and false loads of these rows."""
-        chosen = self.regression.of_rows(rows)
-        return chosen.inputs, chosen.targets, chosen.weights, chosen.false_load
 
     def _validation_rms(self) -> float:
         if self._validation_mlp is None:
             return np.nan
-        residuals = self._validation_mlp.weighted_residuals(self._arrays.array(self._lm.parameters))
+        residuals = self._validation_mlp.weighted_residuals(self._lm.parameters)
         return float(np.sqrt(np.sum(residuals**2) / len(residuals)))

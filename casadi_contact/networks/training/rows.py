@@ -1,0 +1,122 @@
+"""Rows of the data in training: the loss of each, blocks of them that fit into the processor's cache, random subsets.
+
+A row with target t, weight w and false load f (see `network.Regression`) has two residuals,
+
+    r = w·(y - t),   e = f·max(y, 0)².
+
+Both depend on the network's output y alone, so that the gradient and JᵀJ of ½Σ(r² + e²) are those of one residual R
+with ∂R/∂y = W,
+
+    W² = w² + (∂e/∂y)²,   W·R = w·r + ∂e/∂y·e,   ∂e/∂y = 2f·max(y, 0).
+
+They are not added before they are squared: with a large r, Gauss-Newton would not see how stiff e is at y = 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from casadi_contact.core.conventions import Array
+from casadi_contact.networks.activations import Activation
+
+
+@dataclass(frozen=True)
+class RowLoss:
+    """target, weight and false_load, each (rows,) or (rows, outputs); false_load is None where it is 0 in all rows."""
+
+    target: Array
+    weight: Array
+    false_load: Array | None
+
+    def of(self, rows: slice) -> RowLoss:
+        """The loss of these rows."""
+        false_load = None if self.false_load is None else self.false_load[rows]
+        return RowLoss(self.target[rows], self.weight[rows], false_load)
+
+    def residual(self, y: Array) -> Array:
+        """r."""
+        return self.weight * (y - self.target)
+
+    def excess(self, y: Array) -> Array:
+        """e."""
+        return 0.0 * y if self.false_load is None else self.false_load * y.clip(min=0.0) ** 2
+
+    def squares(self, y: Array) -> Array:
+        """r² + e²."""
+        squares = self.residual(y) ** 2
+        return squares if self.false_load is None else squares + self.excess(y) ** 2
+
+    def weight_and_residual(self, y: Array) -> tuple[Array, Array]:
+        """W and R."""
+        residual = self.residual(y)
+        if self.false_load is None:
+            return self.weight, residual
+        steepness = 2.0 * self.false_load * y.clip(min=0.0)
+        weight = (self.weight**2 + steepness**2) ** 0.5
+        return weight, (self.weight * residual + steepness * self.excess(y)) / weight.clip(min=np.finfo(float).tiny)
+
+
+@dataclass(frozen=True)
+class Factors:
+    """What products with J at the current parameters are made of, in one precision.
+
+    inputs: ã_{l-1} (inputs + 1, rows) of each layer. derivatives: for each layer the factor between a change of its z
+    and the residuals (`mlp`: δ_l; `several_outputs`: σ' of hidden layers, w of the last one). layers: V_l.
+    """
+
+    inputs: Sequence[Array]
+    derivatives: Sequence[Array]
+    layers: Sequence[Array]
+
+
+class Block:
+    """Activations of some rows, a column for each, at the parameters tried last and at the current ones."""
+
+    exact: Factors
+    rough: Factors
+
+    def __init__(self, activation: Activation, inputs: Array, hidden: Sequence[int], rows: slice) -> None:
+        self._activation, self.rows = activation, rows
+        self._first, self._hidden = np.ascontiguousarray(inputs), hidden
+        self.tried, self.current = self._buffers(), self._buffers()
+
+    def _buffers(self) -> list[Array]:
+        """ã of every layer's input, the constant row of ones set once."""
+        buffers = [self._first]
+        for neurons in self._hidden:
+            buffer = np.empty((neurons + 1, self.rows.stop - self.rows.start))
+            buffer[-1] = 1.0
+            buffers.append(buffer)
+        return buffers
+
+    def run(self, layers: Sequence[Array], into: list[Array] | None = None) -> Array:
+        """Fill ``into`` (``tried``) with the activations of the hidden layers; returns ã of the output layer."""
+        values = self.tried if into is None else into
+        for layer, before, after in zip(layers[:-1], values[:-1], values[1:], strict=True):
+            after[:-1] = self._activation.derivatives(np, layer @ before, 0)[0]
+        return values[-1]
+
+    def run_apart(self, layers: Sequence[Array]) -> Array:
+        """ã of the output layer; ``tried`` stays as it is."""
+        return self.run(layers, self._buffers())
+
+    def swap(self) -> None:
+        """Make the parameters tried last current."""
+        self.current, self.tried = self.tried, self.current
+
+    def activation_slope(self, level: int) -> Array:
+        """σ' (neurons, rows) of hidden layer ``level``, at the current parameters."""
+        return np.asarray(self._activation.slope_from_value(np, self.current[level + 1][:-1]))
+
+
+def draw_rows(weights: Array, count: int, seed: Sequence[int]) -> tuple[np.ndarray, Array]:
+    """About `count` rows drawn with probability ∝ their weight, and a scale for each, so that JᵀJ of the scaled rows
+    has the expectation of JᵀJ of all; all rows where there are no more."""
+    if count >= len(weights) or not weights.sum() > 0.0:
+        return np.arange(len(weights)), np.ones(len(weights))
+    chance = np.minimum(1.0, weights * (count / weights.sum()))
+    drawn = np.flatnonzero(np.random.default_rng(seed).random(len(weights)) < chance)
+    return drawn, 1.0 / np.sqrt(chance[drawn])
