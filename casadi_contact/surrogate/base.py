@@ -89,7 +89,7 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
         arrays = self._arrays(poses, names)
         if arrays is not None:
             return arrays.loads(poses, names)
-        return in_blocks(lambda block: self._loads(block, names), poses)
+        return in_blocks(lambda block: self._loads(block, names, derivative=False)[0], poses)
 
     @pose_or_poses
     def jacobian(self, poses: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
@@ -98,7 +98,7 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
         arrays = self._arrays(poses, names)
         if arrays is not None:
             return arrays.jacobian(poses, names)
-        return in_blocks(lambda block: self._loads_and_jacobian(block, names), poses)
+        return in_blocks(lambda block: self._loads(block, names, derivative=True), poses)
 
     @pose_or_poses
     def hessian(self, poses: Array, weights: ArrayLike, loads: Iterable[str] | None = None) -> Array:
@@ -134,12 +134,8 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
         return in_blocks(self._jacobian_and_roots, poses)
 
     @abstractmethod
-    def _loads(self, poses: Array, loads: Sequence[str]) -> Array:
-        """Loads (n, L)."""
-
-    @abstractmethod
-    def _loads_and_jacobian(self, poses: Array, loads: Sequence[str]) -> tuple[Array, Array]:
-        """Loads (n, L) and their derivatives (n, L, 6)."""
+    def _loads(self, poses: Array, loads: Sequence[str], *, derivative: bool) -> tuple[Array, Array]:
+        """Loads (n, L) and their derivatives (n, L, 6), (0, L, 6) if not asked for."""
 
     @abstractmethod
     def _roots(self, poses: Array, *, derivative: bool) -> tuple[Array, Array]:
@@ -147,7 +143,7 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
 
     def _jacobian_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
         """See `jacobian_and_roots`."""
-        return *self._loads_and_jacobian(poses, self.load_names), *self._roots(poses, derivative=True)
+        return *self._loads(poses, self.load_names, derivative=True), *self._roots(poses, derivative=True)
 
     @abstractmethod
     def _root_networks(self) -> list[str]:

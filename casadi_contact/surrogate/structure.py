@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from casadi_contact.networks.network import Network, Regression
-from casadi_contact.samples.samples import Samples
 from casadi_contact.scenes.scene import Scene
+
+if TYPE_CHECKING:
+    from casadi_contact.samples.samples import Samples
 
 
 class Structure(ABC):
@@ -35,7 +37,6 @@ class Structure(ABC):
         """The same networks, each with its number of outputs."""
         return dict.fromkeys(cls.network_inputs(scene), 1)
 
-    @staticmethod
     @staticmethod
     @abstractmethod
     def regressions(samples: Samples) -> list[Regression]:

@@ -8,7 +8,7 @@ import torch
 from casadi_contact.core.conventions import WRENCH_NAMES, load_selection
 from casadi_contact.networks.network import Network
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.patch.targets import ratio_outputs
+from casadi_contact.surrogate.patch.networks import ratio_outputs
 
 torch.set_default_dtype(torch.float64)
 

@@ -11,8 +11,8 @@ from casadi_contact.core.conventions import pose_index
 from casadi_contact.networks.network import Network
 from casadi_contact.samples.samples import Samples
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.surrogate.patch.regressions import patch_regressions
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
-from casadi_contact.surrogate.patch.targets import patch_regressions
 from casadi_contact.surrogate.two_stage.surrogate import TwoStageSurrogate
 from tests.support.random_surrogates import random_poses, random_surrogate
 

@@ -85,18 +85,3 @@ def test_the_side_that_is_learned_is_as_close_as_the_other_side_is_asked_to_be()
     ):
         for got, wanted in zip(one_side, closer, strict=True):
             np.testing.assert_allclose(got, wanted, rtol=0.01)  # levers differ a little from side to side
-
-
-def test_in_the_plane_of_symmetry_the_kernel_of_one_side_gives_the_loads_of_both():
-    scene = cc.load_scene("planar_knee")
-    apart = random_surrogate(scene, "patch", seed=2)
-    narrow = apart.networks
-    twins = PatchSurrogate.twins(scene)
-    alike = PatchSurrogate(
-        scene, narrow | {twin: PatchSurrogate.reflection(twin, narrow[of], scene) for twin, of in twins.items()}
-    )
-    assert [len(s._kernel(scene.load_names, roots=False).bundles) for s in (apart, alike)] == [4, 2]
-    for surrogate in (apart, alike):
-        function = surrogate.function(compiled=True)
-        for pose in random_poses(5, seed=9):
-            np.testing.assert_allclose(function(pose).full().ravel(), surrogate(pose), rtol=1e-9, atol=1e-9)

@@ -8,8 +8,9 @@ from casadi_contact.networks.network import Regression
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.surrogate.patch.local_pose import local_pose_jacobian, local_poses
+from casadi_contact.surrogate.patch.networks import ratio_outputs
+from casadi_contact.surrogate.patch.regressions import root_weight
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
-from casadi_contact.surrogate.patch.targets import ratio_outputs, root_weight
 from tests.support.invented_samples import invented_samples
 from tests.support.random_surrogates import random_poses, random_surrogate
 

@@ -281,54 +281,25 @@ def _batch(shape: Shape) -> list[str]:
 
 
 def bundle_functions(bundle: Bundle) -> str:
-    """The groups of a bundle one after the other; networks of some of the inputs get these, and theirs are put back."""
-    symbol, columns = bundle.symbol, bundle.columns
-    k = bundle.inputs if columns is None else len(columns)
+    """The groups of a bundle one after the other."""
+    symbol, k = bundle.symbol, bundle.inputs
     arguments = {
-        "value": ("const double *x, double *y", "{x}, y + {m}"),
-        "gradient": ("const double *x, double *y, double *g", f"{{x}}, y + {{m}}, {{g}} + {k} * {{m}}"),
-        "hessian": (
-            "const double *x, const double *c, double *y, double *g, double *h",
-            "{x}, c + {m}, y + {m}, {g}, {h}",
-        ),
-        "batch": ("const double *x, double *y", "{x}, y + {m} * LANES"),
+        "value": ("const double *x, double *y", "x, y + {m}"),
+        "gradient": ("const double *x, double *y, double *g", f"x, y + {{m}}, g + {k} * {{m}}"),
+        "hessian": ("const double *x, const double *c, double *y, double *g, double *h", "x, c + {m}, y + {m}, g, h"),
+        "batch": ("const double *x, double *y", "x, y + {m} * LANES"),
     }
-    names = dict(zip("xgh", "xgh" if columns is None else ("of_x", "of_g", "of_h"), strict=True))
     functions = []
     for what, (parameters, call) in arguments.items():
         lines, m = [f"INLINE void {symbol}_{what}({parameters}) {{"], 0
-        before, after = _picked(bundle, columns, what) if columns is not None and bundle.groups else ([], [])
-        lines += before
         for group in bundle.groups:
-            lines.append(f"  {group.shape.symbol}_{what}({group.symbol}, {call.format(m=m, **names)});")
+            lines.append(f"  {group.shape.symbol}_{what}({group.symbol}, {call.format(m=m)});")
             m += sum(network.outputs for network in group.networks)
         if not bundle.groups:
             unused = [parameter.split("*")[-1] for parameter in parameters.split(", ")]
             lines.append(f"  {', '.join(f'(void){name}' for name in unused)};")
-        functions.append("\n".join([*lines, *after, "}"]))
+        functions.append("\n".join([*lines, "}"]))
     return "\n\n".join(functions)
-
-
-def _picked(bundle: Bundle, columns: Sequence[int], what: str) -> tuple[list[str], list[str]]:
-    """C before and after the calls of networks that take these columns of x: inputs gathered, derivatives put back."""
-    inputs, k, count = bundle.inputs, len(columns), sum(network.outputs for network in bundle.networks.values())
-    if what == "batch":
-        copies = [
-            f"memcpy(of_x + {t} * LANES, x + {c} * LANES, LANES * sizeof(double));" for t, c in enumerate(columns)
-        ]
-        return [f"  double of_x[{k} * LANES];", *(f"  {copy}" for copy in copies)], []
-    before, after = [f"  const double of_x[{k}] = {{{', '.join(f'x[{c}]' for c in columns)}}};"], []
-    if what == "gradient":
-        before.append(f"  double of_g[{count * k}];")
-        after.append(f"  memset(g, 0, {count * inputs} * sizeof(double));")
-        put = " ".join(f"g[{inputs} * m + {c}] = of_g[{k} * m + {t}];" for t, c in enumerate(columns))
-        after.append(f"  for (int m = 0; m < {count}; m++) {{ {put} }}")
-    if what == "hessian":
-        before.append(f"  double of_g[{k}] = {{0}}, of_h[{k * k}] = {{0}};")
-        for t, c in enumerate(columns):
-            after.append(f"  g[{c}] += of_g[{t}];")
-            after += [f"  h[{inputs * c + columns[j]}] += of_h[{k * t + j}];" for j in range(t + 1)]
-    return before, after
 
 
 def family_functions(name: str, bundles: Sequence[Bundle]) -> str:
@@ -359,7 +330,7 @@ def family_functions(name: str, bundles: Sequence[Bundle]) -> str:
 def _sides(bundles: Sequence[Bundle]) -> dict[str, list[int]]:
     """How many of the bundles are evaluated side by side, the most first; none where their networks differ in shape."""
     shapes = {tuple(group.shape for group in bundle.groups) for bundle in bundles}
-    if len(shapes) > 1 or any(bundle.columns is not None or not bundle.groups for bundle in bundles):
+    if len(shapes) > 1 or not all(bundle.groups for bundle in bundles):
         return {"value": [], "gradient": []}
     return {
         what: [

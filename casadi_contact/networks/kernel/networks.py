@@ -139,15 +139,11 @@ class Group:
 
 @dataclass(frozen=True)
 class Bundle:
-    """Networks of one input, possibly none, evaluated together in order; ``symbol`` names their C functions.
-
-    columns: which of the inputs the networks take, rising; all if left out.
-    """
+    """Networks of one input, possibly none, evaluated together in order; ``symbol`` names their C functions."""
 
     symbol: str
     inputs: int
     networks: Mapping[str, Network]
-    columns: tuple[int, ...] | None = None
 
     def __post_init__(self) -> None:
         identifier(self.symbol)

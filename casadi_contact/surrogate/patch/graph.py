@@ -1,6 +1,6 @@
 """The patch structure (docs/method.md) as CasADi expressions of the pose, with both derivatives written out.
 
-    N = N0·Σ max(s, 0)²,  dN = 2·N0·Σ max(s, 0)·ds,  d²N = 2·N0·Σ ([s > 0]·dsᵀds + max(s, 0)·d²s)    over spots
+    N = N0·max(s, 0)²,  dN = 2·N0·max(s, 0)·ds,  d²N = 2·N0·([s > 0]·dsᵀds + max(s, 0)·d²s)
     W_k = N·ρ_k,        dW_k = ρ_k·dN + N·dρ_k,  d²W_k = ρ_k·d²N + dNᵀdρ_k + dρ_kᵀdN + N·d²ρ_k
 
 Values and gradients are continuous at liftoff and every order is exactly zero outside contact.
@@ -9,40 +9,15 @@ Values and gradients are continuous at liftoff and every order is exactly zero o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from casadi_contact.core.conventions import WRENCH_NAMES, Array
-from casadi_contact.networks.graph import Expressions, NetworkValue, Output, network_values
-from casadi_contact.networks.network import Network
+from casadi_contact.networks.graph import Expressions, NetworkValue, Output, network_value, network_values
 from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.surrogate.patch.local_pose import LocalPose, local_pose_expressions
-
-
-@dataclass(frozen=True)
-class PatchNetworks:
-    """The networks of one patch: root loads s_p of its spots; ratios ρ_pk of the wrench components, None where none is
-    needed. ``sensitive`` is the wrench component that is sign·N; None where every component is a ratio.
-    """
-
-    name: str
-    anchor_mm: Array
-    sensitive: str | None
-    root: Network
-    ratios: Network | None
-    components: tuple[str, ...]
-    sign: float = -1.0
-
-    def ratio_values(
-        self, x: ca.MX, components: Sequence[str], order: int, tangent: ca.MX | None
-    ) -> dict[str, NetworkValue]:
-        """Ratios of these components at the free columns x of a local pose, for `network_values`."""
-        if self.ratios is None or not components:
-            return {}
-        columns = [self.components.index(k) for k in components]
-        return dict(zip(components, network_values(self.ratios, x, order, columns, tangent), strict=True))
+from casadi_contact.surrogate.patch.networks import PatchNetworks
 
 
 def _normal(s: NetworkValue, reference_load: float, order: int) -> NetworkValue:
@@ -56,6 +31,14 @@ def _normal(s: NetworkValue, reference_load: float, order: int) -> NetworkValue:
         touching = (2 * reference_load) * (s.value > 0)
         hessian = ca.mtimes((touching * s.gradient).T, s.gradient) + slope * s.hessian
     return NetworkValue(value, gradient, hessian)
+
+
+def _ratios(patch: PatchNetworks, x: ca.MX, components: Sequence[str], order: int) -> dict[str, NetworkValue]:
+    """Ratios ρ_pk of these components at a local pose x."""
+    if patch.ratios is None or not components:
+        return {}
+    outputs = [patch.components.index(k) for k in components]
+    return dict(zip(components, network_values(patch.ratios, x, order, outputs), strict=True))
 
 
 def _times(normal: NetworkValue, ratio: NetworkValue, order: int) -> NetworkValue:
@@ -85,19 +68,16 @@ def patch_expressions(
 ) -> Expressions:
     """Root loads and loads = Σ S·wrench with derivatives up to order 0, 1 or 2.
 
-    selection S has shape (L, P, 6); a ratio network that S does not touch is left out of the graph. Networks take the
-    free columns of the local poses.
+    selection S has shape (L, P, 6); ratios that S does not touch are left out of the graph.
     """
     roots, loads = [], []
-    held = pose if space.whole else ca.mtimes(ca.sparsify(ca.DM(space.matrix)), pose) + ca.DM(space.offset)
-    tangent = None if space.whole else ca.MX(ca.DM.eye(6)[list(space.free), :])
-    at_patches = local_pose_expressions(held, np.array([patch.anchor_mm for patch in patches]))
+    on_space = pose if space.whole else ca.mtimes(ca.sparsify(ca.DM(space.matrix)), pose) + ca.DM(space.offset)
+    at_patches = local_pose_expressions(on_space, np.array([patch.anchor_mm for patch in patches]))
     for p, (patch, local) in enumerate(zip(patches, at_patches, strict=True)):
         used = [k for k in range(6) if selection[:, p, k].any()]
         components = [WRENCH_NAMES[k] for k in used if WRENCH_NAMES[k] != patch.sensitive]
-        x = local.x if tangent is None else local.x[list(space.free)]
-        (s,) = network_values(patch.root, x, order, [0], tangent)
-        ratios = patch.ratio_values(x, components, order, tangent)
+        s = network_value(patch.root, local.x, order)
+        ratios = _ratios(patch, local.x, components, order)
         roots.append(_in_pose(local, [s], order))
         if not used:
             continue

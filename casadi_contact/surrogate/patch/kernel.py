@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from string import Template
 
 from casadi_contact.core.conventions import WRENCH_NAMES, Array
 from casadi_contact.networks.kernel.network_functions import family_functions
@@ -10,10 +11,13 @@ from casadi_contact.networks.kernel.networks import Bundle
 from casadi_contact.networks.kernel.source import Kernel, c_text
 from casadi_contact.networks.names import identifier
 from casadi_contact.scenes.pose_space import PoseSpace
-from casadi_contact.surrogate.patch.graph import PatchNetworks
-from casadi_contact.surrogate.patch.kernel_text import BENT, KERNEL, PATCH
+from casadi_contact.surrogate.patch.networks import PatchNetworks
 
 _FEW = 2  # patches, of which both are pressed as a rule
+
+
+def _template(name: str) -> Template:
+    return Template(c_text(name, __package__))
 
 
 def _anchor(patch: PatchNetworks) -> str:
@@ -24,9 +28,7 @@ def _lines(lines: Sequence[str], indent: int) -> str:
     return "\n".join(" " * indent + line for line in lines)
 
 
-def _patch(
-    patch: PatchNetworks, row: int, selection: Array, reference_load: float, space: PoseSpace
-) -> tuple[list[Bundle], str]:
+def _patch(patch: PatchNetworks, row: int, selection: Array, reference_load: float) -> tuple[list[Bundle], str]:
     """Networks and functions of one patch, whose root load is the one at `row`; selection (L, 6) picks its wrench
     components into loads."""
     used = [name for k, name in enumerate(WRENCH_NAMES) if selection[:, k].any()]
@@ -34,10 +36,9 @@ def _patch(
     if patch.ratios is not None and any(name != patch.sensitive for name in used):
         ratios, of_ratios = list(patch.components), {f"{', '.join(patch.components)} by N {patch.name}": patch.ratios}
     sign = "-" if patch.sign < 0.0 else ""
-    columns = None if space.whole else space.free
     bundles = [
-        Bundle(f"root_{patch.name}", 6, {f"root {patch.name}": patch.root}, columns),
-        Bundle(f"ratios_{patch.name}", 6, of_ratios, columns),
+        Bundle(f"root_{patch.name}", 6, {f"root {patch.name}": patch.root}),
+        Bundle(f"ratios_{patch.name}", 6, of_ratios),
     ]
     picked = [
         (int(load), name, float(selection[load, WRENCH_NAMES.index(name)]))
@@ -58,7 +59,7 @@ def _patch(
         shares = (f"{share!r} * loads_weight[{load}]" for load, name, share in picked if name == component)
         return " + ".join(shares) or "0.0"
 
-    code = PATCH.substitute(
+    code = _template("part.h").substitute(
         patch=identifier(patch.name),
         row=row,
         n0=repr(float(reference_load)),
@@ -101,13 +102,12 @@ def _held(space: PoseSpace) -> tuple[str, str]:
 
 
 def patch_kernel(patches: Sequence[PatchNetworks], selection: Array, reference_load: float, space: PoseSpace) -> Kernel:
-    """Kernel of loads (selection (L, P, 6) of the patches' wrenches) and of the root load of every patch;
-    networks take the local poses' free columns."""
+    """Kernel of loads (selection (L, P, 6) of the patches' wrenches) and of the root load of every patch."""
     held, by_free = _held(space)
-    made = [_patch(patch, p, selection[:, p], reference_load, space) for p, patch in enumerate(patches)]
+    made = [_patch(patch, p, selection[:, p], reference_load) for p, patch in enumerate(patches)]
     symbols = [identifier(patch.name) for patch in patches]
     many = len(symbols) > _FEW
-    whole = KERNEL.substitute(
+    whole = _template("patches.h").substitute(
         held=held,
         patches=len(symbols),
         anchors=", ".join(f"{{{_anchor(patch)}}}" for patch in patches),
@@ -133,7 +133,7 @@ def patch_kernel(patches: Sequence[PatchNetworks], selection: Array, reference_l
             ],
             2,
         ),
-        bent=BENT.substitute(patches=len(symbols)) if many else "",
+        bent=_template("bent.h").substitute(patches=len(symbols)) if many else "",
         hessians=_lines(
             [
                 (f"if (bent[{p}]) " if many else "")

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -33,13 +32,6 @@ def local_pose_jacobian(poses: Array, anchor_mm: Array) -> Array:
     arm = rotation(poses[:, 3:]) @ anchor_mm
     jacobian[:, :3, 3:] = np.cross(axes, arm[:, :, None], axis=1)
     return jacobian
-
-
-class LocalPoses(NamedTuple):
-    """Columns (n, k) of x_p that a patch's networks take, and d/dpose (n, k, 6), (0, k, 6) if not asked for."""
-
-    x: Array
-    by_pose: Array
 
 
 @dataclass(frozen=True)

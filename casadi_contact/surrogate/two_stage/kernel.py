@@ -9,7 +9,7 @@ import numpy as np
 from casadi_contact.networks.kernel.networks import Bundle
 from casadi_contact.networks.kernel.source import Kernel, c_text, table
 from casadi_contact.networks.network import Network
-from casadi_contact.surrogate.patch.graph import PatchNetworks
+from casadi_contact.surrogate.patch.networks import PatchNetworks
 
 
 def two_stage_kernel(

@@ -14,6 +14,7 @@ load, but validity asks them to confirm every contact.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -23,15 +24,15 @@ from casadi_contact.networks.graph import Expressions, network_value
 from casadi_contact.networks.kernel.networks import Bundle
 from casadi_contact.networks.kernel.source import Kernel
 from casadi_contact.networks.network import Regression
-from casadi_contact.samples.samples import Samples
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.patch.names import root_name
+from casadi_contact.surrogate.patch.networks import root_name
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
-from casadi_contact.surrogate.patch.targets import root_regressions
-from casadi_contact.surrogate.sample_rows import finite, fitted_rows
 from casadi_contact.surrogate.two_stage.graph import two_stage_expressions
 from casadi_contact.surrogate.two_stage.kernel import confirming_inputs, two_stage_kernel
+
+if TYPE_CHECKING:
+    from casadi_contact.samples.samples import Samples
 
 # The root √|N/N0| has an infinite slope at N = 0; it is rounded off within this fraction of the boundary load,
 # which changes s by less than 3e-5 (relative) at the boundary load itself.
@@ -70,6 +71,9 @@ class TwoStageSurrogate(Surrogate):
 
         The second stage is trained on the samples' own sensitive loads. Raises ValueError for NaN or no samples.
         """
+        from casadi_contact.surrogate.patch.regressions import root_regressions
+        from casadi_contact.surrogate.sample_rows import finite, fitted_rows
+
         scene = samples.scene
         rows, validation = fitted_rows(samples)
         poses = finite("poses", samples.poses)[rows]
@@ -143,31 +147,23 @@ class TwoStageSurrogate(Surrogate):
     def _root_networks(self) -> list[str]:
         return list(self.scene.sensitive_loads)
 
-    def _loads(self, poses: Array, loads: Sequence[str]) -> Array:
-        first = [name for name in self.needed_networks(loads) if name in self.scene.sensitive_loads]
-        forces = np.column_stack([np.minimum(self.networks[name].value(poses), 0.0) for name in first])
-        inputs = np.hstack([poses, forces])
-        columns = [
-            forces[:, first.index(name)] if name in first else self.networks[name].value(inputs) for name in loads
-        ]
-        return np.stack(columns, axis=1)
-
-    def _loads_and_jacobian(self, poses: Array, loads: Sequence[str]) -> tuple[Array, Array]:
+    def _loads(self, poses: Array, loads: Sequence[str], *, derivative: bool) -> tuple[Array, Array]:
         """By the chain rule through the clamped forces."""
         first = [name for name in self.needed_networks(loads) if name in self.scene.sensitive_loads]
-        raw, d_raw = self._raw(poses, first, derivative=True)
-        forces, d_forces = np.minimum(raw, 0.0), np.where((raw < 0.0)[:, :, None], d_raw, 0.0)
+        raw, d_raw = self._raw(poses, first, derivative=derivative)
+        forces = np.minimum(raw, 0.0)
+        d_forces = np.where((raw < 0.0)[: len(d_raw), :, None], d_raw, 0.0)
         inputs = np.hstack([poses, forces])
-        values, rows = [], []
-        for name in loads:
+        values, jacobian = np.empty((len(poses), len(loads))), np.empty((len(d_raw), len(loads), 6))
+        for k, name in enumerate(loads):
             if name in first:
-                values.append(forces[:, first.index(name)])
-                rows.append(d_forces[:, first.index(name)])
+                values[:, k], jacobian[:, k] = forces[:, first.index(name)], d_forces[:, first.index(name)]
+            elif derivative:
+                values[:, k], gradient = self.networks[name].value_and_gradient(inputs)
+                jacobian[:, k] = gradient[:, :6] + np.einsum("nf,nfj->nj", gradient[:, 6:], d_forces)
             else:
-                value, gradient = self.networks[name].value_and_gradient(inputs)
-                values.append(value)
-                rows.append(gradient[:, :6] + np.einsum("nf,nfj->nj", gradient[:, 6:], d_forces))
-        return np.stack(values, axis=1), np.stack(rows, axis=1)
+                values[:, k] = self.networks[name].value(inputs)
+        return values, jacobian
 
     def _raw(self, poses: Array, first: Sequence[str], *, derivative: bool) -> tuple[Array, Array]:
         """First-stage outputs before the clamp (n, F) and their gradients (n, F, 6), (0, F, 6) if not asked for."""

@@ -36,15 +36,12 @@ class DirectSurrogate(Surrogate):
             for name, load in zip(names, samples.loads(names)[rows].T, strict=True)
         ]
 
-    def _loads(self, poses, loads):
-        return np.stack([self.networks[name].value(poses) for name in loads], axis=1)
-
-    def _loads_and_jacobian(self, poses, loads):
+    def _loads(self, poses, loads, *, derivative):
         values, slopes = zip(*(self.networks[name].value_and_gradient(poses) for name in loads), strict=True)
         return np.stack(values, axis=1), np.stack(slopes, axis=1)
 
     def _roots(self, poses, *, derivative):
-        forces, slopes = self._loads_and_jacobian(poses, self.scene.sensitive_loads)
+        forces, slopes = self._loads(poses, self.scene.sensitive_loads, derivative=True)
         return -forces / self.scene.reference_load, -slopes / self.scene.reference_load
 
     def _root_networks(self):

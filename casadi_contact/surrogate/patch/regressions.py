@@ -17,7 +17,7 @@ from casadi_contact.samples.check_table import check_no_pull
 from casadi_contact.samples.samples import Samples
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.patch.local_pose import local_poses
-from casadi_contact.surrogate.patch.names import is_root, ratios_name, root_name
+from casadi_contact.surrogate.patch.networks import part_components, ratios_name, root_name
 from casadi_contact.surrogate.sample_rows import finite, fitted_rows, nonempty
 
 _GAP_WEIGHT = 0.02  # of residuals far out of contact (`root_weight`)
@@ -46,24 +46,7 @@ def root_weight(target: Array, scene: Scene) -> Array:
 
 def root_regressions(samples: Samples) -> list[Regression]:
     """Those of `patch_regressions` that are of root loads."""
-    return [r for r in patch_regressions(samples) if is_root(r.name)]
-
-
-def part_components(scene: Scene) -> dict[str, tuple[str, ...]]:
-    """Of every part: the wrench components whose ratio to the normal load the scene's loads need, perhaps none."""
-    selection = scene.part_selection(scene.load_names)
-    return {
-        part.name: tuple(
-            name for k, name in enumerate(WRENCH_NAMES) if selection[:, p, k].any() and name != part.normal.component
-        )
-        for p, part in enumerate(scene.parts)
-    }
-
-
-def ratio_outputs(scene: Scene) -> dict[str, tuple[str, ...]]:
-    """Wrench components whose ratios the scene's loads need, by the name of the network that gives them."""
-    components = part_components(scene)
-    return {ratios_name(part): names for part, names in components.items() if names}
+    return [r for r in patch_regressions(samples) if r.name.startswith(root_name(""))]
 
 
 def patch_regressions(samples: Samples) -> list[Regression]:
