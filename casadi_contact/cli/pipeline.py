@@ -12,7 +12,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 
 from casadi_contact.contact.choice import foundation
-from casadi_contact.contact.compiled.foundation import CompiledFoundation
+from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.conventions import Update
 from casadi_contact.core.files.writing import folder_lock, replacing, writable_folder, write_text

@@ -1,23 +1,72 @@
-"""The contact model without training for a scene: the cheapest that meets its tolerances."""
+"""Choices of contact models kept on disc, so that a scene's convergence test runs once.
+
+A file holds the record of a choice as JSON, and the SHA-256 of that. Its name is the SHA-256 of the scene's content,
+its tolerances and the library's code: a scene or a library that differs finds none. What cannot be read, is not as
+written, or could be another user's is as good as absent, and where the folder cannot be written nothing is kept.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from casadi_contact.contact.cells.choice import cell_foundation, cell_ladder, recorded_cells
 from casadi_contact.contact.cells.patches import CELL_SHAPES
-from casadi_contact.contact.choice_cache import keep_record, kept_record
-from casadi_contact.contact.compiled.foundation import CompiledFoundation
-from casadi_contact.contact.compiled.source import C_LAWS
-from casadi_contact.contact.cup.choice import cup_foundation, cup_ladder, recorded_cup
-from casadi_contact.contact.cup.cup import CUP_SHAPE
+from casadi_contact.contact.compiled_foundation import CompiledFoundation
+from casadi_contact.contact.cup.foundation import cup_foundation, cup_ladder, recorded_cup
+from casadi_contact.contact.cup.quadrature import CUP_SHAPE
+from casadi_contact.contact.foundation_source import C_LAWS
 from casadi_contact.contact.polar.choice import polar_foundation, polar_ladder, recorded_rays
-from casadi_contact.contact.polar.patches import POLAR_SHAPES
+from casadi_contact.contact.polar.surfaces import POLAR_SHAPES
+from casadi_contact.core.compiler import cache_folder, check_private, is_private
+from casadi_contact.core.files.writing import write_bytes
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
+
+_MOST_BYTES = 100_000
+_PACKAGE = Path(__file__).parents[1]
+
+
+def kept_record(scene: Scene) -> dict[str, Any] | None:
+    """The record of the choice made for a scene; None where there is none."""
+    path = _path(scene)
+    with suppress(OSError, ValueError, KeyError, TypeError, RecursionError):
+        check_private(path.parent)
+        if path.stat().st_size <= _MOST_BYTES and is_private(path):
+            content = json.loads(path.read_bytes())
+            if content["sha256"] == _digest(content["record"]):
+                return dict(content["record"])
+    return None
+
+
+def keep_record(scene: Scene, record: Mapping[str, Any]) -> None:
+    """Keep the record of a choice: plain values."""
+    path = _path(scene)
+    with suppress(OSError):
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        check_private(path.parent)
+        write_bytes(path, json.dumps({"sha256": _digest(record), "record": record}).encode())
+
+
+def _path(scene: Scene) -> Path:
+    wanted = json.dumps(dict(scene.tolerances), sort_keys=True)
+    key = hashlib.sha256(f"{scene.digest} {wanted} {_code_digest()}".encode()).hexdigest()[:32]
+    return cache_folder() / f"choice-{key}.json"
+
+
+def _digest(record: object) -> str:
+    return hashlib.sha256(json.dumps(record, sort_keys=True).encode()).hexdigest()
+
+
+@cache
+def _code_digest() -> str:
+    paths = sorted(path for ending in ("py", "h") for path in _PACKAGE.rglob(f"*.{ending}"))
+    return hashlib.sha256(b"\0".join(path.read_bytes() for path in paths)).hexdigest()
 
 
 class _Kind(NamedTuple):
@@ -47,7 +96,7 @@ def foundation(scene: Scene | str | Path, *, compiled: bool = True) -> CompiledF
     can be had, single poses in proportion to the force above the reference load), over poses that press each patch
     within its rim from the scene's boundary load to `convergence.LARGEST_LOAD` reference loads. ``record`` of the model
     holds the choice and its errors, of polar quadrature also how often elements contradict it; it is kept in the cache
-    folder (`contact.choice_cache`), for laws of the library.
+    folder (`contact.choice`), for laws of the library.
     Raises ValueError for a shape that has no such model (`FOUNDATION_SHAPES`), or where none is good enough.
     """
     scene = scene if isinstance(scene, Scene) else load_scene(scene)

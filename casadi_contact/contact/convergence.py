@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from casadi_contact.contact.compiled.foundation import CompiledFoundation
+from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.core.conventions import Array, load_unit
 from casadi_contact.core.quantities import beside
 from casadi_contact.scenes.scene import Scene

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 import casadi as ca
 import numpy as np
 
-from casadi_contact.contact.pressure.law import layer_modulus
+from casadi_contact.contact.pressure_law import layer_modulus
 from casadi_contact.core.conventions import POSE_NAMES, Array
 from casadi_contact.networks.frames import relative_pose, rotation
 from casadi_contact.scenes.material import Material

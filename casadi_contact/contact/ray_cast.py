@@ -12,8 +12,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from casadi_contact.contact.callable_model import CallableModel
-from casadi_contact.contact.pressure.law import law_of, pressures
-from casadi_contact.contact.pressure.summary import PressedElements, PressureSummary
+from casadi_contact.contact.pressure_law import law_of, pressures
+from casadi_contact.contact.pressures import PressedElements, PressureSummary
 from casadi_contact.core.conventions import Array, as_poses, rotation
 from casadi_contact.geometry.rays import RayCaster
 from casadi_contact.scenes.scene import Scene

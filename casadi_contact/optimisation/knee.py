@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from casadi_contact.contact.leaps import leaps
+from casadi_contact.contact.continuity import leaps
 from casadi_contact.contact.settle import settle
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import LEVER_MM, POSE_NAMES, Array, angular_velocity_map

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation
-from casadi_contact.contact.pressure.map import PressureMap
+from casadi_contact.contact.pressures import PressureMap
 from casadi_contact.core.conventions import POSE_NAMES, Array, as_poses, load_selection
 from casadi_contact.core.quantities import quantity
 from casadi_contact.pictures.figure import CENTRE_OF_PRESSURE, discs, name_axes, new_figure, patch_title, save

@@ -4,7 +4,7 @@
 
 The logarithmic law is infinite at d = h; beyond d = 0.9 h it goes on along its tangent, so that a solver's deep
 trial pose still gives a finite, growing pressure. Each law is one function and one entry in ``LAWS``; numba compiles
-it for the contact models (`contact.pressure.law`).
+it for the contact models (`contact.pressure_law`).
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from casadi_contact.contact.compiled.foundation import CompiledFoundation
+from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.parameters import PLACEMENT
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import POSE_NAMES, Array, as_poses

@@ -19,7 +19,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from casadi_contact.contact.compiled.foundation import CompiledFoundation
+from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.parameters import PLACEMENT, check_parameters
 from casadi_contact.core.conventions import POSE_IN_MM, Array
 from casadi_contact.core.quantities import three_digits

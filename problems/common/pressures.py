@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from casadi_contact.contact.pressure.summary import PressureSummary
+from casadi_contact.contact.pressures import PressureSummary
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.quantities import quantity
 from casadi_contact.scenes.opensim.mapping import loads_table

@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.polar.dish_slopes import RADII
-from casadi_contact.contact.pressure.law import layer_modulus
+from casadi_contact.contact.pressure_law import layer_modulus
 from casadi_contact.core.conventions import POSE_NAMES, Array, pose_index
 from casadi_contact.optimisation.knee import SIDES, check_knee
 from casadi_contact.optimisation.starts import KNEE_STEPS

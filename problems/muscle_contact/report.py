@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from casadi_contact.contact.leaps import leaps_in_words
+from casadi_contact.contact.continuity import leaps_in_words
 from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.core.quantities import FORCE, Kind, two_digits
 from casadi_contact.core.terminal import PlainConsole

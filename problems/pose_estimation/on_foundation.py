@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from casadi_contact.contact.pressure.summary import PressureSummary
+from casadi_contact.contact.pressures import PressureSummary
 from casadi_contact.core.conventions import Array
 from casadi_contact.optimisation.verification.uncertain_load import uncertain_load_shares, uncertain_load_words
 from problems.common.contact import grids_in_words, models_on_grids

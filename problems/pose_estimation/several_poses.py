@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from casadi_contact.contact.leaps import leaps_in_words
+from casadi_contact.contact.continuity import leaps_in_words
 from casadi_contact.contact.settle import settle
 from casadi_contact.core.conventions import POSE_IN_MM, Array, pose_index
 from casadi_contact.surrogate.base import Surrogate

@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 import casadi_contact as cc
-from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.machine import machine_record
 from casadi_contact.workflow.benchmark.kernel_speed import jacobian_of, lagrangian_hessian
 from casadi_contact.workflow.benchmark.timing import compare, one_thread, time_batch, time_single_calls

@@ -18,10 +18,10 @@ import typer
 
 import casadi_contact as cc
 from casadi_contact.contact.cells.basis import Cells
-from casadi_contact.contact.compiled.foundation import CompiledFoundation
-from casadi_contact.contact.cup.choice import CONVERGED as MOST_POINTS
+from casadi_contact.contact.compiled_foundation import CompiledFoundation
+from casadi_contact.contact.cup.foundation import CONVERGED as MOST_POINTS
 from casadi_contact.contact.cup.foundation import CupFoundation
-from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.conventions import Array
 from casadi_contact.samples.reference import reference_poses
 from casadi_contact.workflow.project import reference_motion_cycles

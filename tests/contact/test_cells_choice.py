@@ -5,7 +5,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact.cells import choice
-from casadi_contact.contact.cells.pressed_poses import SEATED, pressed_poses, seated_poses
+from casadi_contact.contact.cells.choice import SEATED, pressed_poses, seated_poses
 from casadi_contact.contact.convergence import Errors, NotGoodEnoughError
 from casadi_contact.core.conventions import rotation
 from tests.support.meshes import cap_mesh, scene_of, sheet_mesh, slab_mesh

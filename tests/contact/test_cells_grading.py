@@ -5,8 +5,8 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact.cells.basis import Cells
-from casadi_contact.contact.cells.grading import density, lay_lines
-from casadi_contact.contact.cells.patches import patch_charts
+from casadi_contact.contact.cells.mesh_chart import density
+from casadi_contact.contact.cells.patches import lay_lines, patch_charts
 from tests.support.meshes import cap_mesh, scene_of, sheet_mesh
 
 RADIUS_MM, SLOPE, RIDGE_RADIUS_MM = 12.0, 0.7, 1.0

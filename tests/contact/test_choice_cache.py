@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import choice, choice_cache
+from casadi_contact.contact import choice
+from casadi_contact.contact import choice as choice_cache
 
 
 @pytest.fixture

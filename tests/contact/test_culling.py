@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from casadi_contact.contact.elements.culling import block_bound, point_bound
+from casadi_contact.contact.elements.loops import block_bound, point_bound
 from casadi_contact.geometry.moving_surface import MESH_FIELD
 
 HOLLOW_MM = 30.0  # a body around a spherical hollow: g = R - |p|, bent towards the body, as in the notch of a femur

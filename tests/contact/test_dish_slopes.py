@@ -5,9 +5,8 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact.polar.dish_slopes import RADII, dish_slopes
-from casadi_contact.contact.polar.pressures import patch_moments
-from casadi_contact.contact.polar.quadrature import patch_loads
-from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.contact.polar.lines import Rays
+from casadi_contact.contact.polar.quadrature import patch_loads, patch_moments
 from casadi_contact.core.conventions import rotation
 from tests.support.ready_poses import KNEE
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.conventions import rotation
 from tests.support.compiler import needs_compiler
 from tests.support.ready_poses import KNEE

@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import casadi_contact as cc
-from casadi_contact.contact.polar.pressed_poses import pressed_poses
-from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.contact.polar.choice import pressed_poses
+from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.conventions import rotation
 from tests.support.derivative_checks import check_jacobian
 from tests.support.ready_poses import CASES, KNEE, at

@@ -5,10 +5,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import casadi_contact as cc
-from casadi_contact.contact.polar.nearest import nearest
-from casadi_contact.contact.polar.pressed_poses import pressed_poses
-from casadi_contact.contact.polar.rays import Rays
-from casadi_contact.contact.polar.rim import u_range
+from casadi_contact.contact.polar.choice import pressed_poses
+from casadi_contact.contact.polar.lines import Rays
+from casadi_contact.contact.polar.peak import nearest
+from casadi_contact.contact.polar.surfaces import u_range
 from casadi_contact.core.conventions import rotation
 from tests.support.compiler import needs_compiler
 from tests.support.derivative_checks import check_hessians, check_jacobian, check_same_formulas

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.compiler import CACHE_VARIABLE
 from tests.support.compiler import flags_of_the_library, needs_compiler
 from tests.support.derivative_checks import (

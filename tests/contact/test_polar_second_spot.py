@@ -7,10 +7,8 @@ from scipy.spatial.transform import Rotation
 import casadi_contact as cc
 from casadi_contact.contact.convergence import NotGoodEnoughError
 from casadi_contact.contact.polar import quadrature
-from casadi_contact.contact.polar.against_elements import share_apart
-from casadi_contact.contact.polar.choice import polar_foundation
-from casadi_contact.contact.polar.pressed_poses import pressed_poses
-from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.contact.polar.choice import polar_foundation, pressed_poses, share_apart
+from casadi_contact.contact.polar.lines import Rays
 from tests.support.compiler import needs_compiler
 from tests.support.derivative_checks import check_same_formulas
 

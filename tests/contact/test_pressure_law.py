@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from casadi_contact.contact.pressure.law import compile_laws, law_number, pressure, pressures
+from casadi_contact.contact.pressure_law import compile_laws, law_number, pressure, pressures
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.pressure_laws import LAWS
 

@@ -6,8 +6,8 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact.cells.basis import Cells
-from casadi_contact.contact.polar.rays import Rays
-from casadi_contact.contact.pressure.law import layer_modulus
+from casadi_contact.contact.polar.lines import Rays
+from casadi_contact.contact.pressure_law import layer_modulus
 from tests.support.compiler import needs_compiler
 from tests.support.ready_poses import KNEE, PLACES, at, placed
 

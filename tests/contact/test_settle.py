@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact.cup.choice import CANDIDATES
-from casadi_contact.contact.cup.foundation import CupFoundation
+from casadi_contact.contact.cup.foundation import CANDIDATES, CupFoundation
 from casadi_contact.core.conventions import LEVER_MM
 from casadi_contact.scenes.scene import Scene
 from tests.support import two_spheres

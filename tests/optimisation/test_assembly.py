@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import casadi_contact as cc
 from casadi_contact.contact.polar.foundation import PolarFoundation
-from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.conventions import rotation
 from casadi_contact.core.quantities import FORCE, TORQUE
 from casadi_contact.optimisation.assembly.assembly import Assembly

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact.leaps import leaps, leaps_in_words
+from casadi_contact.contact.continuity import leaps, leaps_in_words
 from casadi_contact.optimisation import knee as knee_module
 from casadi_contact.optimisation import starts
 

@@ -6,7 +6,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact.polar.foundation import PolarFoundation
-from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.conventions import WRENCH_NAMES
 from casadi_contact.optimisation.contact_frames import ContactFrames
 from casadi_contact.optimisation.joint_mechanics import total_selection, whole_wrench

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact.pressure.law import pressures
+from casadi_contact.contact.pressure_law import pressures
 from casadi_contact.core.conventions import pose_index
 from casadi_contact.pictures.live.contact_model import page_contact
 from casadi_contact.pictures.live.fixed_surface import fixed_surfaces

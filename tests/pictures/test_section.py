@@ -5,7 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import casadi_contact as cc
-from casadi_contact.contact.pressure.map import PressureMap
+from casadi_contact.contact.pressures import PressureMap
 from casadi_contact.pictures.contact_pose import contact_pose
 from casadi_contact.pictures.section import draw_section
 from casadi_contact.pictures.view import view_of

@@ -9,7 +9,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact.cup.foundation import CupFoundation
 from casadi_contact.contact.polar.foundation import PolarFoundation
-from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.optimisation.verification.verdict import judge, own_model
 from casadi_contact.optimisation.verification.verify import loads_on
 from casadi_contact.scenes.joint_cycle import JointCycle, read_joint_cycle, scene_cycles

@@ -8,7 +8,7 @@ import casadi_contact as cc
 from casadi_contact.contact.cup.foundation import CupFoundation
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.polar.foundation import PolarFoundation
-from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.contact.symbolic import symbolic
 from casadi_contact.core.conventions import POSE_NAMES, WRENCH_NAMES, pose_index
 from casadi_contact.optimisation.assembly.assembly import Assembly

@@ -11,7 +11,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact.polar.foundation import PolarFoundation
-from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.optimisation.muscle_walk import example_walk
 from casadi_contact.optimisation.verification.verdict import judge
 from problems import muscle_contact, muscle_driven

@@ -5,7 +5,7 @@ from importlib import import_module
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.scenes.walking import reference_cycle
 from problems.studies import solve_time
 from tests.support.compiler import needs_compiler

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact.pressure.law import layer_modulus
+from casadi_contact.contact.pressure_law import layer_modulus
 from casadi_contact.scenes.pose_file import write_poses
 from problems import wear
 

@@ -5,9 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from casadi_contact.contact.continuity import unstable_equilibria
+from casadi_contact.contact.continuity import leaps, unstable_equilibria
 from casadi_contact.contact.elements.foundation import ElasticFoundation
-from casadi_contact.contact.leaps import leaps
 from casadi_contact.contact.settle import settle
 from casadi_contact.core.conventions import rotation
 from casadi_contact.samples.domains import plan_domains

@@ -4,13 +4,13 @@ import numpy as np
 
 from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.contact.cup.foundation import CupFoundation
-from casadi_contact.contact.polar.ends import ray_ends
+from casadi_contact.contact.polar.ray_hits import ray_ends
 from casadi_contact.core.conventions import rotation
 from casadi_contact.geometry.field_derivatives import distance_slopes
 
 
 def law_of(model):
-    """The pressure law of all patches, as `contact.pressure.law.pressures` takes it."""
+    """The pressure law of all patches, as `contact.pressure_law.pressures` takes it."""
     return model.patches[0].law if isinstance(model, CellFoundation) else model.law
 
 

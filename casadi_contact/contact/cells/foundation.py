@@ -10,13 +10,12 @@ import numpy as np
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.charts import Chart
 from casadi_contact.contact.cells.patches import lay_cells, patch_charts
-from casadi_contact.contact.cells.pressures import cell_moments
-from casadi_contact.contact.cells.quadrature import FADE_SHARE, Quadrature
+from casadi_contact.contact.cells.quadrature import FADE_SHARE, Quadrature, cell_moments
 from casadi_contact.contact.cells.source import cell_source
-from casadi_contact.contact.compiled.pressures import CompiledPressures
-from casadi_contact.contact.compiled.source import C_FOLDER
-from casadi_contact.contact.pressure.law import law_of
-from casadi_contact.contact.pressure.map import PressureMap
+from casadi_contact.contact.compiled_foundation import CompiledPressures
+from casadi_contact.contact.foundation_source import C_FOLDER
+from casadi_contact.contact.pressure_law import law_of
+from casadi_contact.contact.pressures import PressureMap
 from casadi_contact.core.conventions import Array, as_poses, pose_or_poses, rotation
 from casadi_contact.geometry.distance_field import in_single_precision
 from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface

@@ -1,17 +1,49 @@
-"""Patches cut into cubic cells: what the quadrature reads, in NumPy and in C."""
+"""Patches cut into cubic cells: what the quadrature reads, in NumPy and in C.
+
+Cells are smaller over ridges of the fixed surface, where contact areas are narrow: a body of curvature κ0 that presses
+a ridge of curvature κ by a depth d touches √(2d/(κ + κ0)) to each side of it (`mesh_chart.density`). Sizes change
+gradually, because cubics over unequal cells are less accurate.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
 
-from casadi_contact.contact.cells.basis import Cells
+from casadi_contact.contact.cells.basis import Cells, middles
 from casadi_contact.contact.cells.charts import Chart, CupChart, PlaneChart
-from casadi_contact.contact.cells.grading import Lines, lay_lines
 from casadi_contact.contact.cells.mesh_chart import MeshChart
 from casadi_contact.core.conventions import Array
 from casadi_contact.scenes.scene import Scene
+
+_GRADUAL = 2.5  # cells: standard deviation of the Gaussian that densities are smoothed with
+
+
+@dataclass(frozen=True)
+class Lines:
+    """The n + 1 lines across one side of a chart: places (n + 1,) [mm], the size of cells there (n + 1,) [mm], which is
+    the places' derivative by their number, and the sub-points in between (n·parts,) [mm]."""
+
+    places: Array
+    sizes: Array
+    sub_points: Array
+
+
+def lay_lines(low: float, high: float, size_mm: float, densities: Array, parts: int, cut: int = 1) -> Lines:
+    """Lines from `low` to `high` [mm], about `size_mm` apart where the density is 1, two cells at least, of which each
+    is then cut into so many; densities (m,): at equal steps of that way."""
+    x = np.linspace(low, high, len(densities))
+    smooth = gaussian_filter1d(densities, _GRADUAL * size_mm / (x[1] - x[0]), mode="nearest")
+    number = cumulative_trapezoid(smooth / size_mm, x, initial=0.0)
+    count = max(round(number[-1]), 2)
+    place = CubicSpline(number * count / number[-1], x)
+    lines = np.arange(cut * count + 1.0) / cut
+    return Lines(place(lines), place(lines, 1) / cut, place(lines[:-1, None] + middles(parts) / cut).ravel())
+
 
 CELL_SHAPES = ("mesh", "ball_in_cup", "sphere_on_plane", "cylinder_on_plane", "punch_on_plane")
 

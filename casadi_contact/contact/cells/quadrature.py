@@ -20,11 +20,10 @@ import numpy as np
 
 from casadi_contact.contact.cells.basis import Cells, corner_shares, hermite_functions, positive_ramp, ramp, smooth_step
 from casadi_contact.contact.cells.patches import CellPatch
-from casadi_contact.contact.elements.culling import STEEPEST_FIELD
-from casadi_contact.contact.elements.loops import point_distances
-from casadi_contact.contact.pressure.law import pressure, pressure_slopes
-from casadi_contact.contact.twist import twist
-from casadi_contact.core.conventions import Array
+from casadi_contact.contact.elements.loops import STEEPEST_FIELD, point_distances
+from casadi_contact.contact.pressure_law import pressure, pressure_slopes
+from casadi_contact.contact.pressures import MOMENTS
+from casadi_contact.core.conventions import Array, twist
 from casadi_contact.geometry.field_derivatives import distance_derivatives, distance_slopes
 from casadi_contact.geometry.moving_surface import MovingSurface
 
@@ -53,7 +52,7 @@ class PatchLoads:
 
 @dataclass(frozen=True)
 class Quadrature:
-    """A patch in cubic cells against a moving body: `law` is number, modulus and thickness (`contact.pressure.law`)."""
+    """A patch in cubic cells against a moving body: `law` is number, modulus and thickness (`contact.pressure_law`)."""
 
     patch: CellPatch
     cells: Cells
@@ -253,3 +252,44 @@ def _pressures(law: tuple[int, float, float], depths: Array) -> tuple[Array, Arr
         np.where(below, stiffness * depths + 0.5 * bend * depths**2, p),
         np.where(below, stiffness + bend * depths, slope),
     )
+
+
+POWER = 32
+_FULL = (POWER + 2.0) / (POWER + 1.0)
+
+
+def cell_moments(quad: Quadrature, R: Array, t: Array) -> tuple[Array, Array]:
+    """Moments (6,) of one patch and their derivatives by the twist of the moving body about t (6, 6)."""
+    touch = quad.touch(R, t)
+    if not touch.total[6] < 0.0:
+        return np.zeros(MOMENTS), np.zeros((MOMENTS, 6))
+    p, used = quad.patch, touch.nodes.used
+    areas = p.loads[used, 6]
+    pressed = np.column_stack([areas, areas[:, None] * p.c[used]])
+    by_node, by_depth = quad.slopes(touch)
+    in_contact = positive_ramp(touch.depth, WIDTH_MM)[1]
+    in_contact_slope = np.maximum(1.0 - (touch.depth / WIDTH_MM) ** 2, 0.0) * 0.75 / WIDTH_MM
+    area = p.present[touch.cells] * (areas[touch.corners] @ corner_shares(quad.cells))
+    largest, by_largest = _largest(quad, touch, area)
+    value = np.concatenate([[(area * in_contact).sum()], touch.weights @ pressed, [largest]])
+    slope = np.vstack([_sum(area * in_contact_slope, by_depth), pressed.T @ by_node, by_largest])
+    fade, fade_slope = smooth_step(value[1] / quad.fade_n)
+    return fade * value, fade * slope + np.outer(value, slope[1]) * fade_slope / quad.fade_n
+
+
+def _largest(quad: Quadrature, touch: Touch, area: Array) -> tuple[float, Array]:
+    """The largest depth [mm] and its derivatives by twist (6,); 0 where none faces the fixed surface."""
+    depth, by_depth = quad.facing(touch)
+    s, slope = positive_ramp(depth, WIDTH_MM)
+    share = s / quad.law[2]
+    weight = area * share**POWER
+    total = weight.sum()
+    if not total > 0.0:
+        return 0.0, np.zeros(6)
+    mean = (weight * share).sum() / total
+    by_s = _FULL / total * slope * ((POWER + 1.0) * weight - POWER * area * share ** (POWER - 1) * mean)
+    return _FULL * quad.law[2] * mean, _sum(by_s, by_depth)
+
+
+def _sum(weight: Array, by_depth: Array) -> Array:
+    return np.einsum("kr,kra->a", weight, by_depth)

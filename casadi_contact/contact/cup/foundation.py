@@ -1,19 +1,52 @@
-"""The elastic foundation of a ball in a spherical cup, as a contact model."""
+"""The elastic foundation of a ball in a spherical cup: as a contact model, as C (``c/cup.h``), and how many points it
+needs."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from typing import Any
+
 import numpy as np
 
-from casadi_contact.contact.compiled.pressures import CompiledPressures
-from casadi_contact.contact.compiled.source import C_FOLDER
-from casadi_contact.contact.cup.cup import cup_of
-from casadi_contact.contact.cup.pressures import cup_moments
-from casadi_contact.contact.cup.quadrature import cup_loads
-from casadi_contact.contact.cup.source import cup_source
-from casadi_contact.contact.pressure.law import law_of
+from casadi_contact.contact.approach import press_until
+from casadi_contact.contact.compiled_foundation import CompiledPressures
+from casadi_contact.contact.convergence import cheapest, forces_tried
+from casadi_contact.contact.cup.quadrature import Cup, any_across, cup_loads, cup_moments, cup_of, nodes
+from casadi_contact.contact.foundation_source import C_FOLDER, braces
+from casadi_contact.contact.pressure_law import law_of
 from casadi_contact.core.conventions import Array
 from casadi_contact.networks.kernel.source import c_text
 from casadi_contact.scenes.scene import Scene
+
+
+def cup_source(cup: Cup, points: int) -> str:
+    """Tables of the cup and `patch_loads`."""
+    numbers = {
+        "BALL_RADIUS": cup.ball_radius,
+        "CUP_RADIUS": cup.radius,
+        "RIM_COS": float(np.cos(cup.half_angle)),
+        "RIM_SIN": float(np.sin(cup.half_angle)),
+    }
+    n = nodes(points)
+    tables = {
+        "cup_pole[3]": cup.pole,
+        "cup_centre[3]": cup.centre,
+        "cup_beside[3]": any_across(cup),
+        "whole_node[POINTS]": n.whole,
+        "whole_weight[POINTS]": n.whole_weight,
+        "arc_node[POINTS]": n.arc,
+        "arc_weight[POINTS]": n.arc_weight,
+    }
+    return "\n".join(
+        [
+            f"#define POINTS {points}",
+            *(f"#define {name} {value!r}" for name, value in numbers.items()),
+            *(f"static const double {name} = {braces(values)};" for name, values in tables.items()),
+            c_text("cup.h", C_FOLDER),
+            c_text("orders.h", C_FOLDER),
+        ]
+    )
+
 
 POINTS = 12
 
@@ -56,3 +89,53 @@ class CupFoundation(CompiledPressures):
         stiffness[:, 3:, :3] = np.swapaxes(np.cross(self.cup.centre, np.swapaxes(found.stiffness, 1, 2)), 1, 2)
         gap_slope[:, :3] = found.gap_slope
         return wrench[:, None], stiffness[:, None], found.gap[:, None], gap_slope[:, None], found.cut[:, None]
+
+
+CANDIDATES = (12, 16, 24, 32, 48)  # with fewer, slopes differ from differences of loads where the rim cuts
+CONVERGED = 96
+_POSES = 256
+
+
+def cup_foundation(scene: Scene, *, compiled: bool = True) -> CupFoundation:
+    """The fewest points that agree with `CONVERGED` within the scene's tolerances (`convergence.cheapest`), over poses
+    that press the cup from its deepest point to its rim, which cuts contact then."""
+    converged = CupFoundation(scene, CONVERGED, compiled=False)
+    poses = _pressed_poses(converged, forces_tried(scene))
+    truth = converged(poses)
+    models = (CupFoundation(scene, points, compiled=compiled) for points in CANDIDATES)
+
+    def errors(model: CupFoundation) -> Array:
+        plain = CupFoundation(scene, model.points, compiled=False)
+        return np.asarray(plain(poses) - truth)
+
+    model = cheapest(scene, models, errors, model="quadrature of a cup", against=f"{CONVERGED} points")
+    model.record["points"] = model.points
+    return model
+
+
+def recorded_cup(scene: Scene, record: Mapping[str, Any], *, compiled: bool = True) -> CupFoundation:
+    """The foundation that a record of `cup_foundation` tells of."""
+    return CupFoundation(scene, record["points"], compiled=compiled)
+
+
+def cup_ladder(scene: Scene) -> Iterator[CupFoundation]:
+    """Foundations from few points to many, shown beside one another."""
+    return (CupFoundation(scene, points) for points in CANDIDATES[::2])
+
+
+def _pressed_poses(model: CupFoundation, range_n: tuple[float, float]) -> Array:
+    """Poses (m, 6) at all angles of the cup, whose forces spread evenly on a logarithmic scale [N]."""
+    cup, random = model.cup, np.random.default_rng(0)
+    tilt, around = cup.half_angle * random.random(_POSES), random.uniform(0.0, 2.0 * np.pi, _POSES)
+    first = any_across(cup)
+    beside = np.cos(around)[:, None] * first + np.sin(around)[:, None] * np.cross(cup.pole, first)
+    along = np.cos(tilt)[:, None] * cup.pole + np.sin(tilt)[:, None] * beside
+
+    def at(depth_mm: Array) -> Array:
+        centres = cup.centre + (cup.radius - cup.ball_radius + depth_mm)[:, None] * along
+        return np.column_stack([centres, np.zeros((_POSES, 3))])
+
+    def force_at(depth_mm: Array) -> Array:
+        return np.linalg.norm(model.wrenches(at(depth_mm))[:, 0, :3], axis=1)
+
+    return at(press_until(force_at, np.geomspace(*range_n, _POSES), 0.01, most_change=30.0)[0])

@@ -21,9 +21,37 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.contact.cup.cup import Cup
-from casadi_contact.contact.pressure.law import pressure_slopes
+from casadi_contact.contact.pressure_law import pressure_slopes
+from casadi_contact.contact.pressures import MOMENTS
 from casadi_contact.core.conventions import Array
+from casadi_contact.scenes.scene import Scene
+
+CUP_SHAPE = "ball_in_cup"
+
+
+@dataclass(frozen=True)
+class Cup:
+    """Radii [mm], centre (3,) [mm] and unit vector (3,) to the deepest point; half_angle [rad] from there to the rim.
+
+    The ball's centre is the origin of the moving body.
+    """
+
+    ball_radius: float
+    radius: float
+    half_angle: float
+    pole: Array
+    centre: Array
+
+
+def cup_of(scene: Scene) -> Cup:
+    """The cup of a scene of the shape `CUP_SHAPE`; raises ValueError for another shape."""
+    if scene.shape != CUP_SHAPE:
+        raise ValueError(f"scene {scene.name} has the shape {scene.shape}, expected {CUP_SHAPE}")
+    g, pole = scene.geometry, np.asarray(scene.geometry["cup_pole"], dtype=float)
+    half_angle = float(np.deg2rad(g["cup_half_angle_deg"]))
+    centre = np.asarray(g["cup_centre"], dtype=float)
+    return Cup(float(g["ball_radius"]), float(g["cup_radius"]), half_angle, pole / np.linalg.norm(pole), centre)
+
 
 LEAST_MM = 1e-9  # of |b| and of its part across the pole, below which they have no direction
 _LEAST_SINE = 1e-12
@@ -196,3 +224,44 @@ def _gap(cup: Cup, cap: Cap) -> tuple[Array, Array]:
     way = cap.b - cup.radius * nearest_direction(cup, cap)
     distance = np.linalg.norm(way, axis=1)
     return distance - cup.ball_radius, way / distance[:, None]
+
+
+def cup_moments(cup: Cup, law: tuple[int, float, float], points: int, centres: Array) -> tuple[Array, Array]:
+    """Moments (n, 6) of balls with their centres (n, 3), and their derivatives by the centre (n, 6, 3)."""
+    cap, radius_2 = cap_of(cup, points, centres), cup.radius**2
+    p, dp = pressure_slopes(*law, cap.s + cap.w - cup.radius)
+    first, zero = cap.first(), np.zeros((len(centres), MOMENTS))
+    value, slope = zero, np.zeros((len(centres), MOMENTS, 3))
+    to_fixed = cap.frame
+    force = np.einsum("nm,nmi,nij->nj", cap.weight * p, first, to_fixed)
+    stiffness = np.einsum("nki,nm,nmkl,nlj->nij", to_fixed, cap.weight * dp, rates(cap, first), to_fixed)
+    value[:, 0] = 2.0 * radius_2 * np.sum(cap.weight * cap.arc, axis=1)
+    value[:, 1] = 2.0 * radius_2 * np.sum(cap.weight * p * cap.arc, axis=1)
+    value[:, 2:5] = value[:, 1:2] * cup.centre + cup.radius**3 * force
+    slope[:, 0] = _area_slope(cup, cap)
+    rise = 1.0 + cap.s / cap.w
+    along = rise[..., None] * first
+    along[..., 0] -= 2.0 * cap.arc * cap.length[:, None] / cap.w
+    slope[:, 1] = radius_2 * np.einsum("nm,nmi,nij->nj", cap.weight * dp, along, to_fixed)
+    slope[:, 2:5] = cup.centre[:, None] * slope[:, 1:2] + cup.radius**3 * stiffness
+    value[:, 5], slope[:, 5] = _largest_depth(cup, cap)
+    loaded = value[:, 1] > 0.0
+    return np.where(loaded[:, None], value, 0.0), np.where(loaded[:, None, None], slope, 0.0)
+
+
+def _area_slope(cup: Cup, cap: Cap) -> Array:
+    """R²/|d_x| ∫d_b dφ (n, 3) over the edge of contact."""
+    w = np.maximum(cup.radius - cap.length * cap.edge, 1e-12)
+    rise, lean = cup.radius / w, cap.length / w
+    arc = arcs_at(cup, cap.cos_tilt, cap.sin_tilt, cap.edge)
+    along = rise[:, None] * first_moment(cap.edge, arc)
+    along[:, 0] -= 2.0 * lean * arc
+    return np.einsum("ni,nij->nj", cup.radius**2 / (cap.length * rise)[:, None] * along, cap.frame)
+
+
+def _largest_depth(cup: Cup, cap: Cap) -> tuple[Array, Array]:
+    """s + w - R in the nearest direction (n,), and its derivatives by b (n, 3)."""
+    e = nearest_direction(cup, cap)
+    s = np.sum(e * cap.b, axis=1)
+    w = np.sqrt(np.maximum(cup.ball_radius**2 - cap.length**2 + s * s, 1e-12))
+    return s + w - cup.radius, (1.0 + s / w)[:, None] * e - cap.b / w[:, None]

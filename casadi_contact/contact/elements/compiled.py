@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from casadi_contact.contact.compiled.source import C_FOLDER, C_LAWS, law_source
+from casadi_contact.contact.foundation_source import C_FOLDER, C_LAWS, law_source
 from casadi_contact.core.compiler import CompilerError, call_in_shares, shared_library
 from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.elements import BLOCK_SIDE, ElementGrid

@@ -12,11 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.contact.polar.ends import LEAST_LENGTH, LEAST_RISE, ray_ends, rise
 from casadi_contact.contact.polar.lines import Lines
-from casadi_contact.contact.polar.middle import LEAST_CHORD_MM, Middle, edge_distance
-from casadi_contact.contact.polar.patches import SmoothPatch
-from casadi_contact.contact.polar.spot import Spot, bounded
+from casadi_contact.contact.polar.peak import LEAST_CHORD_MM, Middle, edge_distance
+from casadi_contact.contact.polar.ray_hits import LEAST_LENGTH, LEAST_RISE, Spot, bounded, ray_ends, rise
+from casadi_contact.contact.polar.surfaces import SmoothPatch
 from casadi_contact.core.conventions import Array
 
 CHORD_STEPS = 2

@@ -1,5 +1,8 @@
-"""How many rays a scene needs: the fewest whose errors, against many more rays, stay within its tolerances; elements
-tell whether rays are right at all."""
+"""How many rays a scene needs: the fewest whose errors, against many more rays, stay within its tolerances.
+
+Rays integrate one contact area within the rim; more rays cannot reveal a second one. Element grids can: they check that
+the converged rays are right at all.
+"""
 
 from __future__ import annotations
 
@@ -7,20 +10,101 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from casadi_contact.contact.convergence import cheapest, forces_tried
-from casadi_contact.contact.elements.foundation import grid_text
-from casadi_contact.contact.polar.against_elements import ELEMENTS, share_apart
+from casadi_contact.contact.approach import press_until
+from casadi_contact.contact.convergence import Errors, NotGoodEnoughError, cheapest, cure_of, forces_tried
+from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
 from casadi_contact.contact.polar.foundation import PolarFoundation
-from casadi_contact.contact.polar.middle import middle
-from casadi_contact.contact.polar.nearest import nearest
-from casadi_contact.contact.polar.patches import SmoothPatch
-from casadi_contact.contact.polar.pressed_poses import pressed_poses
-from casadi_contact.contact.polar.quadrature import patch_loads
-from casadi_contact.contact.polar.rays import Rays
-from casadi_contact.contact.polar.second import FACING
+from casadi_contact.contact.polar.lines import Rays
+from casadi_contact.contact.polar.peak import middle, nearest
+from casadi_contact.contact.polar.quadrature import FACING, PatchLoads, patch_loads
+from casadi_contact.contact.polar.ray_hits import fixed_point
+from casadi_contact.contact.polar.surfaces import SmoothPatch, u_range
 from casadi_contact.core.conventions import Array, evenly, load_selection
 from casadi_contact.scenes.scene import Scene
+
+_BEYOND_RAD = np.deg2rad(25.0)  # by which contact goes beyond the outermost junctions of arcs
+_SPIN_RAD = np.deg2rad(10.0)
+_LEAN_RAD = np.deg2rad(5.0)
+_COARSE = Rays(16, 3)
+
+
+def pressed_poses(
+    patch: SmoothPatch, law: tuple[int, float, float], loads_n: tuple[float, float], count: int
+) -> tuple[Array, Array]:
+    """Rotations (m, 3, 3) and translations (m, 3) of the body, m <= count, that press the patch within its rim.
+
+    The deepest point lies anywhere on the patch, faced by any place of the moving arcs, turned and leant a little;
+    forces spread evenly on a logarithmic scale between loads_n [N]. Poses whose contact the rim cuts are left out.
+    """
+    random = np.random.default_rng(0)
+    v = random.uniform(*patch.rim.v, count)
+    low, high = u_range(patch, v)
+    u = low + (high - low) * random.random(count)
+    c, N, length = fixed_point(patch, u, v)
+    n = N / length[:, None]
+    junctions = np.arctan2(patch.arcs[:-1, 4], patch.arcs[:-1, 3])
+    first, last = (junctions[0], junctions[-1]) if len(junctions) else (0.0, 0.0)
+    angle = random.uniform(first - _BEYOND_RAD, last + _BEYOND_RAD, count)
+    lean, spin = random.uniform(-_LEAN_RAD, _LEAN_RAD, count), random.uniform(-_SPIN_RAD, _SPIN_RAD, count)
+    zero = np.zeros(count)
+    out = np.stack([np.sin(angle), -np.cos(angle), zero], -1)  # from the arc's axis
+    facing = np.cos(lean)[:, None] * out + np.sin(lean)[:, None] * [0.0, 0.0, 1.0]  # outward normal of the body
+    along = np.stack([np.cos(angle), np.sin(angle), zero], -1)
+    tangent = np.stack([np.ones(count), -N[:, 0], zero], -1)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    tangent = np.cos(spin)[:, None] * tangent + np.sin(spin)[:, None] * np.cross(n, tangent)
+    body = np.stack([along, facing, np.cross(along, facing)], -1)
+    R = np.stack([tangent, -n, np.cross(tangent, -n)], -1) @ np.swapaxes(body, 1, 2)
+    arc = patch.arcs[(angle[:, None] > junctions).sum(axis=1)]
+    point = np.column_stack([arc[:, :2], np.full(count, patch.centre_z)]) + arc[:, 2:3] * out
+    point += patch.tube_radius * facing
+    surface = c - np.einsum("nij,nj->ni", R, point)
+    turn = patch.turn.T
+
+    def loads_at(depth_mm: Array) -> PatchLoads:
+        return patch_loads(patch, law, _COARSE, turn @ R, (surface - depth_mm[:, None] * n) @ turn.T)
+
+    def force_at(depth_mm: Array) -> Array:
+        return np.linalg.norm(loads_at(depth_mm).wrench[:, :3], axis=1)
+
+    depth, _ = press_until(force_at, np.geomspace(*loads_n, count), 0.01, rounds=4, most_change=30.0)
+    whole = ~loads_at(depth).cut
+    return (turn @ R)[whole], ((surface - depth[:, None] * n) @ turn.T)[whole]
+
+
+ELEMENTS, _HALF = (320, 160), (160, 80)  # of a patch
+_MOST_APART = 0.02  # of the poses: a few of a wide draw are no reason against a model that is right in all others
+
+
+def share_apart(scene: Scene, pressed: list[tuple[Array, Array, Array]]) -> float:
+    """The share of poses in which some load differs from that of `ELEMENTS` by more than one pose may be wrong
+    (`convergence.Errors`) and twice what elements half as fine differ by.
+
+    pressed: of each patch rotations (m, 3, 3), translations (m, 3) and wrenches (m, 6) by rays. Raises
+    NotGoodEnoughError where the share is more than a few.
+    """
+    fine, half = (ElasticFoundation(scene, grid) for grid in (ELEMENTS, _HALF))
+    selection = load_selection(scene.load_names, scene.patch_names)
+    apart: list[np.ndarray] = []
+    for p, (R, t, wrench) in enumerate(pressed):
+        if not len(t):
+            continue
+        poses = np.column_stack([t, Rotation.from_matrix(R).as_euler("XYZ")])
+        wanted, rough = (model.wrenches(poses)[:, p] for model in (fine, half))
+        forces_n = np.linalg.norm(wanted[:, :3], axis=1)
+        off, unsure = (np.abs((found - wanted) @ selection[:, p].T) for found in (wrench, rough))
+        errors = Errors(scene, np.maximum(off - 2.0 * unsure, 0.0), forces_n, np.zeros(len(t), dtype=bool))
+        apart.append(np.any(errors.of_allowed > 1.0, axis=1))
+    share = float(np.mean(np.concatenate(apart))) if apart else 0.0
+    if share > _MOST_APART:
+        raise NotGoodEnoughError(
+            f"scene {scene.name}: rays and {grid_text(ELEMENTS)} elements differ by more than its tolerances allow in "
+            f"{share:.0%} of the poses that were tried, because contact is more than one spot there: {cure_of(scene)}"
+        )
+    return share
+
 
 CANDIDATES = (Rays(8, 3), Rays(12, 3), Rays(16, 3), Rays(24, 3), Rays(32, 4), Rays(48, 5))
 LADDER = (Rays(8, 2), Rays(8, 3), Rays(16, 4))

@@ -14,14 +14,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.contact.polar.ends import Ends
-from casadi_contact.contact.polar.middle import middle
-from casadi_contact.contact.polar.nearest import deepest_within
-from casadi_contact.contact.polar.patches import SmoothPatch, Torus
+from casadi_contact.contact.polar.lines import Rays
+from casadi_contact.contact.polar.peak import deepest_within, middle
 from casadi_contact.contact.polar.quadrature import integration
-from casadi_contact.contact.polar.rays import Rays
-from casadi_contact.contact.polar.spot import Spot
-from casadi_contact.contact.pressure.law import pressure_slopes
+from casadi_contact.contact.polar.ray_hits import Ends, Spot
+from casadi_contact.contact.polar.surfaces import SmoothPatch, Torus
+from casadi_contact.contact.pressure_law import pressure_slopes
 from casadi_contact.core.conventions import Array
 
 RADII = ("dish_sagittal_radius", "dish_frontal_radius")

@@ -1,20 +1,120 @@
-"""The elastic foundation of smooth shapes by polar quadrature, as a contact model."""
+"""The elastic foundation of smooth shapes by polar quadrature, as a contact model, and its C (``c/polar.h``)."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from casadi_contact.contact.compiled.pressures import CompiledPressures
-from casadi_contact.contact.compiled.source import C_FOLDER
-from casadi_contact.contact.polar.patches import smooth_patches
-from casadi_contact.contact.polar.pressures import patch_moments
-from casadi_contact.contact.polar.quadrature import patch_loads
-from casadi_contact.contact.polar.rays import Rays
-from casadi_contact.contact.polar.source import polar_source
-from casadi_contact.contact.pressure.law import law_of
+from casadi_contact.contact.compiled_foundation import CompiledPressures
+from casadi_contact.contact.foundation_source import C_FOLDER, braces
+from casadi_contact.contact.polar.caps import CHORD_STEPS, LEAST_TILT, fan_angles
+from casadi_contact.contact.polar.lines import BRACKET_STEPS, EDGE_STEPS, FINE, SETTLED, Rays, ray_angles
+from casadi_contact.contact.polar.peak import (
+    ACROSS,
+    LAST_STEP,
+    LEAST_CHORD_MM,
+    MIDDLE_STEPS,
+    OFF_TOP,
+    SEARCH_STEPS,
+    SINGLE,
+    SWEEPS,
+)
+from casadi_contact.contact.polar.quadrature import (
+    FACING,
+    HOVERING_MM,
+    ON_RIM,
+    OUTWARDS,
+    RIM_STARTS,
+    fits_closely,
+    patch_loads,
+    patch_moments,
+)
+from casadi_contact.contact.polar.ray_hits import LEAST_UPRIGHT
+from casadi_contact.contact.polar.surfaces import SmoothPatch, Torus, smooth_patches
+from casadi_contact.contact.pressure_law import law_of
 from casadi_contact.core.conventions import Array
 from casadi_contact.networks.kernel.source import c_text
 from casadi_contact.scenes.scene import Scene
+
+
+def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
+    """Tables of the patches and `patch_loads`."""
+    free, at_rim = ray_angles(rays.count), ray_angles(rays.at_rim)
+    rim_starts = np.concatenate([RIM_STARTS, OUTWARDS])
+    x, weight = np.polynomial.legendre.leggauss(rays.points)
+    sizes = {
+        "RAYS": rays.count,
+        "RIM_RAYS": rays.at_rim,
+        "GAUSS": rays.points,
+        "ARCS": len(patches[0].arcs),
+        "TORUS": int(patches[0].torus is not None),
+        "TURNED": int(any((patch.turn != np.eye(3)).any() for patch in patches)),
+        "CURVED_RIM": int(np.isfinite(patches[0].rim.spread)),
+        "CAP_LINES": rays.in_caps,
+        "CHORD_STEPS": CHORD_STEPS,
+        "LEAST_TILT": LEAST_TILT,
+        "LEAST_UPRIGHT": LEAST_UPRIGHT,
+        "MIDDLE_STEPS": MIDDLE_STEPS,
+        "EDGE_STEPS": EDGE_STEPS,
+        "BRACKET_STEPS": BRACKET_STEPS,
+        "FINE": FINE,
+        "SETTLED": SETTLED,
+        "SEARCH_STEPS": SEARCH_STEPS,
+        "SWEEPS": SWEEPS,
+        "LAST_STEP": LAST_STEP,
+        "OFF_TOP": OFF_TOP,
+        "LEAST_CHORD": LEAST_CHORD_MM,
+        "SINGLE": SINGLE,
+        "STARTS": len(ACROSS),
+        "RIM_STARTS": RIM_STARTS.shape[1],
+        "HOVERING": HOVERING_MM,
+        "FACING": FACING,
+        "ON_RIM": ON_RIM,
+    }
+    tables = {
+        "ray_cos[RAYS]": free[0],
+        "ray_sin[RAYS]": free[1],
+        "rim_cos[RIM_RAYS]": at_rim[0],
+        "rim_sin[RIM_RAYS]": at_rim[1],
+        "gauss_x[GAUSS]": 0.5 * (1.0 + x),
+        "gauss_w[GAUSS]": 0.5 * weight,
+        "starts[2 * STARTS]": np.concatenate([ACROSS, ACROSS]),
+        **{f"rim_{name}[RIM_STARTS]": row for name, row in zip(("w", "v", "out_u", "out_v"), rim_starts, strict=True)},
+    }
+    has_caps = len(patches[0].arcs) > 1
+    if has_caps:
+        fan = fan_angles(rays.in_caps)
+        tables |= {"fan_cos[CAP_LINES]": fan[0], "fan_sin[CAP_LINES]": fan[1], "fan_weight[CAP_LINES]": fan[2]}
+    return "\n".join(
+        [
+            *(f"#define {name} {value}" for name, value in sizes.items()),
+            *(f"static const double {name} = {braces(values)};" for name, values in tables.items()),
+            c_text("chart_axes.h", C_FOLDER),
+            c_text("polar_surfaces.h", C_FOLDER),
+            f"static const Surfaces surfaces[PATCHES] = {{{', '.join(map(_surfaces, patches))}}};",
+            c_text("polar_nearest.h", C_FOLDER),
+            c_text("polar_middle.h", C_FOLDER),
+            c_text("polar_lines.h", C_FOLDER),
+            c_text("polar_rays.h", C_FOLDER),
+            *([c_text("polar_second.h", C_FOLDER)] if patches[0].torus is not None else []),
+            *([c_text("polar_caps.h", C_FOLDER)] if has_caps else []),
+            c_text("polar.h", C_FOLDER),
+            c_text("orders.h", C_FOLDER),
+        ]
+    )
+
+
+def _surfaces(patch: SmoothPatch) -> str:
+    """The fields of `Surfaces` in their order."""
+    torus, rim = patch.torus or Torus(0.0, 1.0, 0.0, 1.0, 1.0), patch.rim
+    spread = rim.spread if np.isfinite(rim.spread) else 0.0
+    numbers = [torus.offset, torus.radius, torus.height, torus.rho_sign, torus.w_sign, *rim.u, *rim.v, spread]
+    numbers += [patch.z_0, patch.tube_radius, patch.centre_z, fits_closely(patch)]
+    fields = [repr(float(number)) for number in numbers]
+    fields += [f"{{{', '.join(map(braces, patch.turn))}}}"]
+    return f"{{{', '.join(fields)}, {{{', '.join(map(braces, patch.arcs))}}}}}"
+
 
 RAYS = Rays(16, 3)
 

@@ -31,7 +31,7 @@ import numpy as np
 from casadi_contact.contact.choice import foundation
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.polar.foundation import PolarFoundation
-from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.contact.symbolic import SymbolicContact, symbolic
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.files.reading import toml_tables, toml_text

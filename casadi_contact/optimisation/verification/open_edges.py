@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.contact.elements.foundation import ElasticFoundation
-from casadi_contact.contact.elements.pressed import pressed_elements
+from casadi_contact.contact.elements.foundation import ElasticFoundation, pressed_elements
 from casadi_contact.core.conventions import Array, as_poses, rotation
 from casadi_contact.scenes.shapes.mesh_bodies import body_mesh, body_surface
 

@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from casadi_contact.contact.elements.foundation import ElasticFoundation
-from casadi_contact.contact.elements.sharp_edges import TELLING_SHARE, share_at_sharp_edges
+from casadi_contact.contact.elements.foundation import TELLING_SHARE, ElasticFoundation, share_at_sharp_edges
 from casadi_contact.core.conventions import Array
 from casadi_contact.optimisation.verification.open_edges import share_beyond_open_edges
 from casadi_contact.optimisation.verification.walls import share_on_walls, share_outside_patches

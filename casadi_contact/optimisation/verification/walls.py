@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation
-from casadi_contact.contact.pressure.law import law_of, pressures
+from casadi_contact.contact.pressure_law import law_of, pressures
 from casadi_contact.core.conventions import Array, as_poses, rotation
 from casadi_contact.scenes.shapes.mesh_bodies import body_field, body_mesh, body_surface
 from casadi_contact.scenes.shapes.mesh_patches import bare_mesh

@@ -11,7 +11,7 @@ from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.contact.cells.source import cell_source
 from casadi_contact.contact.choice import foundation
-from casadi_contact.contact.compiled.foundation import CompiledFoundation
+from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.distance_field import field_parts
 from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface

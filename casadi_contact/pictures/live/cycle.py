@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.contact.compiled.foundation import CompiledFoundation
+from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import POSE_NAMES, Array, pose_index

@@ -10,13 +10,12 @@ import numpy as np
 from casadi_contact.contact.cells.basis import Cells, hermite_products
 from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.contact.cells.patches import CellPatch, lay_cells, patch_charts
-from casadi_contact.contact.compiled.foundation import CompiledFoundation
-from casadi_contact.contact.cup.cup import Cup
+from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.cup.foundation import CupFoundation
-from casadi_contact.contact.polar.ends import fixed_point
+from casadi_contact.contact.cup.quadrature import Cup
 from casadi_contact.contact.polar.foundation import PolarFoundation
-from casadi_contact.contact.polar.patches import SmoothPatch
-from casadi_contact.contact.polar.rim import u_range
+from casadi_contact.contact.polar.ray_hits import fixed_point
+from casadi_contact.contact.polar.surfaces import SmoothPatch, u_range
 from casadi_contact.core.conventions import Array
 from casadi_contact.pictures.live.triangles import Triangles
 

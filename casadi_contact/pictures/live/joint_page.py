@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.contact.compiled.foundation import CompiledFoundation
+from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.files.writing import write_text
 from casadi_contact.core.quantities import quantity

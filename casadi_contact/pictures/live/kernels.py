@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from casadi_contact.contact.cells.foundation import CellFoundation
-from casadi_contact.contact.compiled.foundation import CompiledFoundation
-from casadi_contact.contact.compiled.source import C_FOLDER
+from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.cup.foundation import CupFoundation
+from casadi_contact.contact.foundation_source import C_FOLDER
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.core.compiler import DATA_FILE
 from casadi_contact.networks.export_c import ExportedModel

@@ -14,7 +14,7 @@ import casadi_contact as cc
 from casadi_contact.cli import main as cli
 from casadi_contact.cli import pipeline
 from casadi_contact.contact.elements.foundation import ElasticFoundation
-from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.files.containers import read_npz
 from casadi_contact.core.quantities import FORCE, quantity
 from casadi_contact.samples.errors import domain_errors, rms_by_kind

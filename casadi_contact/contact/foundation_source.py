@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from casadi_contact.contact.pressure.law import layer_modulus
+from casadi_contact.contact.pressure_law import layer_modulus
 from casadi_contact.core.conventions import load_selection
 from casadi_contact.networks.kernel.source import c_text
 from casadi_contact.scenes.material import Material
