@@ -79,15 +79,11 @@ def _ladder(activation: str, *rungs: tuple[int, float, int | None]) -> tuple[Eff
     )
 
 
-# The paper's network of 4×30 neurons, grown to, and the networks of root loads that confirm its contact.
-_PAPER_NETWORK = ((15,) * 4, (22,) * 4, (30,) * 4)
-_PAPER_ROWS = 80_000
-
-
-def _as_in_the_paper(gflop: float) -> dict[str, Effort]:
+def _as_in_the_paper(gflop: float, max_rows: int = 80_000) -> dict[str, Effort]:
+    """The paper's network of 4×30 neurons, grown to, and the networks of root loads that confirm its contact."""
     return {
-        "": Effort(_PAPER_NETWORK, gflop, "tanh", max_rows=_PAPER_ROWS, tolerance_share=0.1),
-        "root": Effort(((16, 16, 16),), 1_000.0, max_rows=_PAPER_ROWS, tolerance_share=0.2),
+        "": Effort(((15,) * 4, (22,) * 4, (30,) * 4), gflop, "tanh", max_rows=max_rows, tolerance_share=0.1),
+        "root": Effort(((16, 16, 16),), 1_000.0, max_rows=max_rows, tolerance_share=0.2),
     }
 
 
@@ -106,7 +102,7 @@ PRESETS: dict[str, Preset] = {
         efforts={
             "patch": {
                 "root": Effort(((8, 8), (16, 16, 16)), 1_000.0),
-                "ratios": Effort(((6, 6), (10, 10)), 60.0),
+                "ratios": Effort(((8, 8), (14, 14)), 150.0),
             }
         },
         chart=ChartEffort(
@@ -193,8 +189,8 @@ PRESETS: dict[str, Preset] = {
         sampling_scale=1.0,
         efforts={
             "patch": {
-                "root": Effort(((24, 24, 24),), 180_000.0, tolerance_share=0.1),
-                "ratios": Effort(((20, 20),), 40_000.0, tolerance_share=0.1),
+                "root": Effort(((24, 24, 24),), 24_000.0, max_rows=60_000, tolerance_share=0.1),
+                "ratios": Effort(((20, 20),), 6_000.0, max_rows=60_000, tolerance_share=0.1),
             },
             "two_stage": _as_in_the_paper(15_000.0),
         },
