@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from casadi_contact.core.terminal import PlainConsole
-from casadi_contact.samples.draw import MODELS
+from casadi_contact.samples.models import MODELS
 from casadi_contact.scenes.ready_files import ready_scenes
 from casadi_contact.surrogate.load import ready_surrogates
 from casadi_contact.workflow.presets import PRESETS

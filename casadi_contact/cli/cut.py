@@ -12,7 +12,7 @@ from casadi_contact.cli import pipeline
 from casadi_contact.cli.arguments import DEFAULT_PRESET, Cycles, ModelName, Out, PresetName, console
 from casadi_contact.core.files.writing import writable_folder, write_text
 from casadi_contact.core.terminal import progress_bars
-from casadi_contact.samples.draw import model_pair
+from casadi_contact.samples.models import model_pair
 from casadi_contact.workflow.project import Project
 from casadi_contact.workflow.proposal.cuts import WORTH, cut_scene, find_cuts
 from casadi_contact.workflow.proposal.text import cut_lines, cut_text

@@ -20,7 +20,7 @@ from casadi_contact.networks.function_file import save_function
 from casadi_contact.pictures.contact_pose import contact_pose
 from casadi_contact.pictures.report.charts import draw_charts
 from casadi_contact.pictures.report.surrogate_page import write_report
-from casadi_contact.samples.draw import teacher_of
+from casadi_contact.samples.models import teacher_of
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import with_trust
 from casadi_contact.workflow.benchmark.evaluate import evaluate as evaluate_models

@@ -9,24 +9,19 @@ from __future__ import annotations
 import json
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import numba
 import numpy as np
 
-from casadi_contact.contact.callable_model import CallableModel
-from casadi_contact.contact.cells.foundation import CellFoundation
-from casadi_contact.contact.choice import foundation
-from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.core.conventions import WRENCH_NAMES, Array, Progress, evenly
+from casadi_contact.core.conventions import WRENCH_NAMES, Progress, evenly
 from casadi_contact.core.workers import cancelled_if_left, worker_pool
 from casadi_contact.samples.chunk import (
     Chunk,
@@ -39,14 +34,20 @@ from casadi_contact.samples.chunk import (
     plan_digest,
 )
 from casadi_contact.samples.domains import left_out
+from casadi_contact.samples.models import (
+    MODELS,
+    ModelPair,
+    elastic_foundations,
+    foundations,
+    model_name,
+    models_identity,
+    package_version,
+)
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.resume import ChunkFolder, check_same_plan
 from casadi_contact.samples.samples import DOMAINS, Dropped, Samples, partial_folder, read_samples, write_samples
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.scene import Scene
-
-# Makes the model that poses are settled on and the one that samples are evaluated on, in each worker process.
-ModelPair = Callable[[Scene, SamplingSettings], tuple[ContactModel, WrenchModel]]
 
 
 @dataclass(frozen=True)
@@ -87,108 +88,6 @@ def one_thread() -> Iterator[None]:
         numba.set_num_threads(threads)
 
 
-@dataclass(frozen=True)
-class WithinElements:
-    """A model to evaluate samples on whose rim is that of an element grid."""
-
-    model: CellFoundation
-    elements: ElasticFoundation
-
-    @property
-    def record(self) -> Mapping[str, Any]:
-        """That of the model: what it was found to be off by when it was chosen."""
-        return self.model.record
-
-    def wrenches(self, poses: Array) -> Array:
-        """Those of the model (n, patches, 6)."""
-        return self.model.wrenches(poses)
-
-    def gaps(self, poses: Array) -> Array:
-        """Those of the model (n, patches) [mm]."""
-        return self.model.gaps(poses)
-
-    def part_wrenches(self, poses: Array) -> Array:
-        """Those of the patches' parts (n, parts, 6)."""
-        return self.model.part_wrenches(poses)
-
-    def part_gaps(self, poses: Array) -> Array:
-        """Those of the patches' parts (n, parts) [mm]."""
-        return self.model.part_gaps(poses)
-
-    def at_edge(self, poses: Array) -> np.ndarray:
-        """True (n, patches) where contact reaches the outermost elements."""
-        return self.elements.at_edge(poses)
-
-
-def elastic_foundations(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
-    """Elastic foundations on the settings' settle grid and teacher grid."""
-    return ElasticFoundation(scene, settings.settle_grid), ElasticFoundation(scene, settings.teacher_grid)
-
-
-def foundations(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
-    """The scene's `contact.foundation`, both to settle on and to evaluate samples on.
-
-    A cell is several times as wide as an element of the teacher grid, whose outermost tell in its place where contact
-    reaches the rim: a third of a mesh's samples were lost to contact that ends well within.
-    """
-    model = foundation(scene)
-    if not isinstance(model, CellFoundation):
-        return model, model
-    return model, WithinElements(model, ElasticFoundation(scene, settings.teacher_grid))
-
-
-MODELS: dict[str, ModelPair] = {"elements": elastic_foundations, "foundation": foundations}
-_STORED: dict[Any, str] = {  # in samples files, which must stay readable wherever the code moves
-    elastic_foundations: "casadi_contact.samples.draw.elastic_foundations",
-    foundations: "casadi_contact.samples.draw.foundations",
-    CallableModel: "casadi_contact.contact.model.CallableModel",
-}
-
-
-def model_pair(name: str) -> ModelPair:
-    """What makes the contact models of a name in `MODELS`; raises ValueError for another."""
-    if name not in MODELS:
-        raise ValueError(f"model is {name!r}, expected one of {', '.join(MODELS)}")
-    return MODELS[name]
-
-
-def model_name_of(samples: Samples) -> str | None:
-    """The name in `MODELS` of what samples were drawn from; None for a user's own model, and for a table."""
-    return _name_of(samples.provenance.get("models", ""))
-
-
-def _name_of(full_name: str) -> str | None:
-    return next((name for name, models in MODELS.items() if _full_name(models) == full_name), None)
-
-
-def models_of(samples: Samples) -> ModelPair | None:
-    """What makes the contact models of samples, to draw more of them; None for a user's own, and for a table."""
-    name = model_name_of(samples)
-    return None if name is None else MODELS[name]
-
-
-def teacher_of(samples: Samples) -> WrenchModel | None:
-    """The contact model that samples were evaluated on; None for a user's own, and for samples from a table."""
-    models = models_of(samples)
-    return None if models is None else models(samples.scene, settings_of(samples))[1]
-
-
-def settings_of(samples: Samples) -> SamplingSettings:
-    """The settings that samples were drawn with; raises KeyError for samples that were not drawn."""
-    return SamplingSettings.from_table(samples.provenance["settings"])
-
-
-def models_identity(models: ModelPair) -> dict[str, str]:
-    """What tells models apart that samples, or a reference motion, come from."""
-    return {"models": _full_name(models), "package": _version("casadi_contact")}
-
-
-def _full_name(models: ModelPair) -> str:
-    """The name of what makes the models, or of what it says that it stands for, as files hold it."""
-    named = getattr(models, "stands_for", models)
-    return _STORED.get(named) or f"{named.__module__}.{named.__qualname__}"
-
-
 def draw_samples(
     scene: Scene,
     motion: ReferenceMotion,
@@ -222,7 +121,7 @@ def draw_samples(
         "plan_digest": plan_digest(chunks),
     }
     job = WorkerModels.of(scene, settings, models)
-    own = _name_of(_full_name(models)) is None  # the library's are known by name, version and settings
+    own = model_name(models) not in MODELS  # the library's are known by name, version and settings
     if path.exists():
         samples = read_samples(path)
         there = {**samples.provenance, "scene": samples.scene.digest}
@@ -334,16 +233,9 @@ def _gather(scene: Scene, chunks: list[Chunk], drawn: list[DrawnChunk], identity
         if got.dropped:
             dropped.setdefault(DOMAINS[asked.domain - 1], Counter()).update(got.dropped)
     provenance = {key: value for key, value in identity.items() if key != "scene"}
-    versions = {name: _version(name) for name in ("numpy", "scipy", "numba", "h5py")}
+    versions = {name: package_version(name) for name in ("numpy", "scipy", "numba", "h5py")}
     skipped = left_out(scene.pressed, SamplingSettings.from_table(identity["settings"]))
     found = {"versions": versions, "dropped": dropped, "left_out": skipped}
     lost = np.concatenate([chunk.dropped_poses for chunk in drawn])
     lost_from = np.repeat([chunk.domain for chunk in chunks], [len(chunk.dropped_poses) for chunk in drawn])
     return replace(joined(scene, drawn), provenance={**provenance, **found}, dropped=Dropped(lost, lost_from))
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "unknown"

@@ -10,7 +10,7 @@ from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.settle import settle
 from casadi_contact.core.conventions import Array, Progress
 from casadi_contact.samples.chunk import WrenchModel
-from casadi_contact.samples.draw import model_name_of
+from casadi_contact.samples.models import model_name_of
 from casadi_contact.samples.perturbed import LEAST_VALIDITY, label_poses
 from casadi_contact.samples.samples import TEST, TRAIN, Samples
 

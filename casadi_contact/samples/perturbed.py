@@ -11,7 +11,7 @@ import numpy as np
 
 from casadi_contact.core.conventions import Array, Progress
 from casadi_contact.samples.chunk import WrenchModel, part_wrenches, reaches_edge
-from casadi_contact.samples.draw import model_name_of
+from casadi_contact.samples.models import model_name_of
 from casadi_contact.samples.samples import TEST, VALIDATION, Dropped, Samples
 from casadi_contact.scenes.scene import Scene
 

@@ -14,8 +14,9 @@ from dataclasses import replace
 import numpy as np
 
 from casadi_contact.core.conventions import Progress
-from casadi_contact.samples.draw import ModelPair, draw_samples, models_of, settings_of
+from casadi_contact.samples.draw import draw_samples
 from casadi_contact.samples.errors import LoadModel
+from casadi_contact.samples.models import ModelPair, models_of, settings_of
 from casadi_contact.samples.samples import TRAIN, Samples
 from casadi_contact.workflow.project import Project, read_motion
 

@@ -13,15 +13,8 @@ from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import Update, in_stage
 from casadi_contact.samples.check_table import check_gaps, conflicting_rows
 from casadi_contact.samples.chunk import WrenchModel
-from casadi_contact.samples.draw import (
-    ModelPair,
-    check_rejection_rate,
-    draw_samples,
-    elastic_foundations,
-    model_name_of,
-    model_pair,
-    models_identity,
-)
+from casadi_contact.samples.draw import check_rejection_rate, draw_samples
+from casadi_contact.samples.models import ModelPair, elastic_foundations, model_name_of, model_pair, models_identity
 from casadi_contact.samples.reference import ReferenceReport, reference_motion
 from casadi_contact.samples.resume import begun, kept_motion, motion_origin, write_motion
 from casadi_contact.samples.samples import Samples, write_samples

@@ -10,7 +10,7 @@ from pathlib import Path
 from casadi_contact.core.conventions import Update, in_stage
 from casadi_contact.core.workers import worker_pool
 from casadi_contact.samples.chunk import WrenchModel
-from casadi_contact.samples.draw import model_name_of, teacher_of
+from casadi_contact.samples.models import model_name_of, teacher_of
 from casadi_contact.samples.perturbed import perturbed_samples
 from casadi_contact.samples.samples import Samples
 from casadi_contact.surrogate.base import Surrogate

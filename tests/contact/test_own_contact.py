@@ -9,7 +9,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.cli import pipeline
 from casadi_contact.pictures.report.tables import evaluation_tables, read_evaluation
-from casadi_contact.samples.draw import model_name_of
+from casadi_contact.samples.models import model_name_of
 from casadi_contact.workflow.benchmark.choose import choose
 from casadi_contact.workflow.benchmark.speed import speed
 from casadi_contact.workflow.presets import PRESETS, Effort, Preset
@@ -70,7 +70,7 @@ def test_a_callable_is_sampled_trained_evaluated_and_transcribed(scene_file, tmp
     assert {"reference motion", "samples", "patch root_contact"} <= seen
     project = pipeline.Project.open(scene_file, "small", tmp_path / "out")
     samples = project.samples()
-    assert samples.provenance["models"] == "casadi_contact.contact.model.CallableModel"
+    assert samples.provenance["models"] == "casadi_contact.contact.callable_model.CallableModel"
     assert (samples.select("D5").wrenches == 0.0).all()
     record = surrogates["patch"].record
     assert record["command"].startswith(f"cc.build({str(scene_file)!r}, 'small', model=...)"), "no command line can"

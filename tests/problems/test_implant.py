@@ -159,5 +159,5 @@ def test_networks_learn_around_the_cycles_given(tmp_path, monkeypatch):
     assert done.exit_code in (0, 2, 3), done.output  # such small networks need not solve all frames
     trained = cc.load_surrogate(tmp_path / "out" / "patch.h5")
     assert trained.record["reference_cycles"] == ["walk0", "walk1"]
-    assert "foundations" in read_samples(tmp_path / "out" / "samples.h5").provenance["models"]
+    assert "foundation" in read_samples(tmp_path / "out" / "samples.h5").provenance["models"]
     assert (tmp_path / "out" / "poses" / "walk1" / "summary.json").is_file()

@@ -1,4 +1,3 @@
-import os
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
@@ -98,19 +97,6 @@ def test_the_executor_does_not_matter(kind, file, tmp_path):
     assert not partial_folder(tmp_path / "samples.h5").exists()
 
 
-def test_worker_processes_of_a_cluster(file, tmp_path):
-    distributed = pytest.importorskip("distributed", reason="extra cluster is not installed")
-    with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        pids = set(client.run(os.getpid).values())
-        assert len(pids) == 2
-        assert os.getpid() not in pids
-        draw(tmp_path / "samples.h5", client.get_executor())
-    assert (tmp_path / "samples.h5").read_bytes() == file.read_bytes()
-
-
 def test_progress_counts_chunks(tmp_path):
     seen = []
     with ThreadPoolExecutor(2) as executor:
@@ -169,33 +155,6 @@ class Rimmed(TwoSpheres):
     def at_edge(self, poses):
         centres, _ = self._centres(poses)
         return (centres[..., 2] - self.scene.anchors_mm[:, 2] > 0.2) & (self.gaps(poses) < 0.0)
-
-
-class AllRim(Rimmed):
-    """Every pose reaches the edge: nothing is asked, of no poses either."""
-
-    def at_edge(self, poses):
-        return np.ones((len(poses), 2), dtype=bool)
-
-    def wrenches(self, poses):
-        raise AssertionError
-
-    gaps = wrenches
-
-
-def test_where_all_contact_reaches_the_edge_the_model_is_not_asked(tmp_path):
-    settings = SamplingSettings(counts={"D1": 20}, frames=21, most_dropped=1.0)
-    with ThreadPoolExecutor(1) as executor:
-        samples = draw_samples(
-            knee(),
-            sphere_motion(),
-            tmp_path / "s.h5",
-            settings=settings,
-            executor=executor,
-            models=lambda scene, settings: (TwoSpheres(scene), AllRim(scene)),
-        )
-    assert len(samples) == 0
-    assert samples.provenance["dropped"] == {"D1": {"contact reaches the edge of the elements": 20}}
 
 
 def rimmed_models(scene, settings):

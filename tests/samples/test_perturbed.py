@@ -44,7 +44,7 @@ def test_the_librarys_own_model_is_asked_more_often_than_one_that_may_be_slow():
     poses = np.tile([LOW, HIGH], (9000, 1))
     rows, role = len(poses), np.full(len(poses), TRAIN, dtype=np.uint8)
     own = Samples(SCENE, poses, np.zeros((rows, 1, 6)), np.ones((rows, 1)), np.ones(rows, dtype=np.uint8), role)
-    librarys = replace(own, provenance={"models": "casadi_contact.samples.draw.elastic_foundations"})
+    librarys = replace(own, provenance={"models": "elements"})
     found = [
         uniform_samples(
             samples,

@@ -89,11 +89,6 @@ def test_the_plan_of_a_reach_lifts_sides_apart_and_that_of_a_motion_lifts_them_a
         assert (np.ptp(gaps, axis=1).max() < 1e-3) == alike
 
 
-def test_files_of_before_know_no_reach():
-    assert "reach" not in SamplingSettings().to_table()
-    assert SamplingSettings.from_table(SamplingSettings(reach=REACH).to_table()).reach == REACH
-
-
 def test_the_planar_knee_is_set_by_its_total_load_and_two_pose_parameters():
     scene = cc.load_scene("planar_knee")
     point = SamplePoint.of_scene(scene)

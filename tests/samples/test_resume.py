@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from casadi_contact.samples.draw import draw_samples, foundations
+from casadi_contact.samples.draw import draw_samples
+from casadi_contact.samples.models import foundations
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import partial_folder, read_samples
 from tests.support import two_spheres
@@ -128,7 +129,7 @@ def test_samples_of_something_else_are_not_continued(message, stopped, tmp_path,
 
 def test_samples_of_a_foundation_go_on_for_no_smaller_tolerances(tmp_path, monkeypatch):
     """It is chosen for the tolerances: whole samples are good enough for larger ones, begun ones for the same alone."""
-    monkeypatch.setattr("casadi_contact.samples.draw.foundation", two_spheres.TwoSpheres)
+    monkeypatch.setattr("casadi_contact.samples.models.foundation", two_spheres.TwoSpheres)
     path, settings = tmp_path / "samples.h5", replace(SETTINGS, seed=77)
     tight, loose = (
         knee().with_tolerances(**{name: factor * value for name, value in knee().tolerances.items()})

@@ -10,7 +10,7 @@ import casadi_contact as cc
 from casadi_contact.cli import pipeline
 from casadi_contact.networks.training.fit import fit
 from casadi_contact.networks.training.settings import TrainingSettings
-from casadi_contact.samples.draw import foundations
+from casadi_contact.samples.models import foundations
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, write_samples
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from casadi_contact.workflow.active import candidates, worst_samples

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.samples.draw import elastic_foundations
+from casadi_contact.samples.models import elastic_foundations
 from casadi_contact.samples.samples import TEST, VALIDATION, write_samples
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from casadi_contact.workflow import tolerance

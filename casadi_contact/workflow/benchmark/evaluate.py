@@ -10,8 +10,8 @@ from typing import Any
 from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.machine import machine_record
-from casadi_contact.samples.draw import model_name_of, settings_of
 from casadi_contact.samples.errors import LoadModel, domain_errors, load_errors, rms_by_kind
+from casadi_contact.samples.models import model_name_of, settings_of
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import DOMAINS, TEST, Samples
 from casadi_contact.scenes.scene import Scene

@@ -1,0 +1,112 @@
+"""Contact models that samples come from: one to settle poses on, one to evaluate samples on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.contact.cells.foundation import CellFoundation
+from casadi_contact.contact.choice import foundation
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.core.conventions import Array
+from casadi_contact.samples.chunk import WrenchModel
+from casadi_contact.samples.samples import Samples
+from casadi_contact.samples.settings import SamplingSettings
+from casadi_contact.scenes.scene import Scene
+
+# Makes the model that poses are settled on and the one that samples are evaluated on, in each worker process.
+ModelPair = Callable[[Scene, SamplingSettings], tuple[ContactModel, WrenchModel]]
+
+
+class WithinElements:
+    """A cell foundation with the rim of an element grid.
+
+    A cell is several times as wide as an element: cells at the rim would reject a third of a mesh's samples.
+    """
+
+    def __init__(self, model: CellFoundation, elements: ElasticFoundation) -> None:
+        self.model, self.elements = model, elements
+
+    def wrenches(self, poses: Array) -> Array:
+        """Those of the cells (n, patches, 6)."""
+        return self.model.wrenches(poses)
+
+    def at_edge(self, poses: Array) -> np.ndarray:
+        """True (n, patches) where contact reaches the outermost elements."""
+        return self.elements.at_edge(poses)
+
+    def __getattr__(self, name: str) -> Any:
+        """All else is that of the cells: gaps, part_wrenches, part_gaps, record."""
+        if name in ("model", "elements"):  # not set yet
+            raise AttributeError(name)
+        return getattr(self.model, name)
+
+
+def elastic_foundations(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
+    """Elastic foundations on the settings' settle grid and teacher grid."""
+    return ElasticFoundation(scene, settings.settle_grid), ElasticFoundation(scene, settings.teacher_grid)
+
+
+def foundations(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
+    """The scene's `contact.foundation`, both to settle on and to evaluate samples on."""
+    model = foundation(scene)
+    if not isinstance(model, CellFoundation):
+        return model, model
+    return model, WithinElements(model, ElasticFoundation(scene, settings.teacher_grid))
+
+
+MODELS: dict[str, ModelPair] = {"elements": elastic_foundations, "foundation": foundations}
+
+
+def model_pair(name: str) -> ModelPair:
+    """The model pair of a name in `MODELS`; raises ValueError for another."""
+    if name not in MODELS:
+        raise ValueError(f"model is {name!r}, expected one of {', '.join(MODELS)}")
+    return MODELS[name]
+
+
+def model_name(models: ModelPair) -> str:
+    """The name in `MODELS`, or the full name of a user's class or function."""
+    known = next((name for name, pair in MODELS.items() if pair is models), None)
+    named: Any = getattr(models, "stands_for", models)
+    return known or f"{named.__module__}.{named.__qualname__}"
+
+
+def models_identity(models: ModelPair) -> dict[str, str]:
+    """What the samples' file says of their models: name and version of this package."""
+    return {"models": model_name(models), "package": package_version("casadi_contact")}
+
+
+def model_name_of(samples: Samples) -> str | None:
+    """The name in `MODELS` of what samples were drawn from; None for a user's own model, and for a table."""
+    name = samples.provenance.get("models")
+    return name if name in MODELS else None
+
+
+def models_of(samples: Samples) -> ModelPair | None:
+    """The model pair of samples, to draw more of them; None for a user's own model, and for a table."""
+    name = model_name_of(samples)
+    return None if name is None else MODELS[name]
+
+
+def teacher_of(samples: Samples) -> WrenchModel | None:
+    """The contact model that samples were evaluated on; None for a user's own, and for samples from a table."""
+    models = models_of(samples)
+    return None if models is None else models(samples.scene, settings_of(samples))[1]
+
+
+def settings_of(samples: Samples) -> SamplingSettings:
+    """The settings that samples were drawn with; raises KeyError for samples that were not drawn."""
+    return SamplingSettings.from_table(samples.provenance["settings"])
+
+
+def package_version(name: str) -> str:
+    """Version of an installed package, "unknown" without one."""
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "unknown"
