@@ -11,8 +11,7 @@ import pytest
 from typer.main import get_command
 
 from casadi_contact.cli.main import app
-from problems.studies.pages.__main__ import pages
-from problems.studies.pages.headline import BEGIN, END, headline
+from problems.studies.pages import BEGIN, END, headline, pages
 from tests.support.stored_results import RESULTS
 
 ROOT = Path(__file__).parents[1]

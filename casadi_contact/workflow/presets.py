@@ -29,14 +29,10 @@ class ChartEffort:
     """What the speed-accuracy chart trains beside the preset's own surrogates.
 
     sizes: by structure, one effort for each size; its budget goes to each network, or the share of it that the
-    structure says (`Surrogate.budget_shares`). swept: structure and size (one of `sizes`) that is trained again with
-    fewer samples (sample_counts) and with other budgets (training_gflop). peer_gflop: budget of each peer.
+    structure says (`Surrogate.budget_shares`). peer_gflop: budget of each peer.
     """
 
     sizes: dict[str, tuple[Effort, ...]] = field(default_factory=dict)
-    swept: tuple[str, tuple[int, ...]] = ("patch", (12, 12))
-    sample_counts: tuple[int, ...] = ()
-    training_gflop: tuple[float, ...] = ()
     peer_gflop: float = 300.0
 
 
@@ -114,8 +110,6 @@ PRESETS: dict[str, Preset] = {
                 ),
                 "two_stage": _ladder("tanh", (8, 6.0, 5_000), (16, 18.0, 5_000)),
             },
-            sample_counts=(300, 1_000, 3_000),
-            training_gflop=(10.0, 30.0, 140.0),
         ),
     ),
     "standard": Preset(
@@ -136,8 +130,6 @@ PRESETS: dict[str, Preset] = {
                 ),
                 "two_stage": _ladder("tanh", (8, 28.0, 12_000), (16, 115.0, 12_000), (24, 310.0, 12_000)),
             },
-            sample_counts=(300, 1_000, 3_000, 10_000),
-            training_gflop=(20.0, 45.0, 140.0, 1_100.0),
             peer_gflop=9_000.0,
         ),
     ),
@@ -203,8 +195,6 @@ PRESETS: dict[str, Preset] = {
                 ),
                 "two_stage": _ladder("tanh", (8, 330.0, 80_000), (16, 2_700.0, 80_000), (24, 11_000.0, 80_000)),
             },
-            sample_counts=(300, 1_000, 3_000, 10_000, 30_000),
-            training_gflop=(45.0, 180.0, 720.0, 2_700.0, 10_800.0),
             peer_gflop=18_000.0,
         ),
     ),

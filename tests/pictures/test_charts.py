@@ -10,7 +10,7 @@ from casadi_contact.pictures.page import COLOURS
 from casadi_contact.pictures.report.charts import CHARTS, draw_charts
 from casadi_contact.pictures.report.scatter import draw_speed_accuracy
 from casadi_contact.pictures.report.style import MARKERS, family_styles
-from casadi_contact.workflow.benchmark.front_file import SIZE, Front, Point, read_front, write_front
+from casadi_contact.workflow.benchmark.front_file import Front, Point, read_front, write_front
 from tests.support.stored_results import SPEED_ACCURACY as STORED
 
 
@@ -36,40 +36,11 @@ def test_every_chart_is_drawn_from_the_file(front, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {path.name for path in paths}
 
 
-def test_charts_without_numbers_are_left_out(front, tmp_path):
-    only_sizes = Front(front.header, tuple(p for p in front.points if p.sweep == SIZE))
-    names = {path.stem for path in draw_charts(only_sizes, tmp_path)}
-    assert names == set(CHARTS) - {"error_by_samples", "error_by_training_time"}
-
-
-def test_a_front_without_errors_by_domain_has_no_empty_picture_of_them(front, tmp_path):
-    def without(point):
-        return replace(point, domain_force_rms_n={}, domain_torque_rms_nmm={})
-
-    no_domains = Front(front.header, tuple(without(point) for point in front.points))
-    assert "error_by_domain" not in {path.stem for path in draw_charts(no_domains, tmp_path)}
-
-
-def test_a_joint_of_one_patch_has_no_d4(front, tmp_path):
-    def without(point):
-        kept = {
-            name: {domain: rms for domain, rms in getattr(point, name).items() if domain != "D4"}
-            for name in ("domain_force_rms_n", "domain_torque_rms_nmm")
-        }
-        return replace(point, **kept)
-
-    one_patch = Front(front.header, tuple(without(point) for point in front.points))
-    assert {path.stem for path in draw_charts(one_patch, tmp_path)} == set(CHARTS)
-
-
-@pytest.mark.parametrize(("loads", "drawn", "absent"), [("Fy_med Fx", "force", "torque"), ("Tz", "torque", "force")])
-def test_forces_alone_and_torques_alone_have_one_panel_and_every_chart(front, loads, drawn, absent, tmp_path):
-    """As measured of a scene that asks for these loads: it has no errors of the other kind, in no domain."""
-
+@pytest.mark.parametrize(("loads", "drawn"), [("Fy_med Fx", "force"), ("Tz", "torque")])
+def test_forces_alone_and_torques_alone_have_one_panel_and_every_chart(front, loads, drawn, tmp_path):
     def reduced(point):
         kept = {load: rms for load, rms in point.load_rms.items() if load in loads.split()}
-        emptied = {"force": "domain_force_rms_n", "torque": "domain_torque_rms_nmm"}[absent]
-        return replace(point, load_rms=kept, **{emptied: {}})
+        return replace(point, load_rms=kept)
 
     few = Front({**front.header, "loads": loads}, tuple(reduced(point) for point in front.points))
     write_front(tmp_path / "few.csv", few)
@@ -100,7 +71,7 @@ def test_no_two_of_many_families_look_the_same():
 
 def test_every_point_is_labelled_and_no_label_covers_another(front):
     figure = draw_speed_accuracy(front)
-    sized = [p for p in front.points if p.sweep == SIZE and not p.failure]
+    sized = [p for p in front.points if not p.failure]
     for axis in figure.axes:
         boxes = [text.get_window_extent() for text in axis.texts]
         assert len(boxes) == len(sized)

@@ -3,4 +3,4 @@
 from pathlib import Path
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results" / "data"
-SPEED_ACCURACY = RESULTS / "sizes.csv"  # has what every chart shows, sweeps and domains too
+SPEED_ACCURACY = RESULTS / "speed_accuracy.csv"

@@ -19,7 +19,6 @@ from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.load import load_surrogate
 from casadi_contact.surrogate.two_stage.surrogate import TwoStageSurrogate
 from casadi_contact.workflow.benchmark.candidate import Candidate, Stopwatch
-from casadi_contact.workflow.benchmark.front_file import SIZE
 from casadi_contact.workflow.benchmark.kernel_speed import lagrangian_hessian
 from casadi_contact.workflow.benchmark.sizes import chart_surrogates, sized_path
 from casadi_contact.workflow.benchmark.timing import time_batch, time_mapped, time_single_calls
@@ -27,7 +26,6 @@ from casadi_contact.workflow.project import Project, project_surrogates, read_mo
 
 EF_FAMILY, FOUNDATION_FAMILY = "EF", "foundation"
 MX_SUFFIX = " (CasADi MX)"  # follows name and family of a function that is also shown in another form
-_GLOBAL_PEERS = ("polynomial", "Kriging", "radial basis")
 GRIDS = ((20, 15), (40, 30), (80, 40), (160, 80), (320, 160))
 
 
@@ -116,14 +114,13 @@ def _batch_stopwatch(model: SymbolicContact, loads: Sequence[str] | None, *, com
     return lambda poses: time_mapped(of(len(poses)), poses)
 
 
-def charted_surrogates(project: Project) -> Iterator[tuple[str, str, Surrogate]]:
-    """Name on the chart, sweep, surrogate: those shipped for the scene, the preset's own, the sized ones on disk."""
-    for name, shipped in shipped_surrogates(project.scene).items():
-        yield name, SIZE, shipped
+def charted_surrogates(project: Project) -> Iterator[tuple[str, Surrogate]]:
+    """Name on the chart, surrogate: those shipped for the scene, the preset's own, the sized ones on disk."""
+    yield from shipped_surrogates(project.scene).items()
     for structure, surrogate in project_surrogates(project).items():
-        yield own_name(project, structure), SIZE, surrogate
+        yield own_name(project, structure), surrogate
     for sized in chart_surrogates(project.preset.chart, project.scene):
-        yield sized.name, sized.sweep, load_surrogate(sized_path(project, sized))
+        yield sized.name, load_surrogate(sized_path(project, sized))
 
 
 def own_name(project: Project, structure: str) -> str:
@@ -132,20 +129,12 @@ def own_name(project: Project, structure: str) -> str:
 
 
 def peer_candidates(project: Project) -> Iterator[Candidate]:
-    """The peers, fitted on the project's samples: all of them, and for those that hold few points D1 alone too.
+    """The peers, fitted on the project's samples within the preset's budget."""
+    from casadi_contact.workflow.benchmark import peers
 
-    Kriging has the preset's budget, every other family a quarter of it.
-    """
-    from casadi_contact.workflow.benchmark.peers.candidates import FAMILIES, peer_candidates
-
-    samples, gflop = project.samples(), project.preset.chart.peer_gflop
-    two_stage, (motion, _) = project_surrogates(project).get(TwoStageSurrogate.structure), read_motion(project)
-    for family in FAMILIES:
-        limit = gflop if family == "Kriging" else gflop / 4.0
-        for domains in (None, ["D1"]) if family in _GLOBAL_PEERS else (None,):
-            yield from peer_candidates(
-                samples, gflop=limit, two_stage=two_stage, motion=motion, domains=domains, families=[family]
-            )
+    two_stage = project_surrogates(project).get(TwoStageSurrogate.structure)
+    gflop, motion = project.preset.chart.peer_gflop, read_motion(project)[0]
+    yield from peers.peer_candidates(project.samples(), gflop=gflop, two_stage=two_stage, motion=motion)
 
 
 def _time_hessian(hessian: ca.Function, poses: Array) -> float:

@@ -142,8 +142,6 @@ def _asked(
 def meeting(front: Front, tolerance: Tolerance, loads: Sequence[str]) -> list[Offer]:
     """Every model of the chart that meets the tolerance for the loads, with its time for all loads.
 
-    The swept models are left out: they cost what their size costs, and learned less.
-
     Raises ValueError, naming the nearest, if none does.
     """
     offers = []

@@ -17,13 +17,10 @@ from typing import Any
 from casadi_contact.core.files.reading import MOST_TEXT, checked_size
 from casadi_contact.core.files.writing import replacing
 from casadi_contact.core.quantities import FORCE, TORQUE, Kind, of_kind, quantity
-from casadi_contact.samples.samples import DOMAINS
 from casadi_contact.workflow.benchmark.timing import Timing
 
 FILE_NAME = "speed_accuracy.csv"
-FORMAT = "casadi_contact speed-accuracy 1"
-SIZE, SAMPLES, SECONDS = "size", "samples", "training time"
-SWEEPS = (SIZE, SAMPLES, SECONDS)
+FORMAT = "casadi_contact speed-accuracy 2"
 TIMES = ("value", "jacobian", "hessian", "batch")
 
 
@@ -31,22 +28,18 @@ TIMES = ("value", "jacobian", "hessian", "batch")
 class Point:
     """A model on the chart (see `candidate.Candidate`): times per pose, errors, and what it cost.
 
-    sweep: which series it belongs to (SWEEPS). value, jacobian, hessian, batch: µs per pose on one thread, None for
-    what the model cannot do. load_rms: RMS error of each load [N, N·mm] on the unseen walking sequence against the
-    converged EF. domain_force_rms_n, domain_torque_rms_nmm: RMS over all forces (torques) on test samples against
-    the teacher EF. A failed model has none of these, and says why.
+    value, jacobian, hessian, batch: µs per pose on one thread, None for what the model cannot do. load_rms: RMS
+    error of each load [N, N·mm] on the unseen walking sequence against the converged EF. A failed model has none of
+    these, and says why.
     """
 
     name: str
     family: str
-    sweep: str = SIZE
     value: Timing | None = None
     jacobian: Timing | None = None
     hessian: Timing | None = None
     batch: Timing | None = None
     load_rms: Mapping[str, float] = field(default_factory=dict)
-    domain_force_rms_n: Mapping[str, float] = field(default_factory=dict)
-    domain_torque_rms_nmm: Mapping[str, float] = field(default_factory=dict)
     samples: int = 0
     training_seconds: float = 0.0
     parameters: int = 0
@@ -84,26 +77,8 @@ class Front:
 
     @property
     def models(self) -> tuple[Point, ...]:
-        """The models of the speed-accuracy chart itself: neither failures nor the swept ones."""
-        return tuple(point for point in self.points if point.sweep == SIZE and not point.failure)
-
-    @property
-    def repeats(self) -> dict[str, str]:
-        """Swept points that are an earlier point again, by name, with the name of that one: a fit that ends before its
-        budget gives the same networks under every larger one, and so every error to the last digit."""
-        first: dict[tuple[Any, ...], str] = {}
-        found = {}
-        for point in self.points:
-            errors = (point.load_rms, point.domain_force_rms_n, point.domain_torque_rms_nmm)
-            key = (point.family, point.samples, point.parameters, *(tuple(each.items()) for each in errors))
-            if first.setdefault(key, point.name) != point.name and point.sweep != SIZE and not point.failure:
-                found[point.name] = first[key]
-        return found
-
-    def swept(self, *sweeps: str) -> tuple[Point, ...]:
-        """The points of these sweeps, neither failures nor repeats."""
-        repeats = self.repeats
-        return tuple(p for p in self.points if p.sweep in sweeps and not p.failure and p.name not in repeats)
+        """The models that were measured, without failures."""
+        return tuple(point for point in self.points if not point.failure)
 
 
 def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
@@ -122,12 +97,10 @@ def _rms_column(load: str) -> str:
 
 def _columns(loads: Sequence[str]) -> list[str]:
     times = [f"{what}{end}" for what in TIMES for end in ("_us", "_low_us", "_high_us")]
-    domains = [f"{domain}_{kind}" for domain in DOMAINS for kind in ("force_rms_n", "torque_rms_nmm")]
-    errors = ["force_rms_n", "torque_rms_nmm", *map(_rms_column, loads), *domains]
+    errors = ["force_rms_n", "torque_rms_nmm", *map(_rms_column, loads)]
     return [
         "name",
         "family",
-        "sweep",
         *times,
         *errors,
         "samples",
@@ -145,10 +118,8 @@ def _row(point: Point, loads: Sequence[str]) -> dict[str, Any]:
         if timing is not None:
             row |= {f"{what}_us": timing.median_us, f"{what}_low_us": timing.low_us, f"{what}_high_us": timing.high_us}
     row |= {_rms_column(load): point.load_rms[load] for load in loads if load in point.load_rms}
-    row |= {f"{domain}_force_rms_n": rms for domain, rms in point.domain_force_rms_n.items()}
-    row |= {f"{domain}_torque_rms_nmm": rms for domain, rms in point.domain_torque_rms_nmm.items()}
     cells: dict[str, Any] = {name: f"{value:.6g}" if math.isfinite(value) else "" for name, value in row.items()}
-    for name in ("name", "family", "sweep", "samples", "training_seconds", "parameters", "remark", "failure"):
+    for name in ("name", "family", "samples", "training_seconds", "parameters", "remark", "failure"):
         cells[name] = getattr(point, name)
     # No commas, quotes or comment signs in texts: numpy.genfromtxt and a shell can then read the file as well.
     replaced = str.maketrans({",": ";", '"': "'", "#": "", "\n": " ", "\r": " "})
@@ -228,8 +199,6 @@ def _point(where: str, row: Mapping[str, str], loads: Sequence[str]) -> Point:
     def present(columns: Mapping[str, str]) -> dict[str, float]:
         return {key: number(column) for key, column in columns.items() if row[column]}
 
-    if row["sweep"] not in SWEEPS:
-        raise ValueError(f"{where}: sweep is {row['sweep']!r}, expected one of {', '.join(SWEEPS)}")
     if not row["name"] or not row["family"]:
         raise ValueError(f"{where}: no name or no family, expected both")
     timings: dict[str, Any] = {
@@ -240,13 +209,10 @@ def _point(where: str, row: Mapping[str, str], loads: Sequence[str]) -> Point:
     return Point(
         name=row["name"],
         family=row["family"],
-        sweep=row["sweep"],
         remark=row["remark"],
         failure=row["failure"],
         **timings,
         load_rms=present({load: _rms_column(load) for load in loads}),
-        domain_force_rms_n=present({domain: f"{domain}_force_rms_n" for domain in DOMAINS}),
-        domain_torque_rms_nmm=present({domain: f"{domain}_torque_rms_nmm" for domain in DOMAINS}),
         samples=int(number("samples")),
         training_seconds=number("training_seconds"),
         parameters=int(number("parameters")),

@@ -1,4 +1,4 @@
-"""Measure every candidate in one run on one thread: times on unseen walking poses, errors there and per domain."""
+"""Measure every candidate in one run on one thread: times and errors on unseen walking poses."""
 
 from __future__ import annotations
 
@@ -12,9 +12,7 @@ from pathlib import Path
 from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
 from casadi_contact.core.conventions import Array, Update
 from casadi_contact.core.machine import machine_record
-from casadi_contact.core.quantities import FORCE, TORQUE
-from casadi_contact.samples.errors import domain_errors, load_errors, rms_by_kind
-from casadi_contact.samples.samples import Samples
+from casadi_contact.samples.errors import load_errors
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.workflow.benchmark.candidate import Candidate, Stopwatch
 from casadi_contact.workflow.benchmark.candidates import (
@@ -26,7 +24,7 @@ from casadi_contact.workflow.benchmark.candidates import (
     untrained_candidates,
 )
 from casadi_contact.workflow.benchmark.evaluate import converged_elements
-from casadi_contact.workflow.benchmark.front_file import FILE_NAME, SIZE, TIMES, Front, Point, write_front
+from casadi_contact.workflow.benchmark.front_file import FILE_NAME, TIMES, Front, Point, write_front
 from casadi_contact.workflow.benchmark.sizes import train_sizes
 from casadi_contact.workflow.benchmark.timing import Timing, compare, one_thread
 from casadi_contact.workflow.benchmark.walking import unseen_walking
@@ -58,21 +56,18 @@ def measure_project(
     """
     # Before an hour of training, not after it:
     refuse_without_elements(project)
-    samples, motion = project.samples(), read_motion(project)[0]
+    motion = read_motion(project)[0]
     own = project_surrogates(project)
     train_sizes(project, update=update, executor=executor)
-    sweeps: dict[str, str] = {}
     candidates = list(untrained_candidates(project.scene))
-    for name, sweep, surrogate in charted_surrogates(project):
+    for name, surrogate in charted_surrogates(project):
         graph = name in (own_name(project, structure) for structure in own)
-        for candidate in surrogate_candidates(name, surrogate, graph=graph):
-            candidates.append(candidate)
-            sweeps[candidate.name] = sweep
+        candidates += surrogate_candidates(name, surrogate, graph=graph)
     if peers:
         candidates += peer_candidates(project)
     walking = unseen_walking(ElasticFoundation(project.scene, project.scene.grids["settle"]), motion)
     path = project.folder / FILE_NAME
-    front = measure(candidates, project.scene, walking, samples, sweeps, tell)
+    front = measure(candidates, project.scene, walking, tell)
     write_front(path, Front({**front.header, "preset": project.preset_name}, front.points))
     return path
 
@@ -81,19 +76,17 @@ def measure(
     candidates: Iterable[Candidate],
     scene: Scene,
     walking: Array,
-    samples: Samples | None = None,
-    sweeps: dict[str, str] | None = None,
     tell: Tell | None = None,
 ) -> Front:
     """Errors and times of all candidates, the times in turn within one run on one thread.
 
-    Errors on the walking poses (n, 6) are against the converged EF, those per domain against the samples' own loads;
-    without samples there are none per domain. A candidate that fails becomes a point that says why.
+    Errors are on the walking poses (n, 6), against the converged EF. A candidate that fails becomes a point that says
+    why.
 
     Raises ValueError for two candidates of one name.
     """
     tell = tell or (lambda what: None)
-    candidates, sweeps = list(candidates), sweeps or {}
+    candidates = list(candidates)
     tell("converged EF")
     converged_grid = converged_elements(scene)
     converged = ElasticFoundation(scene, converged_grid)(walking)
@@ -105,11 +98,11 @@ def measure(
             if candidate.name in points:
                 raise ValueError(f"two candidates are called {candidate.name!r}, expected names that differ")
             try:
-                points[candidate.name] = _errors(candidate, scene, samples, walking, converged, sweeps)
+                points[candidate.name] = _errors(candidate, scene, walking, converged)
                 if not points[candidate.name].failure:
                     measurements |= _measurements(candidate, walking)
             except _FAILURES as error:
-                points[candidate.name] = _failed(candidate, sweeps, " ".join(str(error).split()))
+                points[candidate.name] = _failed(candidate, " ".join(str(error).split()))
         tell("times")
         timings = compare(measurements)
     header = {
@@ -147,11 +140,10 @@ def _measurements(candidate: Candidate, poses: Array) -> dict[str, Callable[[], 
     return found
 
 
-def _failed(candidate: Candidate, sweeps: dict[str, str], reason: str) -> Point:
+def _failed(candidate: Candidate, reason: str) -> Point:
     return Point(
         candidate.name,
         candidate.family,
-        sweeps.get(candidate.name, SIZE),
         samples=candidate.samples,
         training_seconds=candidate.training_seconds,
         parameters=candidate.parameters,
@@ -163,28 +155,21 @@ def _failed(candidate: Candidate, sweeps: dict[str, str], reason: str) -> Point:
 def _errors(
     candidate: Candidate,
     scene: Scene,
-    samples: Samples | None,
     walking: Array,
     converged: Array,
-    sweeps: dict[str, str],
 ) -> Point:
     model = candidate.model
     if model is None or candidate.failure:
-        return _failed(candidate, sweeps, candidate.failure or "no model")
+        return _failed(candidate, candidate.failure or "no model")
     loads = scene.load_names
     columns = [loads.index(load) for load in model.load_names]
     on_walking = load_errors(model.load_names, model(walking), converged[:, columns])
     if not all(math.isfinite(error["rms"]) for error in on_walking.values()):
-        return _failed(candidate, sweeps, "gives NaN or infinity on the walking poses")
-    errors_by_domain = {} if samples is None else domain_errors(model, samples)
-    per_domain = {domain: rms_by_kind(errors) for domain, errors in errors_by_domain.items()}
+        return _failed(candidate, "gives NaN or infinity on the walking poses")
     return Point(
         candidate.name,
         candidate.family,
-        sweeps.get(candidate.name, SIZE),
         load_rms={load: error["rms"] for load, error in on_walking.items()},
-        domain_force_rms_n={domain: rms[FORCE.name] for domain, rms in per_domain.items() if FORCE.name in rms},
-        domain_torque_rms_nmm={domain: rms[TORQUE.name] for domain, rms in per_domain.items() if TORQUE.name in rms},
         samples=candidate.samples,
         training_seconds=candidate.training_seconds,
         parameters=candidate.parameters,

@@ -1,4 +1,4 @@
-"""The surrogates on the speed-accuracy chart: a ladder of sizes, and one size with fewer samples or other budgets."""
+"""The surrogates on the speed-accuracy chart: a ladder of sizes."""
 
 from __future__ import annotations
 
@@ -7,19 +7,16 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from casadi_contact.core.conventions import Update
 from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.core.workers import worker_pool
 from casadi_contact.networks.network import size_text
-from casadi_contact.samples.samples import COLUMNS, TEST, Samples
+from casadi_contact.samples.samples import Samples
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.info import samples_record
 from casadi_contact.surrogate.load import load_surrogate
 from casadi_contact.surrogate.registry import STRUCTURES
-from casadi_contact.workflow.benchmark.front_file import SAMPLES, SECONDS, SIZE
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
 from casadi_contact.workflow.presets import ChartEffort, Effort
 from casadi_contact.workflow.project import Project, alone
@@ -29,28 +26,20 @@ _OF_SAMPLES = ("samples", "pose_range", "load_range")  # what a record tells of 
 
 @dataclass(frozen=True)
 class Sized:
-    """A surrogate to train: structure, effort (see `project.presets.Effort`), samples learned from (None: all), the
-    sweep of the chart it belongs to, and the seed of its random weights."""
+    """A surrogate to train: structure and effort (see `project.presets.Effort`)."""
 
     structure: str
     effort: Effort
-    samples: int | None = None
-    sweep: str = SIZE
-    seed: int = 0
 
     @property
     def name(self) -> str:
-        """Name on the chart: "patch 12-12", "patch 12-12 (300 samples)", "patch 12-12 (45 Gflop)"."""
-        extra = {SIZE: "", SAMPLES: f" ({self.samples} samples)", SECONDS: f" ({self.effort.gflop:g} Gflop)"}[
-            self.sweep
-        ]
-        again = f" (seed {self.seed})" if self.seed else ""
-        return f"{self.structure} {size_text(self.effort.sizes[-1])}{extra}{again}"
+        """Name on the chart: "patch 12-12"."""
+        return f"{self.structure} {size_text(self.effort.sizes[-1])}"
 
     @property
     def stem(self) -> str:
         """Name of its file and of its folder of checkpoints."""
-        return self.name.replace("(", "").replace(")", "").replace(" ", "_")
+        return self.name.replace(" ", "_")
 
     @property
     def efforts(self) -> dict[str, Effort]:
@@ -60,20 +49,9 @@ class Sized:
 
 
 def chart_surrogates(chart: ChartEffort, scene: Scene) -> list[Sized]:
-    """Every surrogate that a preset's chart shows, sizes first, of the structures that fit the scene."""
+    """Every surrogate that a preset's chart shows, of the structures that fit the scene."""
     fitting = {structure: efforts for structure, efforts in chart.sizes.items() if STRUCTURES[structure].fits(scene)}
-    sizes = [Sized(structure, effort) for structure, efforts in fitting.items() for effort in efforts]
-    structure, size = chart.swept
-    swept = [sized for sized in sizes if sized.structure == structure and sized.effort.sizes == (size,)]
-    return [
-        *sizes,
-        *(replace(sized, samples=count, sweep=SAMPLES) for sized in swept for count in chart.sample_counts),
-        *(
-            replace(sized, effort=replace(sized.effort, gflop=gflop), sweep=SECONDS)
-            for sized in swept
-            for gflop in chart.training_gflop
-        ),
-    ]
+    return [Sized(structure, effort) for structure, efforts in fitting.items() for effort in efforts]
 
 
 def sized_path(project: Project, sized: Sized, loads: Sequence[str] | None = None) -> Path:
@@ -100,17 +78,6 @@ def _made(project: Project, path: Path, learned: Samples) -> bool:
     return surrogate is not None and surrogate.scene.tolerances == project.scene.tolerances
 
 
-def subset_of(samples: Samples, count: int | None) -> Samples:
-    """All test rows and a random `count` of the others ([EF15 §3.5] fits a random subset), in their order."""
-    learned = np.flatnonzero(samples.role != TEST)
-    if count is None or count >= len(learned):
-        return samples
-    kept = np.flatnonzero(samples.role == TEST)
-    kept = np.sort(np.append(kept, np.random.default_rng(0).choice(learned, count, replace=False)))
-    columns = {name: getattr(samples, name)[kept] for name in COLUMNS}
-    return Samples(samples.scene, **columns, provenance=samples.provenance)
-
-
 @alone
 def train_sizes(
     project: Project,
@@ -126,20 +93,14 @@ def train_sizes(
     """
     wanted = chart_surrogates(project.preset.chart, project.scene) if wanted is None else list(wanted)
     samples = replace(project.samples(), scene=project.scene)  # its tolerances are those of now
-    missing = [
-        sized
-        for sized in wanted
-        if not _made(project, sized_path(project, sized, loads), subset_of(samples, sized.samples))
-    ]
+    missing = [sized for sized in wanted if not _made(project, sized_path(project, sized, loads), samples)]
     if missing:
         writable_folder(project.folder / "sizes")
         command = project.command("chart")
         with worker_pool(executor) as workers:
             for sized in missing:
                 folder = project.training_folder("sizes", sized.stem)
-                fitting = Fitting(
-                    sized.structure, sized.efforts, folder, command, sized.name, loads=loads, seed=sized.seed
-                )
-                surrogate = fit_surrogate(project, subset_of(samples, sized.samples), fitting, update, workers)
+                fitting = Fitting(sized.structure, sized.efforts, folder, command, sized.name, loads=loads)
+                surrogate = fit_surrogate(project, samples, fitting, update, workers)
                 surrogate.save(sized_path(project, sized, loads))
     return [sized_path(project, sized, loads) for sized in wanted]

@@ -37,6 +37,14 @@ def time_batch(evaluate: Callable[[Array], object], poses: Array) -> float:
     return (time.perf_counter() - start) / len(poses)
 
 
+def time_calls(call: Callable[[Array], object], poses: Array) -> float:
+    """Seconds per pose of call(pose (6,)), one pose after the other."""
+    start = time.perf_counter()
+    for pose in poses:
+        call(pose)
+    return (time.perf_counter() - start) / len(poses)
+
+
 @contextmanager
 def one_thread() -> Iterator[None]:
     """numba and BLAS on one thread, so that times compare models and not their use of cores."""

@@ -1,4 +1,1 @@
-"""Stability where methods fail: one table, method by failure, measured.
-
-Run ``python -m problems.studies.stability --help``.
-"""
+"""Stability where methods fail: one table, method by failure. Run ``python -m problems.studies.stability --help``."""

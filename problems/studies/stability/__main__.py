@@ -1,77 +1,75 @@
-"""Measure where methods fail: one table, method by failure, as text, CSV and JSON.
+"""Measure where methods fail: one table, method by failure, as text and JSON.
 
 Run ``python -m problems.studies.stability --help``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import sys
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
+from rich.markup import escape
+from rich.table import Table
 
-from casadi_contact.cli.arguments import Scheduler
 from casadi_contact.core.files.writing import writable_folder
-from casadi_contact.core.workers import cluster_workers
+from casadi_contact.core.terminal import PlainConsole
 from problems.common.command import RESULTS, new_app, run_command
-from problems.studies.stability.picture import draw
-from problems.studies.stability.rows import Plan, kept, measure_rows
-from problems.studies.stability.table import Line, print_table, write_table
+from problems.common.records import write_summary
+from problems.studies.stability import derivatives, poses
+from problems.studies.stability.methods import FAILURES, Bench, Line
 
-NAME = "stability"
 app = new_app()
 
 
-def _chosen(rows: str | None, possible: Sequence[int]) -> list[int]:
-    if rows is None:
-        return list(possible)
-    try:
-        chosen = sorted({int(text) for text in rows.split(",")})
-    except ValueError:
-        chosen = []
-    if not chosen or not set(chosen) <= set(possible):
-        raise ValueError(f"rows is {rows!r}, expected some of {', '.join(map(str, possible))} separated by commas")
-    return chosen
+def measure(row: int, bench: Bench, *, quick: bool) -> list[Line]:
+    """Lines of one row; lift-off is measured on scenes with a lateral side alone."""
+    if row == 1:
+        return poses.starts(bench, 20 if quick else 200)
+    if row == 2:
+        return poses.liftoff(bench, 21 if quick else 61) if "Fy_lat" in bench.scene.load_names else []
+    if row == 3:
+        return poses.out_of_range(bench, 2_000 if quick else 100_000)
+    if row == 4:
+        return derivatives.difference_steps(bench, 4 if quick else 20)
+    return derivatives.time_steps(bench) if row == 5 else derivatives.consistency(bench)
 
 
 @app.command()
 def run(
-    scene: Annotated[str, typer.Argument(help="knee, or another scene that networks were built for")] = "knee",
-    out: Annotated[Path, typer.Option(help="folder for stability.csv, .json and .png")] = RESULTS / NAME,
-    rows: Annotated[str | None, typer.Option(help="rows to measure, separated by commas; all if left out")] = None,
-    count: Annotated[int, typer.Option(min=1, help="starts of row 1, for each distance")] = 200,
+    scene: Annotated[str, typer.Argument(help="ready scene, or the path of a .toml")] = "knee",
+    surrogate: Annotated[
+        list[str] | None,
+        typer.Option(help="name or .h5 file of a surrogate of the scene; the shipped ones if left out"),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="folder for stability.json")] = RESULTS / "stability",
+    rows: Annotated[str, typer.Option(help="rows to measure, separated by commas")] = "1,2,3,4,5,6",
     quick: Annotated[bool, typer.Option("--quick", help="fewer starts and poses: some minutes")] = False,
-    patch: Annotated[str, typer.Option(help="a ready patch surrogate or the path of a .h5 file")] = "knee",
-    two_stage: Annotated[str, typer.Option(help="the same in two stages")] = "knee_two_stage",
-    preset: Annotated[str, typer.Option(help="preset that another scene was built by")] = "quick",
-    folder: Annotated[Path | None, typer.Option(help="folder of that build; results/SCENE-PRESET if left out")] = None,
-    scheduler: Scheduler = None,
 ) -> None:
     """Measure every method on every failure."""
-    plan = kept(Plan(min(count, 20) if quick else count, quick, patch, two_stage, scene, preset, folder))
-    chosen = _chosen(rows, plan.rows)
+    chosen = [int(text) if text.strip().isdigit() else 0 for text in rows.split(",")]
+    if not set(chosen) <= set(FAILURES):
+        raise ValueError(f"rows is {rows!r}, expected some of {', '.join(map(str, FAILURES))} separated by commas")
     writable_folder(out)
-    measured: dict[int, list[Line]] = {}
-    curves: dict[str, Any] = {}
-    with cluster_workers(scheduler) as executor:
-        for row, lines, curve in measure_rows(chosen, plan, executor):
-            measured[row] = lines
-            if curve is not None:
-                curves[str(row)] = curve
-            write_table(_in_order(measured), out, plan.settings, curves)  # after every row: an interruption keeps them
-    draw(curves, out / "stability.png")
-    print_table(_in_order(measured))
-    typer.echo(f"results in {out}")
-
-
-def _in_order(measured: Mapping[int, list[Line]]) -> list[Line]:
-    return [line for row in sorted(measured) for line in measured[row]]
+    bench, lines = Bench.of(scene, surrogate or ()), list[Line]()
+    settings = {"scene": bench.scene.name, "surrogates": ", ".join(bench.surrogates), "quick": "yes" if quick else "no"}
+    for row in chosen:
+        print(f"{row}. {FAILURES[row]}", file=sys.stderr)
+        lines += measure(row, bench, quick=quick)
+        write_summary(out / "stability.json", {"settings": settings, "lines": [asdict(line) for line in lines]})
+    table = Table("failure, case", "quantity", *bench.models, title="Stability where methods fail")
+    for line in lines:
+        cells = (f"{line.row}. {line.case}", line.quantity, *(line.cell(method) for method in bench.models))
+        table.add_row(*map(escape, cells))
+    PlainConsole().print(table)
+    print(f"results in {out}")
 
 
 def main() -> None:
     """Entry point: a user's mistake is one line on stderr and exit status 1."""
-    run_command(app, f"studies.{NAME}")
+    run_command(app, "studies.stability")
 
 
 if __name__ == "__main__":

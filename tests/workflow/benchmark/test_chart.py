@@ -1,6 +1,5 @@
 """A tiny real front: sizes trained and kept, everything measured, a size chosen for fewer loads."""
 
-import json
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -15,19 +14,16 @@ from casadi_contact.cli import main as cli
 from casadi_contact.cli import pipeline
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.polar.lines import Rays
-from casadi_contact.core.files.containers import read_npz
 from casadi_contact.core.quantities import FORCE, quantity
-from casadi_contact.samples.errors import domain_errors, rms_by_kind
 from casadi_contact.samples.samples import TEST, write_samples
 from casadi_contact.workflow import benchmark
 from casadi_contact.workflow.benchmark import at_hand
 from casadi_contact.workflow.benchmark.candidate import Candidate
 from casadi_contact.workflow.benchmark.choose import SAME_TIME
-from casadi_contact.workflow.benchmark.front_file import SECONDS, read_front
-from casadi_contact.workflow.benchmark.sizes import chart_surrogates, sized_path, subset_of, train_sizes
+from casadi_contact.workflow.benchmark.front_file import read_front
+from casadi_contact.workflow.benchmark.sizes import chart_surrogates, sized_path, train_sizes
 from casadi_contact.workflow.benchmark.walking import unseen_walking
 from casadi_contact.workflow.presets import PRESETS, ChartEffort, Effort, Preset
-from problems.studies import seeds, two_stage_work
 
 TINY = Preset(
     sampling_scale=0.005,
@@ -37,9 +33,6 @@ TINY = Preset(
             "patch": (Effort(((4, 4),), 0.2), Effort(((6, 6),), 0.6)),
             "two_stage": (Effort(((4,),), 0.05, "tanh", max_rows=300),),
         },
-        swept=("patch", (6, 6)),
-        sample_counts=(100,),
-        training_gflop=(0.1,),
     ),
 )
 
@@ -88,7 +81,7 @@ def measured(project):
 
 def test_everything_planned_is_measured(project, measured):
     names = [point.name for point in measured.points]
-    assert names[-7:] == [
+    assert names[-5:] == [
         "patch tiny",
         "patch tiny (CasADi MX)",
         *(sized.name for sized in chart_surrogates(TINY.chart, cc.load_scene("knee"))),
@@ -99,7 +92,6 @@ def test_everything_planned_is_measured(project, measured):
         assert 0.0 < point.value.low_us <= point.value.median_us <= point.value.high_us
         assert (point.hessian is None) == (point.family == "EF")
         assert set(point.load_rms) == set(measured.loads)
-        assert point.domain_force_rms_n["D1"] < 1000.0
 
 
 def test_the_foundation_stands_beside_networks_coarser_and_finer(project, measured, walking):
@@ -156,14 +148,6 @@ def test_sizes_that_learned_other_samples_are_trained_anew(project, tmp_path):
     assert trained == (later.samples().role != TEST).sum() < (samples.role != TEST).sum()
 
 
-def test_a_sweep_over_samples_learns_from_fewer_but_is_tested_on_the_same(project):
-    samples = project.samples()
-    few = subset_of(samples, 100)
-    np.testing.assert_array_equal(few.select(role=TEST).poses, samples.select(role=TEST).poses)
-    assert (few.role != TEST).sum() == 100
-    assert subset_of(samples, 10**9) is samples
-
-
 def test_a_size_that_is_gone_is_trained_for_just_the_loads(project, measured):
     point = next(p for p in measured.points if p.name == "patch 6-6")
     sized = next(s for s in chart_surrogates(TINY.chart, cc.load_scene("knee")) if s.name == "patch 6-6")
@@ -209,7 +193,7 @@ def test_a_candidate_that_fails_stays_in_the_table(project):
 
     candidates = [Candidate("none", "A", None, failure="did not fit"), Candidate("broken", "B", Broken())]
     poses = pipeline.read_motion(project)[0].poses[0][:10]
-    points = benchmark.measure(candidates, project.scene, poses, project.samples()).points
+    points = benchmark.measure(candidates, project.scene, poses).points
     assert [point.failure for point in points] == ["did not fit", "out of luck"]
 
 
@@ -235,51 +219,3 @@ def test_the_chart_leaves_out_structures_that_do_not_fit_the_scene():
     chart = PRESETS["quick"].chart
     assert {sized.structure for sized in chart_surrogates(chart, cc.load_scene("knee"))} == {"patch", "two_stage"}
     assert {sized.structure for sized in chart_surrogates(chart, cc.load_scene("glenohumeral"))} == {"patch"}
-
-
-def test_seeds_scatter_the_errors_of_a_size(project):
-    scene, folder = str(project.folder.parent / "knee.toml"), str(project.folder)
-    options = ["--preset", "tiny", "--seeds", "2", "--widest", "5", "--out", folder]
-    done = CliRunner().invoke(seeds.app, [scene, *options])
-    assert done.exit_code == 0, done.output
-    found = json.loads((project.folder / "seeds.json").read_text())["sizes"]
-    assert set(found) == {"patch 4-4", "two_stage 4"}
-    first, other = found["patch 4-4"]["D1"]["force"]
-    own = cc.load_surrogate(sized_path(project, chart_surrogates(TINY.chart, project.scene)[0]))
-    assert first == rms_by_kind(domain_errors(own, project.samples())["D1"])["force"]
-    assert 0.0 < other != first
-
-
-def test_of_a_scene_without_torques_only_forces_scatter():
-    errors = [{"D1": rms_by_kind({"Fy": {"rms": rms, "max": 2.0}})} for rms in (1.0, 1.5)]
-    assert seeds.spread_of(errors) == {"D1": {"force": [1.0, 1.5]}}
-
-
-def test_a_preset_without_so_small_a_size_is_refused(project):
-    with pytest.raises(ValueError, match="no size of up to 3"):
-        seeds.seeded_sizes(project, 2, 3)
-
-
-def test_the_paper_s_method_is_measured_with_several_budgets(project, monkeypatch):
-    efforts = {"": Effort(((3, 3), (4, 4)), 0.05, "tanh"), "root": Effort(((3,),), 0.05)}
-    monkeypatch.setitem(PRESETS, "tiny", replace(TINY, efforts={"two_stage": efforts}))
-    scene, options = str(project.folder.parent / "knee.toml"), ["--preset", "tiny", "--out", str(project.folder)]
-    done = CliRunner().invoke(two_stage_work.app, [scene, *options, "--gflop", "0.02", "--gflop", "0.5"])
-    assert done.exit_code == 0, done.output
-    front = read_front(project.folder / "two_stage_work.csv")
-    assert front.header["command"].endswith("--preset tiny --gflop 0.02 --gflop 0.5")
-    (less,) = (p for p in front.points if p.sweep == SECONDS)
-    more = next(p for p in front.models if p.name == "two_stage 4-4")
-    assert less.name == "two_stage 4-4 (0.02 Gflop)"
-    assert more.parameters > less.parameters, "with more work its networks grow"
-    assert all(0.0 < point.force_rms_n < 1000.0 and point.value.median_us > 0.0 for point in (less, more))
-    assert {"foundation", "EF"} <= {point.family for point in front.models}
-    folders = (project.folder / "two_stage_work" / f"{gflop}_gflop" for gflop in ("0.02", "0.5"))
-    first, gone_on = (read_npz(folder / "Fy_med.npz")["history_size"] for folder in folders)
-    assert first[-1] == 1, "grown within the smaller budget"
-    np.testing.assert_array_equal(gone_on[: len(first)], first, "the larger budget goes on from there")
-
-
-def test_a_preset_without_two_stage_is_refused(project):
-    with pytest.raises(ValueError, match="preset tiny trains no two_stage for scene knee, expected a preset with it"):
-        two_stage_work.train_with_work(project, [1.0])

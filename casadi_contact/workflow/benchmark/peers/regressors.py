@@ -1,0 +1,166 @@
+"""Regressors of scikit-learn and SciPy: polynomials, a Gaussian process, neighbours, radial basis functions.
+
+All take standardised poses. A predicted force that would pull is clamped to zero, as the paper does [EF15 §3.5].
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import comb
+from typing import Any, cast
+
+import numpy as np
+from scipy.interpolate import RBFInterpolator
+
+from casadi_contact.core.conventions import Array, as_poses
+from casadi_contact.samples.samples import Samples
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.surrogate.sample_rows import finite, fitted_rows
+from casadi_contact.workflow.benchmark.candidate import Candidate
+from casadi_contact.workflow.benchmark.timing import time_batch, time_calls
+
+
+@dataclass(frozen=True)
+class TrainingSet:
+    """Training rows in random order, so that the first n are a fair choice of n: poses (n, 6) and loads (n, L)."""
+
+    scene: Scene
+    load_names: tuple[str, ...]
+    poses: Array
+    loads: Array
+
+    @classmethod
+    def of(cls, samples: Samples, names: Sequence[str] | None = None, seed: int = 0) -> TrainingSet:
+        """The training rows of samples; ValueError for an unknown load, NaN or no training rows."""
+        names = tuple(samples.scene.load_names if names is None else names)
+        rows, validation = fitted_rows(samples)
+        poses, loads = finite("poses", samples.poses[rows]), finite("loads", samples.loads(names)[rows])
+        order = np.random.default_rng(seed).permutation(np.flatnonzero(~validation))
+        return cls(samples.scene, names, poses[order], loads[order])
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def without_pull(self, loads: Array) -> Array:
+        """Loads (n, L) with normal forces that would pull set to zero; magnitudes of forces have no such sign."""
+        signs = {normal.loads[0]: normal.sign for normal in self.scene.normal_loads if normal.component is not None}
+        sign = np.array([signs.get(name, 0.0) for name in self.load_names])
+        return np.where(sign * loads < 0.0, 0.0, loads)
+
+
+class Regressor:
+    """A fitted estimator (``predict(poses (n, 6)) -> (n, L)``) as a load model."""
+
+    def __init__(self, estimator: Any, data: TrainingSet) -> None:
+        self.load_names, self.estimator, self._data = data.load_names, estimator, data
+
+    def __call__(self, poses: Array) -> Array:
+        """Named loads (n, L)."""
+        loads = np.reshape(self.estimator.predict(as_poses(poses)), (-1, len(self.load_names)))
+        return self._data.without_pull(loads)
+
+    def one(self, pose: Array) -> Array:
+        """Loads (L,) of one pose."""
+        return cast(Array, self(np.reshape(pose, (1, 6)))[0])
+
+
+class _RadialBasis:
+    """SciPy's thin plate splines of standardised poses, with scikit-learn's ``fit`` and ``predict``; constant pose
+    parameters are left out."""
+
+    def __init__(self, neighbors: int | None) -> None:
+        self.neighbors = neighbors
+
+    def fit(self, x: Array, y: Array) -> _RadialBasis:
+        """Thin plate splines have no shape parameter to tune."""
+        self._varying = np.flatnonzero(np.ptp(x, axis=0) > 0.0)
+        self._shift, self._scale = x[:, self._varying].mean(axis=0), x[:, self._varying].std(axis=0)
+        self._interpolator = RBFInterpolator(self._inputs(x), y, neighbors=self.neighbors)
+        return self
+
+    def _inputs(self, x: Array) -> Array:
+        return np.asarray((x[:, self._varying] - self._shift) / self._scale)
+
+    def predict(self, x: Array) -> Array:
+        """Values (n, L)."""
+        return np.asarray(self._interpolator(self._inputs(x)))
+
+
+def _scaled(*steps: Any) -> Any:
+    """A pipeline that standardises poses first; ImportError that says what to install."""
+    try:
+        from sklearn.pipeline import make_pipeline
+        from sklearn.preprocessing import StandardScaler
+    except ImportError:
+        raise ImportError("this peer needs scikit-learn: pip install casadi_contact[peers]") from None
+    return make_pipeline(StandardScaler(), *steps)
+
+
+def polynomials(data: TrainingSet, gflop: float) -> Iterator[tuple[str, Any, int]]:
+    """Response surfaces of degree 2 to 6 by least squares, as far as there are more samples than terms."""
+    from sklearn.linear_model import LinearRegression
+    from sklearn.preprocessing import PolynomialFeatures
+
+    for degree in (2, 3, 4, 5, 6):
+        if comb(degree + 6, 6) <= len(data):
+            yield f"{degree}", _scaled(PolynomialFeatures(degree), LinearRegression(fit_intercept=False)), len(data)
+
+
+def gaussian_process(data: TrainingSet, gflop: float) -> Iterator[tuple[str, Any, int]]:
+    """One process for all loads with a Matérn 5/2 kernel, one length for each parameter, and noise, on as many points
+    as some 100 factorisations of n³/3 operations allow."""
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
+
+    count = min(len(data), int((gflop * 1e9 * 3.0 / 100.0) ** (1.0 / 3.0)))
+    kernel = ConstantKernel(10.0) * Matern(np.full(6, 3.0), (0.1, 1e4), nu=2.5) + WhiteKernel(1e-6, (1e-10, 1.0))
+    yield f"{count}", _scaled(GaussianProcessRegressor(kernel, normalize_y=True)), count
+
+
+def neighbours(data: TrainingSet, gflop: float) -> Iterator[tuple[str, Any, int]]:
+    """Means of the nearest samples, weighted by the inverse distance: lazy learning [EF15 §1] in its plainest form."""
+    from sklearn.neighbors import KNeighborsRegressor
+
+    yield "28", _scaled(KNeighborsRegressor(min(28, len(data)), weights="distance")), len(data)
+
+
+def radial_basis(data: TrainingSet, gflop: float) -> Iterator[tuple[str, Any, int]]:
+    """Thin plate splines: local ones on 100 neighbours of all samples, and one through as many as 2/3 n³ allows."""
+    if len(data) > 100:
+        yield "local 100", _RadialBasis(100), len(data)
+    count = min(len(data), int((gflop * 1e9 * 1.5) ** (1.0 / 3.0)))
+    yield f"{count}", _RadialBasis(None), count
+
+
+REGRESSORS: dict[str, Callable[[TrainingSet, float], Iterator[tuple[str, Any, int]]]] = {
+    "polynomial": polynomials,
+    "Gaussian process": gaussian_process,
+    "neighbours": neighbours,
+    "radial basis": radial_basis,
+}
+"""By family: settings in words, estimator to fit, and number of samples that it takes."""
+
+
+def fitted(data: TrainingSet, estimator: Any, count: int) -> Regressor:
+    """The estimator fitted on the first rows."""
+    return Regressor(estimator.fit(data.poses[:count], data.loads[:count]), data)
+
+
+def regressor_candidates(family: str, data: TrainingSet, gflop: float) -> Iterator[Candidate]:
+    """The regressors of a family, fitted; they give no derivatives."""
+    for settings, estimator, count in REGRESSORS[family](data, gflop):
+        began = time.process_time()
+        model = fitted(data, estimator, count)
+        yield Candidate(
+            f"{family} {settings}",
+            family,
+            model,
+            time_value=partial(time_calls, model.one),
+            time_batch=partial(time_batch, model),
+            samples=count,
+            training_seconds=time.process_time() - began,
+            remark="NumPy through scikit-learn; no derivatives; pulling forces clamped to zero",
+        )

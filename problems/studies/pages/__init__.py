@@ -1,1 +1,0 @@
-"""Pages of results, written from result files: every number stands in a file that a measuring command wrote."""
