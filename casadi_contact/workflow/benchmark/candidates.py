@@ -130,7 +130,7 @@ def own_name(project: Project, structure: str) -> str:
 
 def peer_candidates(project: Project) -> Iterator[Candidate]:
     """The peers, fitted on the project's samples within the preset's budget."""
-    from casadi_contact.workflow.benchmark import peers
+    from casadi_contact.workflow.benchmark.peers import candidates as peers
 
     two_stage = project_surrogates(project).get(TwoStageSurrogate.structure)
     gflop, motion = project.preset.chart.peer_gflop, read_motion(project)[0]

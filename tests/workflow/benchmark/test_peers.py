@@ -5,13 +5,14 @@ import sys
 import casadi as ca
 import numpy as np
 import pytest
-from casadi_contact.samples.sample_point import SamplePoint
 
 import casadi_contact as cc
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import TEST
-from casadi_contact.workflow.benchmark import peers
-from casadi_contact.workflow.benchmark.peers import FAMILIES, forms, peer_candidates
+from casadi_contact.samples.settings import SamplePoint
+from casadi_contact.workflow.benchmark.peers import candidates as peers
+from casadi_contact.workflow.benchmark.peers import forms
+from casadi_contact.workflow.benchmark.peers.candidates import FAMILIES, peer_candidates
 from casadi_contact.workflow.benchmark.peers.forms import CasadiModel, compiled_form, plain_form
 from casadi_contact.workflow.benchmark.peers.history import (
     HISTORY_MODELS,
