@@ -33,6 +33,8 @@ from casadi_contact.networks.functions import (
 from casadi_contact.networks.kernel.casadi_interface import casadi_interface
 from casadi_contact.networks.kernel.source import c_text, roots_source
 from casadi_contact.networks.names import UNNAMED, check_name, check_unused, name_of_batch, name_of_wrenches
+from casadi_contact.scenes.loading import load_scene
+from casadi_contact.scenes.ready_files import ready_scenes
 from casadi_contact.scenes.scene import Scene
 
 BOTH = "contact_loads_and_roots"
@@ -174,6 +176,12 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
     def export_title(self) -> str:
         """Of the scene: "knee foundation"."""
         return f"{self.scene.name} foundation"
+
+    @property
+    def export_digest(self) -> str:
+        """Of the scene, unless it is a ready-made one as it comes."""
+        name, digest = self.scene.name, self.scene.digest
+        return "" if name in ready_scenes() and load_scene(name).digest == digest else digest[:8]
 
     def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
         """C of the loads and root loads; raises ValueError for a pressure law without C."""

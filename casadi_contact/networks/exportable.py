@@ -8,7 +8,6 @@ from pathlib import Path
 
 from casadi_contact.core.conventions import as_poses
 from casadi_contact.networks.export_c import ExportedModel, export_c
-from casadi_contact.networks.fmu import export_fmu
 from casadi_contact.networks.names import c_name
 
 
@@ -21,9 +20,14 @@ class Exportable(ABC):
         """Scene and kind in words: "knee contact"."""
 
     @property
+    @abstractmethod
+    def export_digest(self) -> str:
+        """Hexadecimal digits that tell this model from others of the same title; "" for a ready-made one."""
+
+    @property
     def export_name(self) -> str:
-        """What files and functions are called that are given no other name: the title as C and CasADi take names."""
-        return c_name(self.export_title)
+        """Default name of exported files and functions: title and digest, so that two models never share one."""
+        return c_name(f"{self.export_title} {self.export_digest}".rstrip())
 
     @abstractmethod
     def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
@@ -55,6 +59,8 @@ class Exportable(ABC):
     ) -> Path:
         """Write an FMU (see `transcription.fmu`) that starts from a pose (6), from `example_pose()` if left out; return
         its path."""
+        from casadi_contact.networks.fmu import export_fmu
+
         pose = self._pose_or_example(start)
         return export_fmu(self.exported(loads), path, name=name or self.export_name, start=pose)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -21,8 +22,7 @@ from casadi_contact.networks.kernel.networks import Bundle
 from casadi_contact.networks.kernel.source import Kernel
 from casadi_contact.networks.network import Network
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.surrogate.arrays import BATCH_FROM, SurrogateArrays, compiled_arrays
-from casadi_contact.surrogate.blocks import in_blocks
+from casadi_contact.surrogate.arrays import BATCH_FROM, SurrogateArrays, compiled_arrays, in_blocks
 from casadi_contact.surrogate.distrust import OffSpace
 from casadi_contact.surrogate.file import Content, write_file
 from casadi_contact.surrogate.functions import SurrogateFunctions
@@ -41,6 +41,9 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
     ``load_names`` are the scene's loads that the given networks are enough for. compiled: arrays of `BATCH_FROM` poses
     or more go through a C kernel (see `casadi_contact.surrogate.arrays`), as `load_surrogate` wants it.
     """
+
+    ready_name = ""
+    """Name under which `load_surrogate` finds it; empty for one that does not come with the library."""
 
     def __init__(
         self,
@@ -250,8 +253,20 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
 
     @property
     def export_title(self) -> str:
-        """Of the scene: "knee contact"."""
-        return f"{self.scene.name} contact"
+        """Of a ready-made surrogate, or of the scene: "knee contact"."""
+        return f"{self.ready_name or self.scene.name} contact"
+
+    @property
+    def export_digest(self) -> str:
+        """Of the scene, the structure and the networks; "" for a ready-made surrogate."""
+        if self.ready_name:
+            return ""
+        digest = hashlib.sha256(f"{self.scene.digest} {self.structure}".encode())
+        for name, network in self.networks.items():
+            digest.update(name.encode())
+            for array in (network.input_shift, network.input_scale, *network.weights, *network.biases):
+                digest.update(np.ascontiguousarray(array).tobytes())
+        return digest.hexdigest()[:8]
 
     def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
         """C of the loads, and of all that the surrogate knows of them."""

@@ -26,15 +26,12 @@ all others are kept and printed as they are:
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from casadi_contact.core.conventions import POSE_NAMES, Array
 from casadi_contact.core.quantities import ANGLE, quantity, three_digits
 from casadi_contact.networks.network import Network
-from casadi_contact.networks.training.stopping import LIMITS
-from casadi_contact.samples.samples import DOMAINS, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.scenes.scene import Scene
 
 _TABLES = (
@@ -213,26 +210,10 @@ def describe(
 
 def budget_line(record: Mapping[str, Any]) -> str:
     """Which fits ended because their budget was used up and not because they were done; empty if none did."""
+    from casadi_contact.networks.training.stopping import LIMITS  # when printed, not when a surrogate is loaded
+
     reasons = record.get("stop_reasons", {})
     ended = [name for name, reason in reasons.items() if reason in LIMITS]
     if not ended:
         return ""
     return f"budget used up in {len(ended)} of {len(reasons)} fits, more may fit better: {', '.join(ended)}"
-
-
-def samples_record(samples: Samples) -> dict[str, Any]:
-    """The record's ``samples``, ``test_samples``, ``dropped`` and ranges of a surrogate trained on the samples that are
-    not held back."""
-    used = samples.select(role=(TRAIN, VALIDATION))
-    names = samples.scene.load_names
-    return {
-        "samples": {d: int(((samples.domain == k) & (samples.role != TEST)).sum()) for k, d in enumerate(DOMAINS, 1)},
-        "test_samples": {d: held for d, count in samples.counts().items() if (held := count["test"])},
-        "dropped": samples.dropped_shares(),
-        "pose_range": _ranges(POSE_NAMES, used.poses),
-        "load_range": _ranges(names, used.loads(names)),
-    }
-
-
-def _ranges(names: Sequence[str], columns: Array) -> dict[str, list[float]]:
-    return {name: [float(column.min()), float(column.max())] for name, column in zip(names, columns.T, strict=True)}

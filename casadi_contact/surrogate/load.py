@@ -8,7 +8,11 @@ from pathlib import Path
 from casadi_contact.scenes.ready_files import ready_scenes
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.file import read_file
-from casadi_contact.surrogate.registry import STRUCTURES
+from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
+from casadi_contact.surrogate.two_stage.surrogate import TwoStageSurrogate
+
+STRUCTURES: dict[str, type[Surrogate]] = {kind.structure: kind for kind in (PatchSurrogate, TwoStageSurrogate)}
+"""The structures, by name: a new structure is its own folder and one of these."""
 
 
 def ready_surrogates() -> list[str]:
@@ -39,7 +43,9 @@ def load_surrogate(name_or_path: str | Path, *, compiled: bool = True) -> Surrog
         )
         raise ValueError(f"unknown surrogate {text!r}, expected one of {possible}, or a path to a .h5 file{untrained}")
     with resources.as_file(resources.files("casadi_contact.surrogate") / "ready" / f"{text}.h5") as path:
-        return _load(path, compiled)
+        surrogate = _load(path, compiled)
+    surrogate.ready_name = text
+    return surrogate
 
 
 def _load(path: Path, compiled: bool) -> Surrogate:

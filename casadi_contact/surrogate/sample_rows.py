@@ -1,11 +1,14 @@
-"""Checks on samples before they become training targets."""
+"""What structures take from samples: the rows that are fitted, checked, and what the record says of them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
-from casadi_contact.core.conventions import Array
-from casadi_contact.samples.samples import TEST, VALIDATION, Samples
+from casadi_contact.core.conventions import POSE_NAMES, Array
+from casadi_contact.samples.samples import DOMAINS, TEST, TRAIN, VALIDATION, Samples
 
 
 def fitted_rows(samples: Samples) -> tuple[np.ndarray, np.ndarray]:
@@ -28,3 +31,21 @@ def finite(name: str, values: Array) -> Array:
     if bad.any():
         raise ValueError(f"samples hold NaN or infinity in {name} at row {int(np.argmax(bad))}, expected numbers")
     return values
+
+
+def samples_record(samples: Samples) -> dict[str, Any]:
+    """The record's ``samples``, ``test_samples``, ``dropped`` and ranges of a surrogate trained on the samples that are
+    not held back."""
+    used = samples.select(role=(TRAIN, VALIDATION))
+    names = samples.scene.load_names
+    return {
+        "samples": {d: int(((samples.domain == k) & (samples.role != TEST)).sum()) for k, d in enumerate(DOMAINS, 1)},
+        "test_samples": {d: held for d, count in samples.counts().items() if (held := count["test"])},
+        "dropped": samples.dropped_shares(),
+        "pose_range": _ranges(POSE_NAMES, used.poses),
+        "load_range": _ranges(names, used.loads(names)),
+    }
+
+
+def _ranges(names: Sequence[str], columns: Array) -> dict[str, list[float]]:
+    return {name: [float(column.min()), float(column.max())] for name, column in zip(names, columns.T, strict=True)}

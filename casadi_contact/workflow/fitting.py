@@ -21,7 +21,7 @@ from casadi_contact.samples.samples import DOMAINS, Samples
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.info import budget_line
-from casadi_contact.surrogate.registry import STRUCTURES
+from casadi_contact.surrogate.load import STRUCTURES
 from casadi_contact.workflow.presets import Effort, effort_for
 from casadi_contact.workflow.project import Project
 from casadi_contact.workflow.training_record import gone_on, training_record

@@ -28,8 +28,7 @@ from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.walking import reference_cycles
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.load import load_surrogate, ready_surrogates
-from casadi_contact.surrogate.registry import STRUCTURES
+from casadi_contact.surrogate.load import STRUCTURES, load_surrogate, ready_surrogates
 from casadi_contact.workflow.presets import PRESETS, Preset
 
 

@@ -22,7 +22,7 @@ from casadi_contact.samples.samples import COLUMNS, TEST, TRAIN, VALIDATION, Sam
 from casadi_contact.samples.settings import SamplePoint, SamplingSettings
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import with_trust
-from casadi_contact.surrogate.info import samples_record
+from casadi_contact.surrogate.sample_rows import samples_record
 from casadi_contact.workflow.training_record import fits_record, work_of_both
 
 SPREAD = 0.3  # of the trust's scales: how far around a failing frame its pose inputs are drawn

@@ -15,7 +15,7 @@ from casadi_contact.samples.perturbed import perturbed_samples
 from casadi_contact.samples.samples import Samples
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import with_trust
-from casadi_contact.surrogate.registry import STRUCTURES
+from casadi_contact.surrogate.load import STRUCTURES
 from casadi_contact.workflow.active import candidates, models_to_ask, worst_samples
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
 from casadi_contact.workflow.project import Project, alone, cycle_files, surrogates_made

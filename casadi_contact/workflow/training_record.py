@@ -12,7 +12,7 @@ from casadi_contact.networks.training.fit import Fit
 from casadi_contact.samples.errors import domain_errors
 from casadi_contact.samples.samples import Samples
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.info import samples_record
+from casadi_contact.surrogate.sample_rows import samples_record
 from casadi_contact.workflow.project import Project, has_motion, read_motion
 
 _COURSE_POINTS = 60  # of a fit that the record keeps

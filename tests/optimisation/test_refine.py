@@ -8,8 +8,8 @@ from casadi_contact.networks.training.fit import fit
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.surrogate.calibration import with_trust
-from casadi_contact.surrogate.info import samples_record
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
+from casadi_contact.surrogate.sample_rows import samples_record
 from casadi_contact.workflow.refine import SPREAD
 
 SCENE = cc.load_scene("sphere_on_plane")

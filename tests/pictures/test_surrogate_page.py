@@ -12,9 +12,9 @@ from casadi_contact.optimisation.verification.verify import verify
 from casadi_contact.pictures.report.surrogate_page import surrogate_page, write_report
 from casadi_contact.samples.errors import domain_errors
 from casadi_contact.samples.samples import DOMAINS, TEST, Dropped, write_samples
-from casadi_contact.surrogate.info import samples_record
 from casadi_contact.surrogate.load import load_surrogate
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
+from casadi_contact.surrogate.sample_rows import samples_record
 from tests.support.random_surrogates import random_network
 from tests.support.random_trust import random_trust
 from tests.support.smooth_samples import CENTRE, SPHERE, SPREAD, smooth_samples

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.scenes.shapes.registry import SHAPES
+from casadi_contact.scenes.shapes.registry import shape_named
 
 
 @pytest.mark.parametrize("grid", [(40, 40), (7, 20)])
 @pytest.mark.parametrize("name", ["hip", "glenohumeral"])
 def test_a_cup_is_a_cap_of_its_sphere(name, grid):
     g = cc.load_scene(name).geometry
-    ((centres, normals, areas),) = SHAPES["ball_in_cup"].cells(g, grid)
+    ((centres, normals, areas),) = shape_named("ball_in_cup").cells(g, grid)
     out = (centres - g["cup_centre"]) / g["cup_radius"]
     np.testing.assert_allclose(normals, -out, atol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(normals, axis=-1), 1.0)
@@ -27,14 +27,14 @@ def test_a_cup_is_a_cap_of_its_sphere(name, grid):
 def test_elements_of_a_cup_are_spread_evenly():
     """Equal areas: the mean of a linear function over the elements is that over the cap."""
     g = {**cc.load_scene("hip").geometry, "cup_centre": [0.0, 0.0, 0.0], "cup_pole": [0.0, 1.0, 0.0]}
-    ((centres, _, areas),) = SHAPES["ball_in_cup"].cells(g, (200, 200))
+    ((centres, _, areas),) = shape_named("ball_in_cup").cells(g, (200, 200))
     height = g["cup_radius"] * 0.5 * (1.0 + np.cos(np.deg2rad(g["cup_half_angle_deg"])))
     np.testing.assert_allclose((centres * areas[..., None]).sum((0, 1)) / areas.sum(), [0.0, height, 0.0], atol=1e-3)
 
 
 def test_facets_of_a_groove_are_tangent_to_their_grids_and_mirrored():
     g = cc.load_scene("patellofemoral").geometry
-    medial, lateral = SHAPES["button_in_groove"].cells(g, (300, 200))
+    medial, lateral = shape_named("button_in_groove").cells(g, (300, 200))
     centres, normals, areas = medial
     along, across = np.gradient(centres, axis=0), np.gradient(centres, axis=1)
     for tangent in (along, across):

@@ -11,7 +11,7 @@ from casadi_contact.networks.network import Network
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.registry import STRUCTURES
+from casadi_contact.surrogate.load import STRUCTURES
 
 POSE_CENTRE = np.array([0.0, 27.0, 0.0, 0.0, 0.0, -0.5])
 POSE_SPREAD = np.array([6.0, 0.4, 3.0, 0.05, 0.1, 0.6])

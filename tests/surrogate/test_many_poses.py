@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.cluster.vq import kmeans2
 
-from casadi_contact.surrogate.blocks import in_blocks
+from casadi_contact.surrogate.arrays import in_blocks
 from casadi_contact.surrogate.cubic_logistic import cubic_terms, logistic_coefficients
 from casadi_contact.surrogate.gaussian_kernels import spread_centres
 from tests.support.random_surrogates import IN_PARTS, random_poses, random_surrogate, scene_called

@@ -9,7 +9,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.cli import pipeline
 from casadi_contact.surrogate.calibration import with_trust
-from casadi_contact.surrogate.registry import STRUCTURES
+from casadi_contact.surrogate.load import STRUCTURES
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
 from casadi_contact.workflow.presets import PRESETS, Effort, Preset
 from tests.support import two_spheres

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from casadi_contact.samples.samples import TEST
-from casadi_contact.surrogate.registry import STRUCTURES
+from casadi_contact.surrogate.load import STRUCTURES
 from tests.support.smooth_samples import smooth_samples
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from casadi_contact.core.quantities import FORCE, TORQUE, Kind, of_kind
 from casadi_contact.pictures.page import new_page, save_page
-from casadi_contact.surrogate.registry import STRUCTURES
+from casadi_contact.surrogate.load import STRUCTURES
 from casadi_contact.workflow.benchmark.front_file import Front, Point
 
 _ERRORS = ((FORCE, "force_rms_n"), (TORQUE, "torque_rms_nmm"))

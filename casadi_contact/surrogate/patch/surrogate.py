@@ -26,8 +26,8 @@ from casadi_contact.networks.graph import Expressions
 from casadi_contact.networks.kernel.source import Kernel
 from casadi_contact.networks.network import Network, Regression
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.surrogate.arrays import in_blocks
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.blocks import in_blocks
 from casadi_contact.surrogate.patch.graph import patch_expressions
 from casadi_contact.surrogate.patch.kernel import patch_kernel
 from casadi_contact.surrogate.patch.local_pose import local_pose_jacobian, local_poses

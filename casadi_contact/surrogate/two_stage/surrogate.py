@@ -28,8 +28,7 @@ from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.patch.networks import root_name
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
-from casadi_contact.surrogate.two_stage.graph import two_stage_expressions
-from casadi_contact.surrogate.two_stage.kernel import confirming_inputs, two_stage_kernel
+from casadi_contact.surrogate.two_stage.formulas import confirming_inputs, two_stage_expressions, two_stage_kernel
 
 if TYPE_CHECKING:
     from casadi_contact.samples.samples import Samples

@@ -9,8 +9,7 @@ from pathlib import Path
 from statistics import median
 
 from casadi_contact.core.conventions import Update
-from casadi_contact.surrogate.load import load_surrogate, ready_surrogates
-from casadi_contact.surrogate.registry import STRUCTURES
+from casadi_contact.surrogate.load import STRUCTURES, load_surrogate, ready_surrogates
 from casadi_contact.workflow.benchmark.candidate import Candidate
 from casadi_contact.workflow.benchmark.candidates import (
     EF_FAMILY,

@@ -14,9 +14,8 @@ from casadi_contact.networks.network import size_text
 from casadi_contact.samples.samples import Samples
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.info import samples_record
-from casadi_contact.surrogate.load import load_surrogate
-from casadi_contact.surrogate.registry import STRUCTURES
+from casadi_contact.surrogate.load import STRUCTURES, load_surrogate
+from casadi_contact.surrogate.sample_rows import samples_record
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
 from casadi_contact.workflow.presets import ChartEffort, Effort
 from casadi_contact.workflow.project import Project, alone
