@@ -1,0 +1,207 @@
+"""Design of a knee insert: the dish radii with the lowest peak pressure over walking at bounded laxity.
+
+    unknowns    dish radii (sagittal, frontal) [mm], P, and tx, ty, tz, rx in every pose
+    minimise    P
+    subject to  frames of walking: Fy_med, Fy_lat as measured, Fx = Fz = 0 at the cycle's rz and ry;
+                pressure K/h·(largest penetration) <= P on both sides
+                laxity: 350 N on each side at 20° of flexion and ±100 N along x, or ±50 N along z;
+                the travel between + and - within bounds
+
+All poses are in balance at every solution of the constraints, so the gradient by the radii includes how the femur
+moves. Derivatives are exact to first order; IPOPT builds up the Hessian (limited memory). The check: both dishes are
+settled once more on the scene's finest elements.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+from casadi_contact.contact import ContactModel, ElasticFoundation, PolarFoundation, Rays
+from casadi_contact.contact.callback import contact_callback
+from casadi_contact.contact.polar.dish_slopes import RADII, dish_slopes
+from casadi_contact.contact.polar.patches import Torus
+from casadi_contact.contact.polar.quadrature import patch_loads
+from casadi_contact.contact.pressure.law import layer_modulus
+from casadi_contact.contact.twist import by_pose, twist
+from casadi_contact.conventions import Array, load_selection, rotation
+from casadi_contact.motion.columns import write_columns
+from casadi_contact.motion.walking import reference_cycle
+from casadi_contact.optimisation import KNEE_STEPS, settle_in_range
+from casadi_contact.optimisation.knee import SIDES, check_knee
+from casadi_contact.page import new_page, save_page
+from casadi_contact.scenes import Scene, load_scene
+from casadi_contact.statics import settle
+from casadi_contact.terminal import numbers, run_program
+
+FREE, COLUMNS = ("tx", "ty", "tz", "rx"), [0, 1, 2, 3]
+BALANCED = (*SIDES, "Fx", "Fz")
+LAXITY = (("tx", "Fx", 100.0), ("tz", "Fz", 50.0))  # travel along, push [N] and its opposite
+RAYS = Rays(24, 3)
+
+
+class DishContact:
+    """Loads and largest penetrations of a knee's sides as functions of poses and of the radii of both dishes."""
+
+    def __init__(self, scene: Scene) -> None:
+        own = any(name in scene.geometry.get(patch, {}) for patch in scene.patch_names for name in RADII)
+        if scene.shape != "knee" or own or scene.material.law != "linear":
+            raise ValueError(f"scene {scene.name}: expected the shape knee, one dish for both sides and the linear law")
+        check_knee("the design of a dish", scene, scene.load_names, BALANCED)
+        self.scene, self._model = scene, PolarFoundation(scene, RAYS, compiled=False)
+        self._selection = load_selection(scene.load_names, scene.patch_names)
+
+    def with_radii(self, radii_mm: Array) -> Scene:
+        """The scene with other dishes."""
+        return self.scene.with_overrides(**dict(zip(RADII, map(float, radii_mm), strict=True)))
+
+    def evaluate(self, poses: Array, radii_mm: Array) -> tuple[Array, Array]:
+        """Loads, then penetrations (n, L + P) [N, N·mm, mm], and their derivatives by pose and radii (n, L + P, 8)."""
+        sagittal, frontal = map(float, radii_mm)
+        torus = Torus(sagittal - frontal, frontal, sagittal, 1.0, -1.0)
+        R, t, law, L = rotation(poses[:, 3:]), poses[:, :3], self._model.law, len(self.scene.load_names)
+        values = np.zeros((len(poses), L + len(self.scene.patch_names)))
+        slopes = np.zeros((*values.shape, 8))
+        for p, patch in enumerate(self._model.patches):
+            dish = replace(patch, torus=torus)
+            loads = patch_loads(dish, law, RAYS, R, t)
+            by_radii, deepest, deepest_by_radii = dish_slopes(dish, law, RAYS, R, t)
+            touching = deepest.depth > 0.0
+            by_twist = -twist(deepest.ends.G, deepest.ends.x - t) / deepest.ends.slope[:, None]
+            rows = self._selection[:, p]
+            values[:, :L] += loads.wrench @ rows.T
+            slopes[:, :L, :6] += rows @ by_pose(loads.stiffness, poses)
+            slopes[:, :L, 6:] += rows @ by_radii
+            values[:, L + p] = np.where(touching, deepest.depth, 0.0)
+            slopes[:, L + p, :6] = touching[:, None] * by_pose(by_twist, poses)
+            slopes[:, L + p, 6:] = deepest_by_radii
+        return values, slopes
+
+    def function(self, poses: int) -> ca.Function:
+        """casadi.Function (poses, pose after pose, then radii) (6n + 2) -> loads and penetrations, with Jacobian."""
+        rows = poses * (len(self.scene.load_names) + len(self.scene.patch_names))
+
+        @lru_cache(maxsize=1)  # values and derivatives at one point, in turn
+        def at(point: bytes) -> tuple[Array, Array]:
+            x = np.frombuffer(point)
+            values, slopes = self.evaluate(x[:-2].reshape(poses, 6), x[-2:])
+            whole = np.zeros((poses, values.shape[1], len(x)))
+            for k in range(poses):
+                whole[k, :, 6 * k : 6 * k + 6] = slopes[k, :, :6]
+            whole[:, :, -2:] = slopes[:, :, 6:]
+            return values.reshape(1, -1), whole.reshape(1, rows, -1)
+
+        return contact_callback("dish", [("values", rows, lambda points: at(points.tobytes()))], 6 * poses + 2)
+
+
+def wanted_loads(frames: int) -> tuple[Array, Array]:
+    """Loads (n, 4) of `BALANCED` and poses (n, 6) that hold rz and ry: frames of walking, then the laxity tests."""
+    cycle = reference_cycle(frames)
+    loads, locked = np.zeros((frames + 4, 4)), np.zeros((frames + 4, 6))
+    loads[:frames, :2] = np.column_stack([cycle.fy_med, cycle.fy_lat])
+    loads[frames:, :2] = -350.0
+    for row, (load, push) in enumerate((load, s * push) for _, load, push in LAXITY for s in (1.0, -1.0)):
+        loads[frames + row, BALANCED.index(load)] = push
+    locked[:frames, 4], locked[:frames, 5], locked[frames:, 5] = cycle.ry, cycle.rz, -np.radians(20.0)
+    return loads, locked
+
+
+@dataclass(frozen=True)
+class Dish:
+    """A dish in balance: radii (2,) [mm], poses (n, 6), peak pressures of both sides in walking (frames, 2) [MPa], and
+    travel (2,) [mm] of the laxity tests along x and z."""
+
+    radii_mm: Array
+    poses: Array
+    peaks_mpa: Array
+    travel_mm: Array
+
+
+def balanced(model: ContactModel, radii_mm: Array, loads: Array, start: Array) -> Dish:
+    """A dish's poses settled from a start (n, 6); ValueError where one has no equilibrium."""
+    targets = dict(zip(BALANCED, loads.T, strict=True))
+    poses, report = settle(model, start, FREE, targets, tolerance=0.01)
+    if not report.converged.all():
+        frame = int(np.argmin(report.converged))
+        raise ValueError(f"radii {radii_mm}: pose {frame} has no equilibrium: {report.reason[frame]}")
+    walking, tests = poses[:-4], poses[-4:]
+    travel = np.array([tests[0, 0] - tests[1, 0], tests[2, 2] - tests[3, 2]])
+    return Dish(radii_mm, poses, model.summary(walking).largest_mpa, travel)
+
+
+def design(contact: DishContact, bounds: Array, frames: int) -> tuple[Dish, Dish, int]:
+    """The scene's own dish, the best one and IPOPT's iterations. bounds (2, 2): least and largest travel [mm] along x
+    and z. Raises RuntimeError where IPOPT finds none."""
+    scene, (loads, locked) = contact.scene, wanted_loads(frames)
+    own, n, L = np.array([scene.geometry[name] for name in RADII]), len(loads), len(scene.load_names)
+    model, rest = PolarFoundation(scene, RAYS), locked + np.array([0.0, scene.start_pose[1], 0.0, 0.0, 0.0, 0.0])
+    pressed = settle_in_range(model, rest, rest, ("ty", "rx"), dict(zip(SIDES, loads[:, :2].T, strict=True)))
+    first = balanced(model, own, loads, pressed)
+
+    opti, steps = ca.Opti(), KNEE_STEPS[COLUMNS]
+    radii, peak, q = 5.0 * opti.variable(2), 5.0 * opti.variable(), opti.variable(4, n)  # mm, MPa
+    poses = ca.vertcat(ca.diag(ca.DM(steps)) @ q, ca.DM(locked[:, 4:].T))
+    values = ca.reshape(contact.function(n)(ca.vertcat(ca.vec(poses), radii)), -1, n)
+    pressure = layer_modulus(scene.material) / scene.material.thickness * values[L:, :frames]
+    got = values[[scene.load_names.index(name) for name in BALANCED], :]
+    opti.minimize(peak / 5.0)
+    opti.subject_to((got - ca.DM(loads.T)) / 30.0 == 0.0)
+    opti.subject_to(ca.vec(peak - pressure) / 5.0 >= 0.0)
+    for k, axis in enumerate((0, 2)):
+        travel = poses[axis, frames + 2 * k] - poses[axis, frames + 2 * k + 1]
+        opti.subject_to(opti.bounded(bounds[k, 0], travel, bounds[k, 1]))
+    opti.subject_to(opti.bounded(narrowest(scene) / 5.0, radii / 5.0, 200.0 / 5.0))
+    opti.set_initial(radii, own)
+    opti.set_initial(peak, first.peaks_mpa.max())
+    opti.set_initial(q, (first.poses[:, COLUMNS] / steps).T)
+    ipopt = {"hessian_approximation": "limited-memory", "limited_memory_max_history": 30, "mu_strategy": "adaptive"}
+    options = {"print_time": False, "detect_simple_bounds": True}
+    opti.solver("ipopt", options, {"print_level": 0, "sb": "yes", "tol": 1e-6, "max_iter": 200, **ipopt})
+    found = opti.solve()
+    best, at = found.value(radii), found.value(poses).T
+    return first, balanced(PolarFoundation(contact.with_radii(best), RAYS), best, loads, at), found.stats()["iter_count"]
+
+
+def narrowest(scene: Scene) -> Array:
+    """Least radii (2,) [mm]: wider by 0.5 mm than condyle and half plateau of every side."""
+    sides = [scene.patch_geometry(patch) for patch in scene.patch_names]
+    condyles = [(max(side["sagittal_radii"]), side["frontal_radius"]) for side in sides]
+    plateaus = [(0.5 * side["plateau_length"], 0.5 * side["plateau_width"]) for side in sides]
+    return np.max([*condyles, *plateaus], axis=0) + 0.5
+
+
+def main(
+    scene: str = "knee", ap: str = "5,8", ml: str = "0.5,2", frames: int = 12, out: Path = Path("results/design")
+) -> None:
+    """Find the dish radii with the lowest peak pressure over walking; ap, ml: least and largest travel [mm]."""
+    contact = DishContact(load_scene(scene))
+    bounds = np.array([numbers(ap, "ap"), numbers(ml, "ml")])
+    first, best, iterations = design(contact, bounds, frames)
+    loads, _ = wanted_loads(frames)
+    print("dish   radii [mm]     peak [MPa], on elements  travel along x, z [mm], on elements")
+    for name, dish in {"first": first, "best": best}.items():
+        changed = contact.with_radii(dish.radii_mm)
+        ef = balanced(ElasticFoundation(changed, changed.grids["teacher"]), dish.radii_mm, loads, dish.poses)
+        radii, travel, on_ef = (" ".join(f"{x:.3f}" for x in v) for v in (dish.radii_mm, dish.travel_mm, ef.travel_mm))
+        print(f"{name:5s} {radii}  {dish.peaks_mpa.max():.3f} {ef.peaks_mpa.max():.3f}  {travel}, {on_ef}")
+    print(f"{iterations} iterations")
+
+    out.mkdir(parents=True, exist_ok=True)
+    page, share = new_page(8.0, 4.5), 100.0 * np.arange(frames) / frames
+    axis, table = page.subplots(), {"cycle_percent": share}
+    for name, dish in {"first": first, "best": best}.items():
+        for patch, peaks in zip(contact.scene.patch_names, dish.peaks_mpa.T, strict=True):
+            axis.plot(share, peaks, "-" if name == "best" else "--", label=f"{name} dish, {patch}")
+            table[f"{name}_{patch}_MPa"] = peaks
+    axis.set(xlabel="cycle [%]", ylabel="peak pressure [MPa]")
+    axis.legend()
+    save_page(page, out / "design.png")
+    write_columns(out / "design.csv", table, digits=9)
+
+
+if __name__ == "__main__":
+    run_program(main)
