@@ -21,22 +21,26 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from casadi_contact.contact import ContactModel, ElasticFoundation, PolarFoundation, Rays
 from casadi_contact.contact.callback import contact_callback
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.polar.dish_slopes import RADII, dish_slopes
+from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.patches import Torus
 from casadi_contact.contact.polar.quadrature import patch_loads
+from casadi_contact.contact.polar.rays import Rays
 from casadi_contact.contact.pressure.law import layer_modulus
+from casadi_contact.contact.settle import settle
 from casadi_contact.contact.twist import by_pose, twist
-from casadi_contact.conventions import Array, load_selection, rotation
-from casadi_contact.motion.columns import write_columns
-from casadi_contact.motion.walking import reference_cycle
-from casadi_contact.optimisation import KNEE_STEPS, settle_in_range
+from casadi_contact.core.conventions import Array, load_selection, rotation
+from casadi_contact.core.terminal import numbers, run_program
 from casadi_contact.optimisation.knee import SIDES, check_knee
-from casadi_contact.page import new_page, save_page
-from casadi_contact.scenes import Scene, load_scene
-from casadi_contact.statics import settle
-from casadi_contact.terminal import numbers, run_program
+from casadi_contact.optimisation.starts import KNEE_STEPS, settle_in_range
+from casadi_contact.pictures.page import new_page, save_page
+from casadi_contact.scenes.columns import write_columns
+from casadi_contact.scenes.loading import load_scene
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.walking import reference_cycle
 
 FREE, COLUMNS = ("tx", "ty", "tz", "rx"), [0, 1, 2, 3]
 BALANCED = (*SIDES, "Fx", "Fz")
@@ -163,7 +167,11 @@ def design(contact: DishContact, bounds: Array, frames: int) -> tuple[Dish, Dish
     opti.solver("ipopt", options, {"print_level": 0, "sb": "yes", "tol": 1e-6, "max_iter": 200, **ipopt})
     found = opti.solve()
     best, at = found.value(radii), found.value(poses).T
-    return first, balanced(PolarFoundation(contact.with_radii(best), RAYS), best, loads, at), found.stats()["iter_count"]
+    return (
+        first,
+        balanced(PolarFoundation(contact.with_radii(best), RAYS), best, loads, at),
+        found.stats()["iter_count"],
+    )
 
 
 def narrowest(scene: Scene) -> Array:

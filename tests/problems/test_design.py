@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact import PolarFoundation
-from casadi_contact.scenes import Scene
+from casadi_contact.contact.polar.foundation import PolarFoundation
+from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.scenes.scene import Scene
 from problems import design
 
 BOUNDS = np.array([[5.0, 8.0], [0.5, 2.0]])
@@ -24,7 +25,7 @@ def solved(contact):
 
 def test_derivatives_by_pose_and_radii_are_those_of_loads_and_penetrations(contact, monkeypatch):
     """They are those of the integral, and of the sum over many rays."""
-    monkeypatch.setattr(design, "RAYS", cc.contact.Rays(48, 5))
+    monkeypatch.setattr(design, "RAYS", Rays(48, 5))
     pose, radii = np.array([0.5, 27.18, 0.1, 0.0, -0.05, -0.3]), np.array([58.0, 30.0])
     _, slopes = contact.evaluate(pose[None], radii)
     at, steps = np.concatenate([pose, radii]), np.array([*[1e-5] * 3, *[4e-7] * 3, 1e-4, 1e-4])
@@ -62,7 +63,9 @@ def test_no_dish_nearby_within_the_laxity_bounds_is_better(contact, solved):
     loads, _ = design.wanted_loads(FRAMES)
     for move in ([0.5, 0.0], [0.0, 0.3], [-0.5, 0.3], [0.5, -0.3]):
         radii = best.radii_mm + move
-        near = design.balanced(PolarFoundation(contact.with_radii(radii), design.RAYS), radii, loads, best.poses)
+        near = design.balanced(
+            PolarFoundation(contact.with_radii(radii), design.RAYS, compiled=False), radii, loads, best.poses
+        )
         allowed = (near.travel_mm >= BOUNDS[:, 0]).all() and (near.travel_mm <= BOUNDS[:, 1]).all()
         assert not allowed or near.peaks_mpa.max() > best.peaks_mpa.max()
 
@@ -83,6 +86,8 @@ def test_scenes_without_one_dish_or_of_another_law_are_refused():
 
 
 def test_the_program_prints_its_table_and_draws(tmp_path, capsys):
-    design.main(frames=3, out=tmp_path)
+    coarse = cc.load_scene("knee").with_overrides(teacher=(60, 30), fine=(40, 20))
+    (tmp_path / "coarse.toml").write_text(coarse.to_toml(), "utf-8")
+    design.main(scene=str(tmp_path / "coarse.toml"), frames=2, out=tmp_path)
     assert "best" in capsys.readouterr().out
     assert (tmp_path / "design.png").stat().st_size > 1000

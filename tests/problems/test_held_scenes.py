@@ -17,10 +17,8 @@ from casadi_contact.optimisation.joint_mechanics import whole_wrench
 from casadi_contact.optimisation.muscle_walk import example_walk
 from casadi_contact.optimisation.starts import middle_pose
 from casadi_contact.scenes.joint_cycle import JointCycle, scene_cycles
-from problems import calibration, design, muscle_contact, muscle_driven, pose_estimation, static_equilibrium
+from problems import calibration, muscle_contact, muscle_driven, pose_estimation, static_equilibrium
 from problems.calibration.measurement import synthetic_measurement
-from problems.design.dish import DishContact
-from problems.design.problem import Bounds
 from problems.muscle_contact.extensor import load_extensor
 from problems.pose_estimation.completion import solve_and_complete
 from problems.pose_estimation.problem import measured_pose, wanted_loads
@@ -145,10 +143,6 @@ def test_joints_pressed_in_one_settle_from_out_of_contact(model, free, loads):
         (lambda knee: muscle_contact.build(knee, example_walk(5)), "a muscle problem moves all six"),
         (lambda knee: muscle_driven.build(knee, None, None), "a knee driven by muscles moves all six"),
         (
-            lambda knee: design.build(DishContact(knee.scene), Bounds((5.0, 8.0), (0.5, 2.0))),
-            "the design of a dish moves all six .* but tz is locked at 0.3",
-        ),
-        (
             lambda knee: Assembly("joint", "tibia", {"femur": np.zeros(6)}, [Contact("c", knee, "tibia", "femur")]),
             "assembly joint: the contact c moves all six",
         ),
@@ -176,11 +170,6 @@ def test_what_needs_a_knee_with_two_sides_names_the_loads_that_it_got_and_wants(
     got = ", ".join(model.load_names)
     with pytest.raises(ValueError, match=rf"scene {scene} has the loads {got}, expected {needed}: take the scene knee"):
         build(model)
-
-
-def test_a_dish_is_designed_for_a_knee_with_two_sides_alone():
-    with pytest.raises(ValueError, match="scene planar_knee has the loads Fy, Fx, expected Fy_med, Fy_lat, Fx, Fz"):
-        design.build(DishContact(cc.load_scene("planar_knee")), Bounds((5.0, 8.0), (0.5, 2.0)))
 
 
 def test_all_names_are_told_apart():
