@@ -21,18 +21,17 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from casadi_contact.contact.callback import contact_callback
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.polar.dish_slopes import RADII, dish_slopes
 from casadi_contact.contact.polar.foundation import PolarFoundation
-from casadi_contact.contact.polar.patches import Torus
+from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.contact.polar.quadrature import patch_loads
-from casadi_contact.contact.polar.rays import Rays
-from casadi_contact.contact.pressure.law import layer_modulus
+from casadi_contact.contact.polar.surfaces import Torus
+from casadi_contact.contact.pressure_law import layer_modulus
 from casadi_contact.contact.settle import settle
-from casadi_contact.contact.twist import by_pose, twist
-from casadi_contact.core.conventions import Array, load_selection, rotation
+from casadi_contact.contact.symbolic import contact_callback
+from casadi_contact.core.conventions import Array, by_pose, load_selection, rotation, twist
 from casadi_contact.core.terminal import numbers, run_program
 from casadi_contact.optimisation.knee import SIDES, check_knee
 from casadi_contact.optimisation.starts import KNEE_STEPS, settle_in_range
