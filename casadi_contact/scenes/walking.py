@@ -4,24 +4,20 @@ Each curve of a cycle is c_0 + Σ_k c_{2k-1} cos(2πkp) + c_{2k} sin(2πkp) over
 coefficients drawn about their mean with their deviation between measured cycles. Forces are described by the
 logarithm of their compression, so that none pulls; the medial-lateral centre of pressure by its distance from the
 point that the two condyles' forces at z = ±22 mm give, so that it stays reachable. The rotation ry is one curve for
-all cycles [EF15 §3.3]. The figures stand in ``walking.toml``, below their source; this command derives them:
-
-    python -m casadi_contact.scenes.walking CYCLE.csv [CYCLE.csv ...] > walking.toml
+all cycles [EF15 §3.3]. The figures and their source stand in ``walking.toml``.
 """
 
 from __future__ import annotations
 
-import sys
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from importlib import resources
 from typing import Any
 
 import numpy as np
-import tomli_w
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.scenes.load_cycle import LoadCycle, read_cycle
+from casadi_contact.scenes.load_cycle import LoadCycle
 
 CONDYLE_OFFSET_MM = 22.0
 ORDERS = {"rz": 6, "ry": 6, "log_fy_med": 10, "log_fy_lat": 10, "cop_ap_mm": 8, "cop_shift_mm": 4}
@@ -37,49 +33,6 @@ def _basis(share: Array, order: int) -> Array:
 def _split_point(fy_med: Array, fy_lat: Array) -> Array:
     """Medial-lateral centre of pressure [mm] of two forces at the condyles' centres."""
     return CONDYLE_OFFSET_MM * (fy_med - fy_lat) / (fy_med + fy_lat)
-
-
-def _harmonic_curves(cycle: LoadCycle) -> dict[str, Array]:
-    for column, force in (("Fy_med_N", cycle.fy_med), ("Fy_lat_N", cycle.fy_lat)):
-        if not force.all():
-            raise ValueError(
-                f"cycle {cycle.name}: {column} is 0 at frame {int(np.argmin(force != 0.0))}, expected compression "
-                "(negative) in every frame, whose logarithm is described: leave such frames out"
-            )
-    return {
-        "rz": cycle.rz,
-        "ry": cycle.ry,
-        "log_fy_med": np.log(-cycle.fy_med),
-        "log_fy_lat": np.log(-cycle.fy_lat),
-        "cop_ap_mm": cycle.cop_ap_mm,
-        "cop_shift_mm": cycle.cop_ml_mm - _split_point(cycle.fy_med, cycle.fy_lat),
-    }
-
-
-def harmonic_description(cycles: Sequence[LoadCycle]) -> dict[str, Any]:
-    """Mean and deviation of every curve's harmonic coefficients, fitted by least squares to each cycle.
-
-    Raises ValueError for no cycle, and for one with a frame in which a side carries nothing.
-    """
-    if not cycles:
-        raise ValueError("got no cycle, expected one or more: python -m casadi_contact.scenes.walking CYCLE.csv")
-    durations = [cycle.time_s[-1] - cycle.time_s[0] for cycle in cycles]
-    spread = 1 if len(cycles) > 1 else 0
-    figures: dict[str, Any] = {
-        "duration_s": [round(float(np.mean(durations)), 4), round(float(np.std(durations, ddof=spread)), 4)],
-    }
-    for name, order in ORDERS.items():
-        fits = np.stack(
-            [
-                np.linalg.lstsq(_basis(c.percent / 100.0, order), _harmonic_curves(c)[name], rcond=None)[0]
-                for c in cycles
-            ]
-        )
-        figures[name] = {
-            "mean": [round(float(v), 5) for v in fits.mean(axis=0)],
-            "deviation": [round(float(v), 5) for v in fits.std(axis=0, ddof=spread)],
-        }
-    return figures
 
 
 def walking_description() -> dict[str, Any]:
@@ -121,10 +74,3 @@ def _cycle(figures: Mapping[str, Any], name: str, frames: int, rng: np.random.Ge
         cop_ap_mm=curves["cop_ap_mm"],
         cop_ml_mm=curves["cop_shift_mm"] + _split_point(fy_med, fy_lat),
     )
-
-
-if __name__ == "__main__":
-    try:
-        sys.stdout.write(tomli_w.dumps(harmonic_description([read_cycle(path) for path in sys.argv[1:]])))
-    except (ValueError, OSError) as error:
-        sys.exit(f"motion: {error}")

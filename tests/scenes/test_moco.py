@@ -82,7 +82,7 @@ def test_maps_that_cannot_be_written_are_refused(maps, said):
 @pytest.mark.parametrize(
     ("written", "said"),
     [
-        ({"ty": 1000.0}, "ty reaches 2.* mm, expected a joint's: is the file in mm, and not in m?"),
+        ({"ty": 1000.0}, "ty reaches 2.* mm, expected a joint's: is the file in mm"),
         ({"rz": 180.0 / np.pi}, "rz reaches .*, expected radians: is it in degrees?"),
     ],
 )
