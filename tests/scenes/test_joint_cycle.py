@@ -155,7 +155,7 @@ def test_curves_that_are_no_cycle_are_refused_by_name(time_s, pose, loads, said)
 def test_lengths_of_kilometres_are_a_file_in_other_units():
     given = {"time_s": [0.0, 1.0], "loads": {"Fy": [500.0, 500.0]}}
     for far in ({"pose": {"tx": [0.0, 5000.0]}}, {"pose": {}, "centres": {"cop_x": [0.0, -5000.0]}}):
-        with pytest.raises(ValueError, match=r"(tx|cop_x) reaches 5000 mm.*is the file in mm, and not in m"):
+        with pytest.raises(ValueError, match=r"(tx|cop_x) reaches 5000 mm.*in mm"):
             JointCycle("far", **{**given, **far})
 
 

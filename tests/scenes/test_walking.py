@@ -1,6 +1,5 @@
 """Measured cycles and the built-in reference motion."""
 
-
 import numpy as np
 import pytest
 
