@@ -15,12 +15,12 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.cli import pipeline
+from casadi_contact.optimisation.pose_estimation import PoseEstimation
 from casadi_contact.optimisation.verification.fitness import fitness
 from casadi_contact.pictures.report.tables import evaluation_tables, read_evaluation
 from casadi_contact.scenes.walking import reference_cycle
 from casadi_contact.workflow.presets import PRESETS, Effort, Preset
 from casadi_contact.workflow.project import project_surrogates
-from problems import pose_estimation
 
 SMALL = Preset(
     sampling_scale=0.02,
@@ -87,8 +87,8 @@ def test_its_casadi_file_gives_the_same_loads(project):
 
 def test_ipopt_finds_the_poses_of_the_reference_cycle_on_it(project):
     surrogate = cc.load_surrogate(project.surrogate_path("patch"))
-    result = pose_estimation.solve(pose_estimation.build(surrogate, reference_cycle(frames=21)))
-    assert result.converged.mean() > 0.9, result.reason
+    result = PoseEstimation.of_cycle(surrogate, reference_cycle(frames=21)).solve()
+    assert result.solved.mean() > 0.9, result.reason
 
 
 def test_it_says_what_it_was_trained_on(project):

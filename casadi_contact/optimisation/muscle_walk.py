@@ -5,7 +5,7 @@ Moment arms are arm = -∂length/∂coordinate: metres for rotations, direction 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -65,7 +65,7 @@ class MuscleWalk(OverTime):
             )
         _check_units_and_signs(self)
 
-    def check_has(self, coordinates: Sequence[str]) -> None:
+    def check_has(self, coordinates: Iterable[str]) -> None:
         """ValueError for coordinates of which the walk has no loads and arms."""
         if missing := [name for name in coordinates if name not in self.loads]:
             raise ValueError(

@@ -13,9 +13,8 @@ from problems.assembly_poses.check import corrected, verdicts_of
 from problems.assembly_poses.cycle import read_assembly_cycle
 from problems.assembly_poses.own_cycle import own_cycle
 from problems.assembly_poses.problem import build
-from problems.assembly_poses.report import report, report_starts
+from problems.assembly_poses.report import report
 from problems.assembly_poses.solve import solve
-from problems.assembly_poses.starts import solve_from_random_starts
 from problems.common.command import RESULTS, end_with, new_app, run_command, worst
 
 NAME = "assembly_poses"
@@ -26,7 +25,6 @@ app = new_app()
 def run(
     assembly: Annotated[str, typer.Option(help="ready assembly, or assembly .toml")] = "knee_with_patella",
     cycle: Annotated[Path | None, typer.Option(help="measured cycle (CSV); the assembly's own if left out")] = None,
-    starts: Annotated[int, typer.Option(min=0, help="also solve from this many random starts")] = 0,
     out: Annotated[Path, typer.Option(help="folder for assembly_poses.csv, .png and summary.json")] = RESULTS / NAME,
 ) -> None:
     """Find the poses of all bodies of an assembly over a cycle: one from the loads that were measured in its contact,
@@ -43,8 +41,6 @@ def run(
     result = corrected(assembly, problem, by_contact)
     verdicts = verdicts_of(problem, result)
     report(problem, result, verdicts, out)
-    if starts:
-        report_starts(solve_from_random_starts(assembly, given, by_contact, starts), out)
     end_with(worst(verdicts.values()), NAME, out)
 
 

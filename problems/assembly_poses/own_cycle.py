@@ -8,9 +8,9 @@ import numpy as np
 
 import casadi_contact as cc
 from casadi_contact.optimisation.assembly.assembly import Assembly
+from casadi_contact.optimisation.muscle_contact import MuscleContact
 from casadi_contact.optimisation.muscle_walk import example_walk
 from casadi_contact.scenes.walking import reference_cycle
-from problems import muscle_contact
 from problems.assembly_poses.cycle import AssemblyCycle
 
 QUADRICEPS = ("recfem", "vasint", "vaslat", "vasmed")
@@ -27,7 +27,7 @@ def _walk() -> AssemblyCycle:
     """Walking: rotations and tibiofemoral loads of the mean reference cycle, and the quadriceps' tension that muscle
     and contact forces of the built-in walk find."""
     cycle, walk = reference_cycle(), example_walk()
-    solved = muscle_contact.solve(muscle_contact.build(cc.load_surrogate("knee"), walk))
+    solved = MuscleContact(cc.load_surrogate("knee"), walk).solve()
     tension = solved.muscle_forces_n[:, [walk.muscles.names.index(name) for name in QUADRICEPS]].sum(axis=1)
     loads = {"Fy_med": cycle.fy_med, "Fy_lat": cycle.fy_lat, "cop_ap": cycle.cop_ap_mm, "cop_ml": cycle.cop_ml_mm}
     pose = {"femur": {"ry": cycle.ry, "rz": cycle.rz}}

@@ -2,7 +2,7 @@
 
     min ½ Σ |r_k(q_k)|²    with Q_free(q_k; tensions_k) + applied_k = 0 in every frame k
 
-r are the misfits [N] of the measured contact (`problems.pose_estimation`), which tell the pose of its moving body; Q
+r are the misfits [N] of the measured contact (`PoseEstimation`), which tell the pose of its moving body; Q
 are the generalised forces on every other body along its free pose parameters: it stands where contacts, ligaments,
 pulls and springs balance (`Assembly.forces`), torques over 25 mm. Measured pose parameters are locked. Without a
 measured contact all bodies balance, and the problem is a system of equations.
@@ -19,8 +19,8 @@ import numpy as np
 
 from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, Array, pose_index
 from casadi_contact.optimisation.assembly.assembly import Assembly
+from casadi_contact.optimisation.pose_estimation import PoseEstimation
 from casadi_contact.scenes.joint_cycle import JointCycle
-from problems import pose_estimation
 from problems.assembly_poses.cycle import FORCES, AssemblyCycle
 
 _STEP_MM = 0.05  # of a balanced body's variables, rotations over 25 mm
@@ -36,7 +36,7 @@ class AssemblyPoses:
 
     assembly: Assembly
     cycle: AssemblyCycle
-    measured: pose_estimation.PoseEstimation | None
+    measured: PoseEstimation | None
     free: Mapping[str, tuple[str, ...]]
     nlp: dict[str, Any]
     lower: Array
@@ -67,7 +67,7 @@ class AssemblyPoses:
             for name, curve in curves.items():
                 poses[:, self.assembly.bodies.index(body), pose_index(name)] = curve
         if self.measured:
-            poses[:, self.assembly.bodies.index(self.measured_body)] = self.measured.start_poses()
+            poses[:, self.assembly.bodies.index(self.measured_body)] = self.measured.contact.start_poses()
         return poses
 
 
@@ -76,7 +76,7 @@ def build(assembly: Assembly, cycle: AssemblyCycle) -> AssemblyPoses:
 
     Raises ValueError for a pull without tension or that pushes, names that the assembly has not, forces on the body
     whose pose is measured by loads, a measured contact that is not one between the ground and a body in their own
-    frames, a cycle that measures all pose parameters of all bodies, and as `pose_estimation.build`.
+    frames, a cycle that measures all pose parameters of all bodies, and as `PoseEstimation`.
     """
     _check(assembly, cycle)
     count, bodies = len(cycle), assembly.bodies
@@ -139,7 +139,7 @@ def _balance(assembly: Assembly, free: Mapping[str, tuple[str, ...]]) -> ca.Func
     return ca.Function("balance", [q, tensions, applied], [(ca.vec(forces) + applied)[rows] / ca.DM(scales)])
 
 
-def _measured(assembly: Assembly, cycle: AssemblyCycle) -> pose_estimation.PoseEstimation:
+def _measured(assembly: Assembly, cycle: AssemblyCycle) -> PoseEstimation:
     """Pose estimation of the measured contact alone."""
     contact = assembly.contact(cycle.contact)
     if contact.fixed != assembly.ground or np.any(contact.fixed_frame) or np.any(contact.moving_frame):
@@ -150,7 +150,8 @@ def _measured(assembly: Assembly, cycle: AssemblyCycle) -> pose_estimation.PoseE
     centres = {name: curve for name, curve in cycle.loads.items() if name.startswith("cop_")}
     loads = {name: curve for name, curve in cycle.loads.items() if name not in centres}
     pose = cycle.pose.get(contact.moving, {})
-    return pose_estimation.build(contact.model, JointCycle(cycle.name, cycle.time_s, pose, loads, centres))
+    measured = JointCycle(cycle.name, cycle.time_s, pose, loads, centres)
+    return PoseEstimation.of_cycle(contact.model, measured)
 
 
 def _check(assembly: Assembly, cycle: AssemblyCycle) -> None:

@@ -16,8 +16,7 @@ from casadi_contact.scenes.columns import write_columns
 from problems.assembly_poses.problem import AssemblyPoses
 from problems.assembly_poses.solve import AssemblyResult
 from problems.common.outcome import print_outcome, solver_record
-from problems.common.records import DIGITS, add_to_summary, assembly_columns, pose_columns, write_summary
-from problems.pose_estimation.starts import RandomStarts
+from problems.common.records import DIGITS, assembly_columns, pose_columns, write_summary
 
 
 def report(
@@ -48,13 +47,6 @@ def report(
     write_summary(out / "summary.json", summary)
     draw(problem, result, out / "assembly_poses.png")
     console.print(f"results in {out}", highlight=False)
-
-
-def report_starts(starts: RandomStarts, out: Path) -> None:
-    """Print what became of random starts about a solution, and add it to the summary in the folder out."""
-    text = str(starts).replace("the same solution", "the same loads")
-    PlainConsole().print(text, highlight=False, soft_wrap=True)
-    add_to_summary(out / "summary.json", {"random_starts": starts.record()})
 
 
 def _write_table(path: Path, problem: AssemblyPoses, result: AssemblyResult) -> None:

@@ -11,12 +11,10 @@ import numpy as np
 from casadi_contact.core.conventions import POSE_IN_MM, Array, pose_index
 from casadi_contact.core.quantities import three_digits
 from casadi_contact.optimisation.assembly.settle import Settling
-from casadi_contact.optimisation.ipopt import IpoptOutcome, ipopt_options
+from casadi_contact.optimisation.ipopt import FrameOutcome, IpoptOutcome, least_squares_options
 from problems.assembly_poses.cycle import two_or_more
 from problems.assembly_poses.problem import AssemblyPoses, build
 from problems.patella.follow import outwards
-from problems.pose_estimation.solve import SCALING, settled
-from problems.pose_estimation.wanted import NO_LOAD, off_by
 
 TOLERANCE_N = 1e-3  # left on a balanced body, torques over 25 mm
 # IPOPT's, a hundredth of that. Asked for more, Newton's steps go astray where a pose is hardly determined, such as that
@@ -61,7 +59,7 @@ class _Found:
         residual_n = np.abs(np.asarray(left)).reshape(count, -1).max(axis=1, initial=0.0)
         if not problem.measured:
             return cls(poses, residual_n, np.empty((count, 0)))
-        wanted, body = problem.measured.wanted, problem.assembly.bodies.index(problem.measured_body)
+        wanted, body = problem.measured.targets, problem.assembly.bodies.index(problem.measured_body)
         return cls(poses, residual_n, wanted.errors(problem.measured.model(poses[:, body], wanted.load_names)))
 
     @property
@@ -72,7 +70,7 @@ class _Found:
     def converged(self, problem: AssemblyPoses) -> np.ndarray:
         """True (n,) where bodies balance and carry what was measured."""
         balanced = self.residual_n <= TOLERANCE_N
-        return balanced & problem.measured.wanted.carried(self.errors) if problem.measured else balanced
+        return balanced & problem.measured.targets.met(self.errors) if problem.measured else balanced
 
     def or_better(self, other: _Found, rows: np.ndarray) -> _Found:
         """These, and of the frames `rows` those of the other that are less off."""
@@ -123,7 +121,7 @@ def solve(problem: AssemblyPoses, start: Array | None = None, max_iterations: in
 def _one_round(problem: AssemblyPoses, start: Array | None, max_iterations: int) -> tuple[_Found, IpoptOutcome]:
     """Settle, then solve all frames of a problem; of each frame the better of both."""
     poses = _settled(problem, start)
-    options = ipopt_options(tolerance=_IPOPT_TOLERANCE, max_iterations=max_iterations, **SCALING)
+    options = least_squares_options(tolerance=_IPOPT_TOLERANCE, max_iterations=max_iterations)
     solver = ca.nlpsol("poses", "ipopt", problem.nlp, options)
     begin, held = problem.variables(poses), _held(problem)
     lower, upper = np.where(held, begin, problem.lower), np.where(held, begin, problem.upper)
@@ -134,8 +132,8 @@ def _one_round(problem: AssemblyPoses, start: Array | None, max_iterations: int)
 
 
 def _loaded(problem: AssemblyPoses) -> np.ndarray:
-    """True (n,) in frames whose measured contact presses (`WantedLoads.loaded`), or where none is measured."""
-    return problem.measured.wanted.loaded if problem.measured else np.ones(len(problem.cycle), dtype=bool)
+    """True (n,) in frames whose measured contact presses (`PoseTargets.loaded`), or where none is measured."""
+    return problem.measured.targets.loaded if problem.measured else np.ones(len(problem.cycle), dtype=bool)
 
 
 def _held(problem: AssemblyPoses) -> np.ndarray:
@@ -165,7 +163,7 @@ def _settled(problem: AssemblyPoses, start: Array | None) -> Array:
     poses = given.copy() if start is None else start.copy()
     if problem.measured:
         body = assembly.bodies.index(problem.measured_body)
-        poses[:, body] = settled(problem.measured, poses[:, body])
+        poses[:, body] = problem.measured.settle_start(poses[:, body])
     if not problem.free:
         return poses
     places = [(assembly.bodies.index(body), name) for body, names in problem.free.items() for name in names]
@@ -192,12 +190,12 @@ def _settled(problem: AssemblyPoses, start: Array | None) -> Array:
 
 
 def _why(problem: AssemblyPoses, residual: float, errors: Array, converged: bool, loaded: bool) -> str:
-    """Why a frame is not solved; "" if it is. loaded: whether its measured contact presses (`WantedLoads.loaded`)."""
+    """Why a frame is not solved; "" if it is. loaded: whether its measured contact presses (`PoseTargets.loaded`)."""
     if converged:
         return ""
     missed = [f"{three_digits(residual)} N left on a body"] if residual > TOLERANCE_N else []
     if not loaded and not missed:
-        return NO_LOAD
+        return FrameOutcome.NO_LOAD.value
     if problem.measured:
-        missed.append(off_by(problem.measured.wanted.values, errors) if loaded else NO_LOAD)
+        missed.append(problem.measured.targets.describe(errors) if loaded else FrameOutcome.NO_LOAD.value)
     return f"not found: {', '.join(missed)}"

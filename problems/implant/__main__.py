@@ -20,7 +20,6 @@ from casadi_contact.contact.choice import foundation
 from casadi_contact.contact.convergence import NotGoodEnoughError
 from casadi_contact.core.compiler import warn_once
 from casadi_contact.core.files.writing import writable_folder
-from casadi_contact.optimisation.verification.verdict import own_model
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.workflow.presets import PRESETS
@@ -29,10 +28,7 @@ from casadi_contact.workflow.train import structures_for_scene
 from problems.common.command import RESULTS, new_app, run_command
 from problems.common.contact import ContactSource
 from problems.implant.from_meshes import fixed_and_cycles, is_mesh, scene_of_meshes
-from problems.pose_estimation.estimate import cycle_warnings, estimated
-from problems.pose_estimation.problem import Cycle, build
-from problems.pose_estimation.report import report, report_starts
-from problems.pose_estimation.starts import solve_from_random_starts, start_from_file
+from problems.pose_estimation import estimate
 
 NAME = "implant"
 app = new_app()
@@ -45,8 +41,6 @@ def run(
         list[Path],
         typer.Argument(help="measured cycles (CSV) to find the poses of; after a mesh the fixed body's first"),
     ],
-    start: Annotated[Path | None, typer.Option(help="begin at these measured poses (CSV, .sto; tx ... rz)")] = None,
-    starts: Annotated[int, typer.Option(min=0, help="also solve each cycle from this many random starts")] = 0,
     surrogate: Annotated[bool, typer.Option("--surrogate", help="train networks and solve on these")] = False,
     preset: Annotated[str, typer.Option(help=f"how much to sample and train: {', '.join(PRESETS)}")] = "quick",
     out: Annotated[Path | None, typer.Option(help="folder of all results; results/implant/SCENE if left out")] = None,
@@ -67,11 +61,7 @@ def run(
         out = RESULTS / NAME / name_of_mesh(fixed) if out is None else out
         scene = scene_of_meshes(scene, fixed, out)
     joint = load_scene(scene)
-    measured: Sequence[Cycle] = reference_motion_cycles(joint, cycles)  # before minutes of training
-    for path, cycle in zip(cycles, measured, strict=True):
-        for warning in cycle_warnings(joint, cycle):
-            typer.echo(f"{NAME}: {path}: {warning}", err=True)
-    poses = [None if start is None else start_from_file(start, len(cycle.time_s)) for cycle in measured]
+    measured = reference_motion_cycles(joint, cycles)  # before minutes of training
     folder = RESULTS / NAME / joint.name if out is None else out
     source = ContactSource(scene=str(scene))
     if surrogate:
@@ -80,15 +70,10 @@ def run(
         source = ContactSource(surrogate=str(project.surrogate_path(structures_for_scene(project)[0])))
     writable_folder(folder)
     model = source.load()
-    elements, codes = own_model(model.scene), []
-    problems = [build(model, cycle, compiled=True) for cycle in measured]
-    for number, (path, problem, first) in enumerate(zip(cycles, problems, poses, strict=True), start=1):
-        typer.echo(f"cycle {number} of {len(problems)}: {path.stem}, {problem.frames} frames")
-        found, place = estimated(problem, first, elements), folder / "poses" / path.stem
-        report(problem, found, place, source.kind)
-        if starts:
-            report_starts(solve_from_random_starts(source, problem, found.result.poses, starts), place)
-        codes.append(found.verdict.exit_code)
+    codes = []
+    for number, (path, cycle) in enumerate(zip(cycles, measured, strict=True), start=1):
+        typer.echo(f"cycle {number} of {len(measured)}: {path.stem}, {len(cycle.time_s)} frames")
+        codes.append(estimate(model, cycle, folder / "poses" / path.stem))
     if any(codes):
         worst = "some frames have no pose" if 2 in codes else "some frames are not verified"
         typer.echo(f"{NAME}: {worst}; see above", err=True)

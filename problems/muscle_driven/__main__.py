@@ -15,18 +15,11 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.core.quantities import two_digits
+from casadi_contact.optimisation.muscle_contact import MuscleContact
 from casadi_contact.optimisation.verification.verdict import judge, own_model
-from problems import muscle_contact
 from problems.common.command import RESULTS, end_with, new_app, run_command
 from problems.common.contact import ContactSource, SceneOption, SurrogateOption
-from problems.muscle_contact.given import (
-    InverseDynamicsOption,
-    MapOption,
-    MusclesOption,
-    ParametersOption,
-    RotationsOption,
-    given_walk,
-)
+from problems.muscle_contact import walk_of
 from problems.muscle_driven.problem import MuscleDriven, build
 from problems.muscle_driven.report import Run, differences, report
 from problems.muscle_driven.solve import FARTHEST_DEG, LARGEST_ENERGY_LOST, solve
@@ -38,11 +31,11 @@ app = new_app()
 
 @app.command()
 def run(
-    inverse_dynamics: InverseDynamicsOption = None,
-    muscles: MusclesOption = None,
-    parameters: ParametersOption = None,
-    rotations: RotationsOption = None,
-    maps: MapOption = None,
+    inverse_dynamics: Path | None = None,
+    muscles: Path | None = None,
+    parameters: Path | None = None,
+    rotations: Path | None = None,
+    maps: list[str] | None = None,
     surrogate: SurrogateOption = None,
     scene: SceneOption = None,
     tolerance: Annotated[float, typer.Option(help="of CVODES, relative and absolute")] = 1e-4,
@@ -56,11 +49,11 @@ def run(
     contact model differs.
     """
     writable_folder(out)
-    walk = given_walk(rotations, inverse_dynamics, muscles, parameters, maps)
+    walk = walk_of(rotations, inverse_dynamics, muscles, parameters, maps)
     source = ContactSource.of(surrogate, scene)
     model = source.load()
-    inverse = muscle_contact.build(model, walk)
-    solved = muscle_contact.solve(inverse)
+    inverse = MuscleContact(model, walk)
+    solved = inverse.solve()
     models: dict[str, ContactModel] = {source.kind: model}
     models.setdefault("foundation", cc.foundation(model.scene))
     models["EF 160×80"] = ElasticFoundation(model.scene, TEACHER_GRID)

@@ -34,14 +34,15 @@ from casadi_contact.optimisation.muscle import (
     force_velocity,
     passive_force_length,
 )
+from casadi_contact.optimisation.muscle_contact import MuscleContact, MuscleContactResult, MuscleSettings
 from problems.common.outcome import rows_in_words
-from problems.muscle_contact.problem import BALANCED, MuscleContact
-from problems.muscle_contact.solve import MuscleContactResult
 
 POWERS = ("muscles", "contact", "load", "damping")
 _ORDER = (1, 3, 5)  # ty, rx and rz among pose parameters; `BALANCED` has them in this order
 _FEWEST_FRAMES = 4  # a cubic spline goes through
 _LARGEST_RESERVE = 0.1  # N, N·m: more, and muscles and contact alone do not drive the motion
+
+BALANCED = MuscleSettings().balanced
 
 
 @dataclass(frozen=True)
@@ -102,10 +103,8 @@ def build(
 ) -> MuscleDriven:
     """Equations of motion on a surrogate, a foundation or any contact model.
 
-    Raises ValueError for too few frames, for an inverse solution with frames that muscles do not balance or reserves
-    that they lack, with compliant tendons, isometric muscles, a patella (its quadriceps pull along other lines than the
-    walk's) or other balanced coordinates than `BALANCED`, and for a contact model of no knee with two sides
-    (`check_knee`).
+    Raises ValueError for too few frames, an inverse solution with frames that muscles do not balance, with isometric
+    muscles or other balanced coordinates than `BALANCED`, and for a model of no knee with two sides.
     """
     check_knee("a knee driven by muscles", model.scene, model.load_names)
     _check_drivable(inverse, solved)
@@ -165,14 +164,9 @@ def _check_drivable(inverse: MuscleContact, solved: MuscleContactResult) -> None
             f"walk {walk.name} has {len(walk)} frames, expected at least {_FEWEST_FRAMES}, for cubic splines between "
             "them, and some fifty to follow a step"
         )
-    if inverse.balanced != BALANCED:
-        raise ValueError(f"{', '.join(inverse.balanced)} are balanced, expected {', '.join(BALANCED)}")
-    if inverse.extensor is not None:
-        raise ValueError(
-            "the quadriceps pull over a patella in the inverse solution, expected one without: here they pull along "
-            "the walk's moment arms"
-        )
-    unbalanced = ~solved.converged | solved.overloaded
+    if inverse.settings.balanced != BALANCED:
+        raise ValueError(f"{', '.join(inverse.settings.balanced)} are balanced, expected {', '.join(BALANCED)}")
+    unbalanced = ~solved.solved
     if unbalanced.any():
         raise ValueError(
             f"walk {walk.name}: muscles alone do not balance frames {rows_in_words(unbalanced)}, expected all of them "

@@ -12,22 +12,13 @@ import casadi_contact as cc
 from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.core.terminal import PlainConsole
 from casadi_contact.optimisation.knee import KNEE_LOADS
+from casadi_contact.optimisation.muscle_contact import MuscleContact, columns_of
 from casadi_contact.optimisation.verification.verdict import judge, own_model
 from casadi_contact.scenes.columns import write_columns
-from problems import muscle_contact
 from problems.common.command import RESULTS, end_with, new_app, run_command, worst
-from problems.common.outcome import print_reasons, rows_in_words
+from problems.common.outcome import rows_in_words
 from problems.common.records import DIGITS, add_to_summary, assembly_columns, pose_columns, write_summary
-from problems.muscle_contact.diagnosis import diagnose
-from problems.muscle_contact.extensor import quadriceps
-from problems.muscle_contact.given import (
-    InverseDynamicsOption,
-    MapOption,
-    MusclesOption,
-    ParametersOption,
-    RotationsOption,
-    given_walk,
-)
+from problems.muscle_contact import walk_of
 from problems.patella.follow import LEAST_TENSION_N, SAME_N, follow, start_poses
 
 NAME = "patella"
@@ -36,11 +27,11 @@ app = new_app()
 
 @app.command()
 def run(
-    inverse_dynamics: InverseDynamicsOption = None,
-    muscles: MusclesOption = None,
-    parameters: ParametersOption = None,
-    rotations: RotationsOption = None,
-    maps: MapOption = None,
+    inverse_dynamics: Path | None = None,
+    muscles: Path | None = None,
+    parameters: Path | None = None,
+    rotations: Path | None = None,
+    maps: list[str] | None = None,
     starts: Annotated[int, typer.Option(min=0, help="settle from this many random starts too, frame by frame")] = 0,
     out: Annotated[Path, typer.Option(help="folder for patella.csv and summary.json")] = RESULTS / NAME,
 ) -> None:
@@ -51,18 +42,16 @@ def run(
     a contact model differs.
     """
     writable_folder(out)
-    walk = given_walk(rotations, inverse_dynamics, muscles, parameters, maps)
-    through = quadriceps(walk.muscles.names)
+    walk = walk_of(rotations, inverse_dynamics, muscles, parameters, maps)
+    through = columns_of(walk.muscles.names, "recf", "rect_f", "vas")
     knee = cc.load_surrogate("knee")
-    problem = muscle_contact.build(knee, walk)
-    solved = muscle_contact.solve(problem)
-    balanced = solved.converged & ~solved.overloaded
+    solved = MuscleContact(knee, walk).solve()
+    balanced = solved.solved
     walked = judge(knee, solved.poses, balanced, own_model(knee.scene), KNEE_LOADS)
     tension = solved.muscle_forces_n[:, through].sum(axis=1)
     ride = follow(cc.load_assembly("knee_with_patella"), solved.poses, tension)
     verdict, console = ride.verdict("patellofemoral"), PlainConsole()
     console.print(f"muscles and femur: {walked}", highlight=False, soft_wrap=True)
-    print_reasons(console, diagnose(problem, solved, walked).reason)
     console.print(f"patellofemoral contact: {verdict}", highlight=False, soft_wrap=True)
     if (slack := tension < LEAST_TENSION_N).any():
         said = f"quadriceps are slack in frames {rows_in_words(slack)}: there they pull by {LEAST_TENSION_N:g} N"

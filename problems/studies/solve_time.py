@@ -22,9 +22,12 @@ from casadi_contact.contact.symbolic import SymbolicContact, symbolic
 from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.core.machine import machine_record
 from casadi_contact.core.terminal import PlainConsole
+from casadi_contact.optimisation.pose_estimation import PoseEstimation
 from casadi_contact.pictures.report.figure import save
 from casadi_contact.pictures.report.scatter import draw_speed_accuracy
 from casadi_contact.samples.errors import load_errors
+from casadi_contact.scenes.joint_cycle import JointCycle
+from casadi_contact.scenes.load_cycle import LoadCycle
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.workflow.benchmark.candidate import Candidate
@@ -34,14 +37,12 @@ from casadi_contact.workflow.benchmark.front_file import Front, Point, write_fro
 from casadi_contact.workflow.benchmark.timing import compare, one_thread
 from casadi_contact.workflow.project import reference_motion_cycles, shipped_surrogates
 from problems.common.command import RESULTS, new_app, run_command
-from problems.pose_estimation.problem import Cycle, build
-from problems.pose_estimation.solve import solve
 
 NAME = "solve_time"
 app = new_app()
 
 
-def measured_front(scene: Scene, cycle: Cycle, repeats: int = 3) -> Front:
+def measured_front(scene: Scene, cycle: LoadCycle | JointCycle, repeats: int = 3) -> Front:
     """Time of the whole solution [µs a frame], start and settling included, and RMS errors of the loads there.
 
     Models: the scene's coarse and fine elements (their Hessians are differences of the Jacobian), foundations from
@@ -84,12 +85,12 @@ def _candidates(scene: Scene) -> Iterator[Candidate]:
         yield from surrogate_candidates(name, surrogate)
 
 
-def _point(candidate: Candidate, cycle: Cycle, truth: ElasticFoundation) -> Point:
+def _point(candidate: Candidate, cycle: LoadCycle | JointCycle, truth: ElasticFoundation) -> Point:
     """A model's errors at the poses that it finds."""
     point = Point(candidate.name, candidate.family, failure=candidate.failure)
     if candidate.model is None:
         return point
-    result = solve(build(_symbolic(candidate), cycle, compiled=True))
+    result = PoseEstimation.of_cycle(_symbolic(candidate), cycle, compiled=True).solve()
     solved = int(result.converged.sum())
     if solved < len(result.converged):
         return replace(point, failure=f"{solved} of {len(result.converged)} frames solved")
@@ -102,9 +103,9 @@ def _symbolic(candidate: Candidate) -> SymbolicContact:
     return symbolic(cast(ContactModel, candidate.model))
 
 
-def _seconds_a_frame(model: SymbolicContact, cycle: Cycle) -> float:
+def _seconds_a_frame(model: SymbolicContact, cycle: LoadCycle | JointCycle) -> float:
     began = time.perf_counter()
-    solve(build(model, cycle, compiled=True))
+    PoseEstimation.of_cycle(model, cycle, compiled=True).solve()
     return (time.perf_counter() - began) / len(cycle.time_s)
 
 

@@ -6,17 +6,16 @@ pip install -e ".[bench]"; python -m pytest tests/benchmarks/bench_kernel.py
 import numpy as np
 import pytest
 
+from casadi_contact.optimisation.pose_estimation import PoseEstimation
 from casadi_contact.scenes.walking import reference_cycle
 from casadi_contact.workflow.benchmark.kernel_speed import jacobian_of, lagrangian_hessian
-from problems.pose_estimation.problem import build
-from problems.pose_estimation.solve import solve
 
 FORMS = {"graph": False, "kernel": True}
 
 
 @pytest.fixture(scope="module")
 def solved(knee):
-    return solve(build(knee, reference_cycle())).poses
+    return PoseEstimation.of_cycle(knee, reference_cycle()).solve().poses
 
 
 def buffered(function, *arguments):
@@ -58,5 +57,5 @@ def bench_batch(benchmark, knee, solved, form):
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.benchmark(group="pose estimation")
 def bench_pose_estimation(benchmark, knee, form):
-    problem = build(knee, reference_cycle(), compiled=FORMS[form])
-    benchmark.pedantic(solve, (problem,), rounds=5, warmup_rounds=1)
+    problem = PoseEstimation.of_cycle(knee, reference_cycle(), compiled=FORMS[form])
+    benchmark.pedantic(problem.solve, rounds=5, warmup_rounds=1)

@@ -138,15 +138,6 @@ def test_a_mistake_in_the_options_of_a_problem_ends_as_one_of_casadi_contact_doe
     assert len(str(ended.value.code).splitlines()) == 1
 
 
-def test_help_of_a_problem_shows_units_in_brackets():
-    """Read as markup, [N] and [deg] would be dropped."""
-    from problems.static_equilibrium.__main__ import app as equilibrium
-
-    shown = " ".join(CliRunner().invoke(equilibrium, ["--help"], terminal_width=120).output.split())
-    assert "medial force on the insert [N]" in shown
-    assert "flexion angles [deg]" in shown
-
-
 @pytest.mark.parametrize("arrives_as", [KeyboardInterrupt, SystemError])
 def test_ctrl_c_ends_without_a_traceback_wherever_it_arrives(arrives_as):
     """In a loop that numba compiled it arrives as a SystemError that a KeyboardInterrupt caused."""

@@ -10,7 +10,7 @@ from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.conventions import WRENCH_NAMES
 from casadi_contact.optimisation.contact_frames import ContactFrames
 from casadi_contact.optimisation.joint_mechanics import total_selection, whole_wrench
-from problems.pose_estimation.wanted import WantedLoads
+from casadi_contact.optimisation.pose_targets import PoseTargets
 
 OTHERS = [name for name in WRENCH_NAMES if name != "Fy"]
 BY_NAMES = {
@@ -48,9 +48,9 @@ def test_a_centre_of_pressure_is_that_of_all_that_presses(model):
     pose = np.array([model.example_pose()])
     whole = model.wrenches(pose)[0].sum(axis=0)
     centre = whole[5] / whole[1]  # Tz/Fy
-    wanted = WantedLoads.of(model.scene, {"cop_ap": np.array([centre])})
+    wanted = PoseTargets.of(model.scene, {"cop_ap": np.array([centre])})
     loads = model(pose)[:, [model.load_names.index(name) for name in wanted.load_names]]
-    assert wanted.got(loads)[0, 0] == pytest.approx(centre, rel=1e-9)
+    assert wanted.evaluate(loads)[0, 0] == pytest.approx(centre, rel=1e-9)
     frames = ContactFrames(model, 1)
     misfit = ca.Function("misfit", [frames.q], [frames.misfit({"cop_ap": centre})])
     assert abs(float(misfit(frames.variables(pose)))) < 1e-6
@@ -61,7 +61,7 @@ def test_of_one_side_alone_there_is_none():
     with pytest.raises(ValueError, match=r"hold no Fy, expected all of .* in total or of every patch"):
         total_selection(scene.load_names, scene.patch_names)
     with pytest.raises(ValueError, match=r"cop_ap needs Fy and Tz, scene .* in total or of every patch"):
-        WantedLoads.of(scene, {"cop_ap": np.zeros(1)})
+        PoseTargets.of(scene, {"cop_ap": np.zeros(1)})
     with pytest.raises(ValueError, match="a centre of pressure needs Fy in total or of every patch"):
         ContactFrames(foundation_of(scene), 1).misfit({"cop_ap": 0.0})
     completed = whole_wrench(scene)

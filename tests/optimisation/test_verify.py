@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.optimisation.pose_estimation import PoseEstimation
 from casadi_contact.scenes.walking import reference_cycle
-from problems import pose_estimation
 from tests.support.random_surrogates import random_surrogate
 
 
 @pytest.fixture(scope="module")
 def poses(knee):
-    return pose_estimation.solve(pose_estimation.build(knee, reference_cycle(frames=21))).poses
+    return PoseEstimation.of_cycle(knee, reference_cycle(frames=21)).solve().poses
 
 
 def test_a_solution_in_the_learned_region_passes(knee, poses):

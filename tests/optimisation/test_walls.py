@@ -1,7 +1,5 @@
 """Load on a wall that is too steep for elements, and outside of all patches, is told, as large as it is."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -9,8 +7,6 @@ import casadi_contact as cc
 from casadi_contact.optimisation.verification.uncertain_load import uncertain_load_words, uncounted_share
 from casadi_contact.optimisation.verification.verdict import UNCOUNTED, judge
 from casadi_contact.optimisation.verification.walls import share_on_walls, share_outside_patches
-from problems.pose_estimation.on_foundation import OnFoundation
-from problems.pose_estimation.wanted import WantedLoads
 from tests.support.ball_in_corner import RADIUS_MM, force_n, write_corner
 from tests.support.meshes import STIFFNESS, ball_mesh, mesh_scene_text, sheet_mesh, wheel_mesh, write_obj
 
@@ -143,19 +139,6 @@ def test_a_verdict_holds_no_frame_verified_whose_load_nothing_counts(folder):
     assert verdict.exit_code == 3
     assert "of the load not counted" in verdict.words[0]
     assert "1 solved, but up to" in str(verdict)
-
-
-def test_pose_estimation_tells_what_its_verdict_cannot_know(folder):
-    scene = model_of(folder).scene
-    poses = np.array([[7.8, 7.7, 0.0, 0.0, 0.0, 0.0], [12.0, 7.7, 0.0, 0.0, 0.0, 0.0]])
-    wanted = WantedLoads.of(scene, {"Fy": np.full(2, -force_n(0.3))})
-    problem = SimpleNamespace(wanted=wanted, model=SimpleNamespace(scene=scene))
-    found = OnFoundation.of(problem, SimpleNamespace(poses=poses))
-    np.testing.assert_allclose(found.teacher[:, 0], -force_n(0.3), rtol=0.05)
-    assert found.record()["largest_share_on_walls"] == found.shares["on_walls"][0] > 0.2
-    assert found.shares["on_walls"][1] == 0.0
-    assert found.caveats == [words_of("on_walls", found.shares["on_walls"])]
-    assert found.record()["largest_share_outside_patches"] == found.shares["outside_patches"].max() == 0.0
 
 
 def test_elements_that_are_the_triangles_bear_on_walls_as_well(folder):

@@ -19,7 +19,6 @@ from problems import assembly_poses, patella
 from problems.assembly_poses.check import corrected, verdicts_of
 from problems.assembly_poses.cycle import AssemblyCycle, read_assembly_cycle
 from problems.assembly_poses.solve import _beside_solved
-from problems.assembly_poses.starts import loaded_frames, random_start
 from problems.patella.follow import SAME_N, loads_apart_n
 from tests.support.compiler import needs_compiler
 
@@ -74,19 +73,10 @@ def test_the_patella_lies_where_following_the_femur_leads_it(problem, result):
 @needs_compiler
 def test_random_starts_of_all_bodies_end_at_the_same_loads(problem, result):
     for seed in range(2):
-        again = assembly_poses.solve(problem, random_start(problem, result.poses, np.random.default_rng(seed)))
+        moves = np.random.default_rng(seed).uniform(-1.0, 1.0, result.poses.shape) * [1.0, 0.5, 1.0, 0.03, 0.03, 0.0]
+        again = assembly_poses.solve(problem, result.poses + moves)
         assert again.converged.all(), again.reason
         assert loads_apart_n(problem.assembly, again.loads, result.loads).max() < SAME_N
-
-
-@needs_compiler
-def test_a_frame_without_load_counts_for_nothing_in_random_starts(problem):
-    bears = np.array([1.0, 0.0, 1.0])
-    loads = {name: curve * bears for name, curve in problem.cycle.loads.items()}
-    lifted = assembly_poses.build(problem.assembly, replace(problem.cycle, loads=loads))
-    assert loaded_frames(lifted).tolist() == [True, False, True]
-    none = {name: 0.0 * curve for name, curve in problem.cycle.loads.items()}
-    assert loaded_frames(assembly_poses.build(problem.assembly, replace(problem.cycle, loads=none))).all()
 
 
 BALL = """format = 1

@@ -18,7 +18,6 @@ from casadi_contact.workflow.presets import PRESETS, Effort, Preset
 from problems.common.contact import ContactSource
 from problems.implant import SCENE, __main__, from_meshes
 from problems.implant.__main__ import app
-from problems.pose_estimation.starts import start_from_file
 from tests.support import meshes
 from tests.support.shared_data import shared_file
 
@@ -44,14 +43,6 @@ def test_measured_poses_of_real_components_settle_under_wanted_loads(tmp_path):
     np.testing.assert_allclose(named["Fy_med"], -700.0, atol=0.1)
     flat = -cc.RayCastFoundation(model.scene).wrenches(poses)[:, :, 1].sum(axis=1)
     assert 0.85 < (flat / 1200.0).min() < (flat / 1200.0).max() < 1.0  # facets lose force
-
-
-def test_poses_of_a_file_are_spread_over_the_frames(tmp_path):
-    path = tmp_path / "poses.csv"
-    path.write_text("tx,ty,tz,rx,ry,rz\n0,40,0,0,0,0\n2,41,0,0,0.1,-1\n")
-    poses = start_from_file(path, 5)
-    np.testing.assert_allclose(poses[:, 0], [0.0, 0.5, 1.0, 1.5, 2.0])
-    np.testing.assert_allclose(poses[[0, 2, 4], 5], [0.0, -0.5, -1.0])
 
 
 @pytest.mark.parametrize(

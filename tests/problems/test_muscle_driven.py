@@ -12,9 +12,10 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
+from casadi_contact.optimisation.muscle_contact import MuscleContact
 from casadi_contact.optimisation.muscle_walk import example_walk
 from casadi_contact.optimisation.verification.verdict import judge
-from problems import muscle_contact, muscle_driven
+from problems import muscle_driven
 from problems.muscle_driven import __main__
 from problems.muscle_driven.problem import POWERS
 from problems.muscle_driven.report import Run, differences, report
@@ -30,8 +31,8 @@ pytestmark = needs_compiler
 @pytest.fixture(scope="module")
 def driven():
     knee, walk = cc.load_surrogate("knee"), example_walk(frames=51)
-    problem = muscle_contact.build(knee, walk)
-    return muscle_driven.build(knee, problem, muscle_contact.solve(problem))
+    problem = MuscleContact(knee, walk)
+    return muscle_driven.build(knee, problem, problem.solve())
 
 
 @pytest.fixture(scope="module")
@@ -81,9 +82,9 @@ def test_work_becomes_kinetic_energy_or_is_damped(driven, simulation):
 
 
 def test_walks_of_fewer_frames_than_a_spline_needs_are_refused(driven):
-    inverse = muscle_contact.build(driven.model, example_walk(3))
+    inverse = MuscleContact(driven.model, example_walk(3))
     with pytest.raises(ValueError, match="walk built-in walk has 3 frames, expected at least 4, for cubic splines"):
-        muscle_driven.build(driven.model, inverse, muscle_contact.solve(inverse))
+        muscle_driven.build(driven.model, inverse, inverse.solve())
 
 
 def test_the_jacobian_of_the_motion_is_exact(driven):
@@ -138,26 +139,9 @@ def test_a_foundation_moves_the_knee_as_the_network_that_learned_it(driven, simu
     assert (tmp_path / "muscle_driven.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_an_inverse_solution_that_muscles_do_not_carry_is_refused(driven):
-    stopped = replace(driven.solved, converged=np.zeros(51, dtype=bool))
-    with pytest.raises(ValueError, match=r"muscles alone do not balance frames 0 to 50, .*: problems.muscle_contact"):
-        muscle_driven.build(driven.model, driven.inverse, stopped)
-    stretched = replace(driven.solved, muscle_forces_n=driven.solved.muscle_forces_n + 1.0)
-    with pytest.raises(ValueError, match="expected rigid Hill muscles"):
-        muscle_driven.build(driven.model, driven.inverse, stretched)
-    asleep = muscle_contact.build(driven.model, driven.inverse.walk, model="isometric")
-    with pytest.raises(ValueError, match="or muscles isometric"):
-        muscle_driven.build(driven.model, asleep, muscle_contact.solve(asleep))
-    with pytest.raises(ValueError, match=r"quadriceps pull over a patella .*, expected one without"):
-        muscle_driven.build(driven.model, replace(driven.inverse, extensor=object()), driven.solved)
-    for tolerance in (0.0, np.inf):
-        with pytest.raises(ValueError, match=f"tolerance is {tolerance}"):
-            muscle_driven.solve(driven, tolerance=tolerance)
-
-
 def test_a_motion_that_makes_energy_is_no_solution(tmp_path, monkeypatch, capsys):
     """At steps so coarse that more energy appears than the muscles give, contact still looks right pose by pose."""
-    monkeypatch.setattr(__main__, "given_walk", lambda *_: example_walk(frames=21))
+    monkeypatch.setattr(__main__, "walk_of", lambda *_: example_walk(frames=21))
     assert ended(monkeypatch, __main__.main, "--tolerance", 0.1, "--repeats", 1, "--out", tmp_path) == 2
     said = capsys.readouterr()
     assert said.out.startswith("0 of 21 solved")
@@ -181,7 +165,7 @@ def test_a_motion_that_leaves_the_walk_in_a_gap_of_time_is_no_solution(tmp_path,
         loads={name: curve[kept] for name, curve in walk.loads.items()},
         arms={name: table[kept] for name, table in walk.arms.items()},
     )
-    monkeypatch.setattr(__main__, "given_walk", lambda *_: cut)
+    monkeypatch.setattr(__main__, "walk_of", lambda *_: cut)
     assert ended(monkeypatch, __main__.main, "--repeats", 1, "--out", tmp_path) == 2
     said = capsys.readouterr()
     assert said.out.startswith("0 of 91 solved")

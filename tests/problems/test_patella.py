@@ -9,12 +9,9 @@ import casadi_contact as cc
 from casadi_contact.core.conventions import POSE_IN_MM
 from casadi_contact.optimisation.assembly.assembly import Assembly
 from casadi_contact.optimisation.knee import shear_free_poses
-from casadi_contact.optimisation.muscle_walk import example_walk
 from casadi_contact.scenes.walking import reference_cycle
-from problems import muscle_contact, patella
-from problems.patella import __main__
+from problems import patella
 from problems.patella.follow import LEAST_TENSION_N, SAME_N
-from tests.support.command import ended
 from tests.support.compiler import needs_compiler
 
 pytestmark = needs_compiler
@@ -94,31 +91,3 @@ def test_assemblies_of_other_bodies_or_pulls_are_refused(ride):
         patella.follow(replace(ride.assembly, pulls=pulls), ride.poses[:, 0], TENSION_N)
     with pytest.raises(ValueError, match="has the pulls none, expected one"):
         patella.follow(replace(ride.assembly, pulls=[]), ride.poses[:, 0], TENSION_N)
-
-
-def test_frames_of_a_walk_in_which_the_quadriceps_are_slack_are_followed_and_named(tmp_path, monkeypatch, capsys):
-    whole = muscle_contact.solve
-
-    def slack(problem):
-        result = whole(problem)
-        forces = result.muscle_forces_n.copy()
-        forces[1] = 0.0
-        return replace(result, muscle_forces_n=forces)
-
-    monkeypatch.setattr(muscle_contact, "solve", slack)
-    monkeypatch.setattr(__main__, "given_walk", lambda *_: example_walk(3))
-    assert ended(monkeypatch, __main__.main, "--out", tmp_path) == 0
-    said = capsys.readouterr().out
-    assert "patellofemoral contact: 3 of 3 solved and verified" in said
-    assert "quadriceps are slack in frames 1: there they pull by 1 N" in said
-
-
-def test_a_patella_that_balances_on_a_walk_that_muscles_do_not_is_no_solution(tmp_path, monkeypatch, capsys):
-    """Extending by 600 N·m is beyond any quadriceps; the patella balances whatever pull there is."""
-    walk = example_walk(3)
-    loads = {**walk.loads, "knee_flexion": walk.loads["knee_flexion"] + 600.0}
-    monkeypatch.setattr(__main__, "given_walk", lambda *_: replace(walk, loads=loads))
-    assert ended(monkeypatch, __main__.main, "--out", tmp_path) == 2
-    said = capsys.readouterr()
-    assert "muscles and femur: 0 of 3 solved" in said.out
-    assert "patella: not solved: frames 0 to 2" in said.err

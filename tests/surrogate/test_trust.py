@@ -8,12 +8,12 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.core.conventions import POSE_NAMES
+from casadi_contact.optimisation.pose_estimation import PoseEstimation
 from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.load_cycle import read_cycle
 from casadi_contact.scenes.walking import reference_cycles
 from casadi_contact.workflow.benchmark.walking import unseen_walking
-from problems import pose_estimation
 from tests.support.random_surrogates import random_surrogate
 from tests.support.shared_data import shared_file
 
@@ -195,7 +195,7 @@ def test_expected_error_covers_unseen_walking(name, walking):
 def test_expected_error_covers_measured_walking(knee, cycle):
     """Cycles of the instrumented knee that the built-in ones derive from, none of which is a sample."""
     measured = read_cycle(shared_file(f"data/jw/{cycle}_loads.csv"))
-    poses = pose_estimation.solve(pose_estimation.build(knee, measured)).poses
+    poses = PoseEstimation.of_cycle(knee, measured).solve().poses
     teacher = cc.ElasticFoundation(knee.scene, knee.scene.grids["teacher"])
     share = np.mean(np.abs(knee(poses) - teacher(poses)) <= knee.expected_error(poses))
     assert 0.93 <= share <= 0.99

@@ -1,0 +1,55 @@
+"""The contact model and the cycle that a problem runs on, by name or path."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+from casadi_contact.contact.choice import foundation
+from casadi_contact.contact.convergence import NotGoodEnoughError
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.symbolic import SymbolicContact, symbolic
+from casadi_contact.optimisation.joint_mechanics import whole_wrench
+from casadi_contact.samples.sensitive_pose import found_sensitive_pose
+from casadi_contact.scenes.joint_cycle import JointCycle
+from casadi_contact.scenes.load_cycle import LoadCycle
+from casadi_contact.scenes.loading import load_scene
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.walking import reference_cycle
+from casadi_contact.surrogate.load import load_surrogate
+from casadi_contact.workflow.project import reference_motion_cycles, walks
+
+
+def load_contact(surrogate: str | None = None, scene: str | None = None, *, whole: bool = False) -> SymbolicContact:
+    """A surrogate by name or path, or the foundation of a scene by name or path; the surrogate `knee` for neither.
+
+    whole: a foundation has the whole wrench among its loads, as equations of motion need it. A scene that no foundation
+    fits takes its fine elements, with a warning. Raises ValueError for both names and unknown ones.
+    """
+    if surrogate is not None and scene is not None:
+        raise ValueError(f"got surrogate {surrogate} and scene {scene}, expected one of them")
+    if scene is None:
+        return load_surrogate(surrogate or "knee")
+    known = load_scene(scene)
+    model = _untrained(whole_wrench(known) if whole else known)
+    if not model.scene.sensitive_pose:
+        found = found_sensitive_pose(model, reference_motion_cycles(model.scene, ()))
+        model = _untrained(model.scene.with_sensitive_pose(found))
+    return model
+
+
+def load_cycle(scene: Scene, path: Path | None = None) -> LoadCycle | JointCycle:
+    """The cycle in a CSV file, or that of the scene: of a knee mean walking, else the first of its own motion."""
+    if path is None and walks(scene):
+        return reference_cycle()
+    return reference_motion_cycles(scene, [] if path is None else [path])[0]
+
+
+def _untrained(scene: Scene) -> SymbolicContact:
+    try:
+        return foundation(scene)
+    except NotGoodEnoughError as error:
+        elements = ElasticFoundation(scene, scene.grids["fine"])
+        said = f"{error}; solved on {elements}, slower and with differenced second derivatives"
+        warnings.warn(said, RuntimeWarning, stacklevel=3)
+        return symbolic(elements)

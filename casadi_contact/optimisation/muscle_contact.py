@@ -1,0 +1,270 @@
+"""Muscle and contact forces of a knee together, over a whole walking cycle, from inverse dynamics.
+
+Muscles pull the femur onto the tibia, contact pushes back, and both balance the knee's inverse-dynamics loads. For all
+frames at once, activations a (13), free pose parameters q (ty and rx; tx and tz by choice) and reserve loads r:
+
+    min Σ a^p + Σ (r/size)²        p = 3: endurance (Crowninshield and Brand, J Biomech 14 (1981) 793-801)
+
+    Σ_m arm_m·F_m(a_m) + contact(q) + r = inverse dynamics        for each balanced coordinate
+    s_med(q), s_lat(q) >= √(least/N0),   least activation <= a <= 1,   q in the learned range
+
+F is linear in a (`force_capacity`). contact(q) is the contact model's generalised load on the femur
+(`knee.contact_expression`), s the signed root load. tx and tz, where they are not free, stand where equal forces on
+both sides cause no shear; ry and rz are prescribed. Measured contact forces enter nowhere. Co-contraction follows from
+three rules, each by choice:
+
+- Heads of one muscle have one nerve and share an activation.
+- Antagonists keep both sides of the knee closed (Schipplein and Andriacchi, J Orthop Res 9 (1991) 113-119). Each side
+  carries at least N_side = knee_ty·Δ/w: what keeps it loaded when the load passes Δ beside its place, w being the
+  distance of the sides [mm].
+- The calf works for the ankle. Its moment follows from the knee's inverse dynamics at the shank's length L, without
+  weight and inertia of shank and foot: M = L·knee_tx - knee_flexion [N·m], plantarflexion positive. Gastrocnemius and
+  soleus give at least this, r·(F_gas + F_sol) >= M; soleus' activation is one more variable.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.core.conventions import POSE_NAMES, Array
+from casadi_contact.optimisation.contact_frames import ContactFrames
+from casadi_contact.optimisation.ipopt import FrameOutcome, IpoptOutcome, ipopt_options
+from casadi_contact.optimisation.knee import (
+    COORDINATES,
+    KNEE_LOADS,
+    check_knee,
+    contact_expression,
+    contact_on_femur,
+    in_newtons,
+    shear_free_poses,
+)
+from casadi_contact.optimisation.muscle import force_capacity
+from casadi_contact.optimisation.muscle_walk import MuscleWalk
+
+
+def _reserve_sizes() -> dict[str, float]:
+    """They stand in for ligaments and errors of inverse dynamics. Contact alone balances ty and adduction, and muscles
+    balance flexion: reserves there only keep an overloaded frame solvable."""
+    return {
+        "knee_tx": 100.0,
+        "knee_ty": 10.0,
+        "knee_tz": 100.0,
+        "knee_adduction": 1.0,
+        "knee_rotation": 10.0,
+        "knee_flexion": 1.0,
+    }
+
+
+@dataclass(frozen=True)
+class MuscleSettings:
+    """Choices of the muscle problem.
+
+    exponent p >= 2 of activations in the cost; margin_mm: Δ of closed sides, 20 mm being two standard deviations of
+    where the load passes the knee from step to step; shank_m: knee to ankle; calf_arm_m: of the Achilles tendon about
+    the ankle; soleus_n: its greatest force along the tendon (Arnold et al., Ann Biomed Eng 38 (2010) 269-279);
+    fit_lengths: scale generic fibres and tendons to the walk's lengths (`MuscleParameters.fitted_to`); muscle_model:
+    hill or isometric; balanced: coordinates of `COORDINATES`; free: ty, rx, and by choice tx and tz; reserve_sizes:
+    reserves [N, N·m] that cost as much as one full activation; tolerance_n: of a balanced coordinate.
+    """
+
+    exponent: float = 3.0
+    least_activation: float = 0.01
+    margin_mm: float = 20.0
+    share_heads: bool = True
+    ankle: bool = True
+    shank_m: float = 0.41
+    calf_arm_m: float = 0.045
+    soleus_n: float = 3585.9 * float(np.cos(np.deg2rad(28.3)))
+    fit_lengths: bool = True
+    muscle_model: str = "hill"
+    balanced: tuple[str, ...] = ("knee_ty", "knee_adduction", "knee_flexion")
+    free: tuple[str, ...] = ("ty", "rx")
+    reserve_sizes: Mapping[str, float] = field(default_factory=_reserve_sizes)
+    tolerance_n: float = 0.1
+
+    def __post_init__(self) -> None:
+        if not 2.0 <= self.exponent < np.inf or not 0.0 <= self.least_activation < 1.0:
+            raise ValueError(
+                f"exponent is {self.exponent} and least activation {self.least_activation}, expected at least 2, and 0 "
+                "to below 1"
+            )
+        if not {"ty", "rx"} <= set(self.free) <= {"tx", "ty", "tz", "rx"}:
+            raise ValueError(f"free is {self.free}, expected ty and rx, and by choice tx and tz")
+        moving = {COORDINATES.get(name) for name in self.balanced}
+        if not set(self.free) <= moving or None in moving:
+            raise ValueError(f"balanced is {self.balanced}, expected coordinates that move {', '.join(self.free)}")
+
+
+@dataclass(frozen=True)
+class MuscleContactResult:
+    """Activations and forces along the tendons (n, m), poses (n, 6), contact loads (n, 7) as in `KNEE_LOADS`, reserves
+    and what is left of each balance [N, N·m] by coordinate, soleus' activation (n,) where the ankle counts.
+
+    outcome (n,): `FrameOutcome`; OVERLOADED where a reserve gives more than its size, or soleus more than it can.
+    """
+
+    activations: Array
+    muscle_forces_n: Array
+    poses: Array
+    loads: Array
+    reserves: Mapping[str, Array]
+    unbalanced: Mapping[str, Array]
+    soleus: Array | None
+    outcome: np.ndarray
+    ipopt: IpoptOutcome
+    seconds: float
+
+    @property
+    def solved(self) -> np.ndarray:
+        """True (n,) where muscles and contact alone balance the frame."""
+        return np.asarray(self.outcome == FrameOutcome.SOLVED)
+
+
+class MuscleContact:
+    """The problem over all frames of a walk, which can be inspected unsolved.
+
+        problem = MuscleContact(cc.load_surrogate("knee"), example_walk())
+        result = problem.solve()
+
+    nlp: CasADi's x, f and g; lower, upper, lower_g, upper_g, start: bounds and start. Variables of a frame, scaled:
+    activations, free pose parameters, reserves over their sizes, and soleus' activation, which is not held below 1.
+    solution: x -> activations (m, n), poses (6, n), forces (m, n) [N], reserves (b, n) [N, N·m], soleus (0 or 1, n).
+    Raises ValueError for a model of no knee with two sides and a walk without the coordinates that are needed.
+    """
+
+    def __init__(
+        self, contact_model: SymbolicContact, walk: MuscleWalk, settings: MuscleSettings | None = None
+    ) -> None:
+        settings = settings or MuscleSettings()
+        check_knee("a muscle problem", contact_model.scene, contact_model.load_names)
+        walk.check_has(dict.fromkeys(("knee_ty", *settings.balanced)))
+        self.contact_model, self.walk, self.settings = contact_model, walk, settings
+        self.muscles = walk.muscles.fitted_to(walk.lengths_m) if settings.fit_lengths else walk.muscles
+        self.capacity = force_capacity(self.muscles, walk.lengths_m, walk.velocities_m_per_s, settings.muscle_model)
+        frames, balanced = len(walk), settings.balanced
+
+        sizes = (len(self.muscles.names), len(settings.free), len(balanced), int(settings.ankle))
+        ends = [0, *itertools.accumulate(sizes)]
+        x = ca.MX.sym("x", ends[-1], frames)
+        a, q, r, soleus = ca.vertsplit(x, ends)
+        poses = shear_free_poses(contact_model, walk.ry, walk.rz)
+        locked = {name: poses[:, k] for k, name in enumerate(POSE_NAMES) if name not in settings.free}
+        knee = ContactFrames(contact_model, frames, locked=locked, loads=KNEE_LOADS, variable=lambda *_: q)
+        forces = ca.DM(self.capacity.active_n.T) * a + ca.DM(self.capacity.passive_n.T)
+        reserves = ca.mtimes(ca.diag(ca.DM([settings.reserve_sizes[name] for name in balanced])), r)
+
+        constraints: list[tuple[ca.MX, Array | float, float]] = []  # low <= expression <= high
+        contact = _contact_function(balanced).map(frames)(knee.pose, knee.loads)
+        for row, name in enumerate(balanced):
+            pull = ca.sum1(ca.DM(walk.arms[name].T) * forces)
+            left = pull + contact[row, :] + reserves[row, :] - ca.DM(walk.loads[name]).T
+            constraints.append((0.1 * in_newtons(name) * left, 0.0, 0.0))
+        constraints.append((knee.roots, closed_sides(contact_model, walk.loads["knee_ty"], settings.margin_mm), np.inf))
+        if settings.share_heads:
+            for first, *others in (columns_of(self.muscles.names, "vas"), columns_of(self.muscles.names, "gas")):
+                constraints += [(a[first, :] - a[other, :], 0.0, 0.0) for other in others]
+        if settings.ankle:
+            calf = ca.sum1(forces[columns_of(self.muscles.names, "gas"), :]) + settings.soleus_n * soleus
+            beyond = settings.calf_arm_m * calf - ca.DM(ankle_moment(walk, settings.shank_m)).T
+            constraints.append((0.1 * in_newtons("knee_flexion") * beyond, 0.0, np.inf))
+        bounds = [
+            [np.broadcast_to(bound, expression.shape[::-1]).ravel() for bound in (low, high)]
+            for expression, low, high in constraints
+        ]
+        self.lower_g, self.upper_g = np.concatenate(bounds, axis=1)
+
+        effort = ca.sum2(ca.sum1(a**settings.exponent)) + ca.sum2(ca.sum1(soleus**settings.exponent))
+        g = ca.vertcat(*(ca.vec(expression) for expression, _, _ in constraints))
+        self.nlp: dict[str, Any] = {"x": ca.vec(x), "f": effort + ca.sumsqr(r), "g": g}
+        self.solution = ca.Function("solution", [ca.vec(x)], [a, knee.pose, forces, reserves, soleus])
+
+        start, lower, upper = (np.zeros((frames, ends[-1])) for _ in range(3))
+        activations, pose, reserve, driven = (slice(*pair) for pair in itertools.pairwise(ends))
+        for part in (activations, driven):
+            start[:, part], lower[:, part] = max(0.05, settings.least_activation), settings.least_activation
+        upper[:, activations], upper[:, driven] = 1.0, np.inf
+        for table, values in ((start, knee.variables(poses)), (lower, knee.lower), (upper, knee.upper)):
+            table[:, pose] = values.reshape(frames, -1)
+        lower[:, reserve], upper[:, reserve] = -np.inf, np.inf
+        self.start, self.lower, self.upper = start.ravel(), lower.ravel(), upper.ravel()
+
+    def solve(self, max_iterations: int = 500, print_level: int = 0) -> MuscleContactResult:
+        """Solve with IPOPT and its exact Hessian. Frames that do not converge are reported, never raised."""
+        began = time.perf_counter()
+        options = ipopt_options(tolerance=1e-7, max_iterations=max_iterations, print_level=print_level)
+        solver = ca.nlpsol("muscle_contact", "ipopt", self.nlp, options)
+        answer = solver(x0=self.start, lbx=self.lower, ubx=self.upper, lbg=self.lower_g, ubg=self.upper_g)
+        seconds, ipopt = time.perf_counter() - began, IpoptOutcome.of(solver)
+        activations, poses, forces, reserves, soleus = (np.asarray(part).T for part in self.solution(answer["x"]))
+
+        walk, settings = self.walk, self.settings
+        loads = self.contact_model(poses, KNEE_LOADS)
+        contact = contact_on_femur(poses, loads)
+        given = dict(zip(settings.balanced, reserves.T, strict=True))
+        left = {
+            name: (walk.arms[name] * forces).sum(axis=1) + contact[name] + given[name] - walk.loads[name]
+            for name in settings.balanced
+        }
+        worst_n = np.abs([in_newtons(name) * curve for name, curve in left.items()]).max(axis=0)
+        shares = [np.abs(curve) / settings.reserve_sizes[name] for name, curve in given.items()]
+        overloaded = np.max([*shares, *soleus.T], axis=0) > 1.0
+        outcome = np.where(overloaded, FrameOutcome.OVERLOADED, FrameOutcome.SOLVED)
+        outcome = np.where((worst_n <= settings.tolerance_n) & ipopt.solved, outcome, FrameOutcome.NOT_SOLVED)
+        return MuscleContactResult(
+            activations=activations,
+            muscle_forces_n=forces,
+            poses=poses,
+            loads=loads,
+            reserves=given,
+            unbalanced=left,
+            soleus=soleus[:, 0] if soleus.size else None,
+            outcome=outcome,
+            ipopt=ipopt,
+            seconds=seconds,
+        )
+
+
+def columns_of(names: tuple[str, ...], *parts: str) -> list[int]:
+    """Columns of muscles whose names hold one of the parts, as usual leg models have them (vas, gas, recf, rect_f).
+
+    Raises ValueError where there are none.
+    """
+    columns = [column for column, name in enumerate(names) if any(part in name.lower() for part in parts)]
+    if not columns:
+        raise ValueError(
+            f"muscles are {', '.join(names)}, expected some named with {' or '.join(parts)}: leave out the rules that "
+            "need them (share_heads=False, ankle=False)"
+        )
+    return columns
+
+
+def closed_sides(model: SymbolicContact, knee_ty: Array, margin_mm: float) -> Array:
+    """Least root loads (n, patches): s = √(N/N0) of N = max(knee_ty, 0)·Δ/w."""
+    if not 0.0 <= margin_mm <= 44.0:
+        raise ValueError(f"margin is {margin_mm} mm, expected 0 to 44, the distance of a knee's sides")
+    places = model.scene.anchors_mm[:, 2]
+    least_n = np.maximum(knee_ty, 0.0) * margin_mm / np.ptp(places)
+    return np.tile(np.sqrt(least_n / model.scene.reference_load)[:, None], (1, len(places)))
+
+
+def ankle_moment(walk: MuscleWalk, shank_m: float) -> Array:
+    """Plantarflexion moment (n,) [N·m] that inverse dynamics of the knee implies: M = L·knee_tx - knee_flexion."""
+    walk.check_has(("knee_tx", "knee_flexion"))
+    if not 0.2 <= shank_m <= 0.6:
+        raise ValueError(f"shank is {shank_m} m long, expected 0.2 to 0.6 m from knee to ankle")
+    return np.asarray(shank_m * walk.loads["knee_tx"] - walk.loads["knee_flexion"])
+
+
+def _contact_function(balanced: tuple[str, ...]) -> ca.Function:
+    """(pose (6), contact loads (7)) of one frame -> contact loads of balanced coordinates [N, N·m]."""
+    pose, loads = ca.MX.sym("pose", 6), ca.MX.sym("loads", len(KNEE_LOADS))
+    contact = contact_expression(pose, loads)
+    return ca.Function("contact", [pose, loads], [ca.vertcat(*(contact[name] for name in balanced))])

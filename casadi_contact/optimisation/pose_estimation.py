@@ -1,0 +1,284 @@
+"""Pose estimation: the poses of a cycle that carry measured loads and centres of pressure ([EF15 §3.3], any scene).
+
+Measured pose parameters are locked, all others of every frame are free that the scene neither locks nor ties: for a
+knee ry and rz are measured, and tx, ty, tz, rx are free. All frames stand in one IPOPT problem with exact Hessian:
+
+    min ½ Σ |r_k(q_k)|² + ½ smoothness·Σ |q_{k+1} - q_k|²    with q_k in the learned range
+
+r are the misfits [N] of the targets (`ContactFrames.misfit`), for a knee
+
+    r = ( 2·√(N0·N*_med)·(s_med - s*_med),  2·√(N0·N*_lat)·(s_lat - s*_lat),
+          (Tz - cop_ap*·Fy)/L,  (Tx + cop_ml*·Fy)/L )
+
+with starred values the targets, s = √(N/N0) the signed root load, Fy the model's own total, and L = 10 mm. Forces are
+compared as root loads because those are nearly linear in the pose and keep their slope out of contact (near the
+solution the residual is the force error); the centre of pressure is written without dividing by the load. Variables
+are scaled by the moves that change the residuals alike, so that IPOPT's regularisation bears on all of them alike.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from casadi_contact.contact.approach import loading_directions
+from casadi_contact.contact.settle import settle
+from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, Array, pose_index
+from casadi_contact.optimisation.contact_frames import ContactFrames
+from casadi_contact.optimisation.ipopt import FrameOutcome, IpoptOutcome, least_squares_options
+from casadi_contact.optimisation.pose_targets import PoseTargets
+from casadi_contact.optimisation.starts import pose_bounds, pose_steps, start_or_default, touching
+from casadi_contact.scenes.joint_cycle import JointCycle
+from casadi_contact.scenes.load_cycle import LoadCycle
+
+
+@dataclass(frozen=True)
+class PoseResult:
+    """Poses (n, 6), loads there (n, L) of the targets' ``load_names``, errors (n, targets) from the targets.
+
+    outcome (n,): `FrameOutcome`; ON_REFERENCE frames stand, with their loads, on another contact model
+    (`pose_continuation.continue_on`).
+    """
+
+    poses: Array
+    loads: Array
+    errors: Array
+    outcome: np.ndarray
+    ipopt: IpoptOutcome
+    seconds: float
+
+    @property
+    def solved(self) -> np.ndarray:
+        """True (n,) where the targets are met, on the problem's model or on the reference."""
+        return np.asarray((self.outcome == FrameOutcome.SOLVED) | self.on_reference)
+
+    @property
+    def on_reference(self) -> np.ndarray:
+        """True (n,) for frames that stand on the reference contact model."""
+        return np.asarray(self.outcome == FrameOutcome.ON_REFERENCE)
+
+
+class PoseEstimation:
+    """The problem over all frames of a cycle, which can be inspected unsolved.
+
+        problem = PoseEstimation.of_cycle(cc.load_surrogate("knee"), read_cycle("walk.csv"))
+        result = problem.solve()
+
+    targets: measured loads and centres of pressure, measured: pose parameters, by name, each (n,). smoothness
+    [N²/mm²] weighs the change from frame to frame. compiled: as a C kernel, which solves several times faster once it
+    is compiled; if left out, a foundation is and a surrogate is not.
+
+    nlp: CasADi's x and f; contact: variables with bounds and scales (`ContactFrames`); residuals: scaled free
+    parameters (f, n) -> r (targets, n) [N]. Raises ValueError for loads that the scene lacks, measured parameters that
+    contradict what it locks or ties, and a cycle that measures too little to tell the pose, or too much.
+    """
+
+    def __init__(
+        self,
+        model: SymbolicContact,
+        targets: Mapping[str, Array] | PoseTargets,
+        measured: Mapping[str, Array],
+        *,
+        smoothness: float = 0.0,
+        compiled: bool | None = None,
+    ) -> None:
+        if not 0.0 <= smoothness < np.inf:
+            raise ValueError(f"smoothness is {smoothness}, expected a finite number >= 0")
+        self.model, self.smoothness, self.compiled = model, smoothness, compiled
+        self.targets = targets if isinstance(targets, PoseTargets) else PoseTargets.of(model.scene, targets)
+        self.measured = model.scene.pose_space.free_curves(measured, "measured pose")
+        self.frames = len(self.targets)
+        self.contact = ContactFrames(
+            model, self.frames, locked=self.measured, loads=self.targets.load_names, compiled=compiled
+        )
+        self._check_determined()
+        q, r = self.contact.q, self.contact.misfit(self.targets.values)
+        objective = 0.5 * ca.sumsqr(r)
+        if smoothness > 0.0 and self.frames > 1:
+            in_mm = (POSE_IN_MM * pose_steps(model.scene.sensitive_pose))[self.contact.columns]
+            steps_mm = (q[:, 1:] - q[:, :-1]) * ca.repmat(ca.DM(in_mm), 1, self.frames - 1)
+            objective += 0.5 * smoothness * ca.sumsqr(steps_mm)
+        self.nlp: dict[str, Any] = {"x": ca.vec(q), "f": objective}
+        self.residuals = ca.Function("residuals", [q], [r])
+
+    @classmethod
+    def of_cycle(cls, model: SymbolicContact, cycle: LoadCycle | JointCycle, **settings: Any) -> PoseEstimation:
+        """The problem of a cycle's targets and measured pose; settings: smoothness and compiled."""
+        return cls(model, cycle.wanted(), cycle.measured_pose(), **settings)
+
+    def _check_determined(self) -> None:
+        free, sensitive = self.contact.free, self.model.scene.sensitive_pose
+        if len(self.targets.values) < len(free):
+            raise ValueError(
+                f"got the targets {', '.join(self.targets.values)} for the free pose parameters {', '.join(free)}, "
+                "expected as many: measure more of either"
+            )
+        locked = [name for name in sensitive if name in self.measured]
+        if locked and len(self.targets.pressing) > len(sensitive) - len(locked):
+            raise ValueError(
+                f"got {', '.join(locked)} measured, expected free: "
+                f"{', '.join(sensitive)} carry {', '.join(self.targets.pressing)}"
+            )
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the free pose parameters."""
+        return self.contact.free
+
+    def in_range(self, poses: Array) -> np.ndarray:
+        """True (n,) for poses (n, 6) whose free parameters lie in the learned range; a foundation has none."""
+        low, high = pose_bounds(self.model)
+        return np.asarray(((poses >= low) & (poses <= high))[:, self.contact.columns].all(axis=1))
+
+    def solve(self, start: Array | None = None, max_iterations: int = 300, print_level: int = 0) -> PoseResult:
+        """Settle a start (n, 6), by default the middle of the range, and solve with IPOPT.
+
+        Without smoothness, which couples frames, those left unsolved are then solved alone from solved neighbours.
+        Frames that do not converge are reported, never raised. Frames without load stay where they begin.
+        """
+        began, loaded = time.perf_counter(), self.targets.loaded
+        poses = self.settle_start(start_or_default(start, self.contact.start_poses()))
+        options = least_squares_options(max_iterations=max_iterations, print_level=print_level)
+        solver = ca.nlpsol("pose_estimation", "ipopt", self.nlp, options)
+        x0, lower, upper = self.contact.variables(poses), self.contact.lower, self.contact.upper
+        fixed = np.repeat(~loaded & (self.smoothness == 0.0), len(self.free))
+        answer = solver(x0=x0, lbx=np.where(fixed, x0, lower), ubx=np.where(fixed, x0, upper))
+        ipopt = IpoptOutcome.of(solver)
+        x = np.asarray(answer["x"]).reshape(self.frames, -1)
+        result = self.evaluate(self.contact.moved(poses, x), ipopt)
+        if self.smoothness == 0.0 and result.solved.any() and not result.solved[loaded].all():
+            more_iterations = self._solve_from_neighbours(x, result.solved)
+            result = self.evaluate(self.contact.moved(poses, x), ipopt.plus(more_iterations))
+        return replace(result, seconds=time.perf_counter() - began)
+
+    def evaluate(self, poses: Array, ipopt: IpoptOutcome) -> PoseResult:
+        """Loads, errors and outcomes of poses (n, 6)."""
+        targets = self.targets
+        loads = self.model(poses, targets.load_names)
+        errors = targets.errors(loads)
+        # Without smoothness frames stand alone: one that meets its targets is solved, whatever IPOPT met in another.
+        met = targets.met(errors) & (ipopt.solved or self.smoothness == 0.0)
+        outcome = np.where(met, FrameOutcome.SOLVED, FrameOutcome.NOT_SOLVED)
+        outcome[~targets.loaded] = FrameOutcome.NO_LOAD
+        return PoseResult(poses, loads, errors, outcome, ipopt, 0.0)
+
+    def frame_solver(self) -> FrameSolver:
+        """One frame alone."""
+        names, locked = tuple(self.targets.values), tuple(self.measured)
+        given = ca.MX.sym("given", len(names) + len(locked))
+        parts = ca.vertsplit(given)
+        targets, measured = dict(zip(names, parts, strict=False)), dict(zip(locked, parts[len(names) :], strict=True))
+        contact = ContactFrames(self.model, 1, locked=measured, loads=self.targets.load_names, compiled=self.compiled)
+        nlp = {"x": ca.vec(contact.q), "p": given, "f": 0.5 * ca.sumsqr(contact.misfit(targets))}
+        solver = ca.nlpsol("one_frame", "ipopt", nlp, least_squares_options(max_iterations=100))
+        values = np.column_stack([*self.targets.values.values(), *self.measured.values()])
+        lower, upper = (bound[: len(self.free)] for bound in (self.contact.lower, self.contact.upper))
+        return FrameSolver(solver, values, lower, upper)
+
+    def _solve_from_neighbours(self, x: Array, solved: np.ndarray) -> int:
+        """Solve loaded frames (rows of x (n, f), in place) alone, outwards from solved ones; returns IPOPT iterations.
+
+        All frames in one problem share step lengths and regularisation, so that a few hard ones use up the iterations
+        of all. A frame beside a solved one begins near its own solution.
+        """
+        frame_solver, loaded, iterations = self.frame_solver(), self.targets.loaded, 0
+        done = solved.copy()
+        waiting = deque((k, to) for k in np.flatnonzero(solved) for to in (k - 1, k + 1))
+        while waiting:
+            begin, frame = waiting.popleft()
+            if not 0 <= frame < len(x) or done[frame] or not loaded[frame]:
+                continue
+            answer, spent = frame_solver.solve(x[begin], frame)
+            iterations += spent
+            if answer is not None:
+                x[frame], done[frame] = answer, True
+                waiting.extend([(frame, frame - 1), (frame, frame + 1)])
+        return iterations
+
+    def settle_start(self, poses: Array) -> Array:
+        """Poses (n, 6) brought into the learned range and settled, frame by frame, under the targets.
+
+        First the sensitive parameters settle under the normal loads, inside the range: outside it s may have another
+        root, from which IPOPT does not come back. Where that fails (a ball beyond the rim of its cup) they begin at the
+        first touch. Then all free parameters settle under all targets, which leaves IPOPT 8 iterations in place of 21
+        on the built-in walk. Targets that are only parts of normal loads settle from a little beyond the first touch.
+        """
+        model, targets, columns = self.model, self.targets, self.contact.columns
+        low, high = pose_bounds(model)
+        poses = poses.copy()
+        poses[:, columns] = np.clip(poses[:, columns], low[columns], high[columns])
+        for name, curve in self.measured.items():
+            poses[:, pose_index(name)] = curve
+        poses = model.scene.pose_space.onto(poses)
+        pressing, sensitive, rows = targets.pressing, model.scene.sensitive_pose, np.arange(self.frames)
+        if not pressing:
+            return self._settle_from_touch(poses, self._settle_rows(poses, rows))
+        if not set(sensitive) <= set(self.free):
+            return poses
+        poses, report = settle(model, poses, sensitive, pressing, tolerance=0.1, max_iterations=30)
+        left = np.flatnonzero(~report.converged)
+        if len(left):
+            forces = {name: curve[left] for name, curve in pressing.items()}
+            begin = touching(model, self.contact.start_poses()[left], self.free, forces)
+            again, report = settle(model, begin, sensitive, forces, tolerance=0.1, max_iterations=30)
+            poses[left[report.converged]] = again[report.converged]
+        self._settle_rows(poses, rows)
+        return poses
+
+    def _settle_rows(self, poses: Array, rows: np.ndarray) -> np.ndarray:
+        """Settle all free parameters of these rows under all targets, in place where that ends inside the learned
+        range; returns the other rows."""
+        loads = self.targets.as_loads()
+        if not loads or not len(rows):
+            return rows
+        given = {name: curve[rows] for name, curve in loads.items()}
+        found, report = settle(self.model, poses[rows], self.free, given, tolerance=0.01, max_iterations=60)
+        good = report.converged & self.in_range(found)
+        poses[rows[good]] = found[good]
+        return rows[~good]
+
+    def _settle_from_touch(self, poses: Array, left: np.ndarray) -> Array:
+        """Settle these rows from a little beyond the first touch, of stiff and of soft layers, along the targets'
+        parts of normal loads: at the touch itself loads have no slope."""
+        model, values = self.model, self.targets.values
+        if not len(left) or self.targets.as_loads() is None:
+            return poses
+        zero = np.zeros(self.frames)
+        forces = {name: values.get(name, zero)[left] for name in model.scene.normal_loads[0].loads}
+        touched = touching(model, poses[left], self.free, forces)
+        along = loading_directions(model, len(left), forces)
+        along[:, [name not in self.free for name in POSE_NAMES[:3]]] = 0.0
+        rows = left
+        for beyond_mm in (0.05, 0.5):
+            again = np.isin(left, rows)
+            poses[rows] = touched[again]
+            poses[rows, :3] += beyond_mm * along[again]
+            rows = self._settle_rows(poses, rows)
+        return poses
+
+
+@dataclass(frozen=True)
+class FrameSolver:
+    """One frame alone: nlpsol of variables within lower and upper (f,), whose parameters are the frame's row of values
+    (n, targets + measured) and whose objective is ½|r|², r in N."""
+
+    solver: ca.Function
+    values: Array
+    lower: Array
+    upper: Array
+    solved_n: float = 0.01  # norm of the residuals of a solved frame
+
+    def solve(self, x: Array, frame: int) -> tuple[Array | None, int]:
+        """From x (f,): the solution, None if there is none, and IPOPT's iterations."""
+        x0 = np.clip(x, self.lower, self.upper)
+        answer = self.solver(x0=x0, p=self.values[frame], lbx=self.lower, ubx=self.upper)
+        ipopt = IpoptOutcome.of(self.solver)
+        solved = ipopt.solved and np.sqrt(2.0 * float(answer["f"])) < self.solved_n
+        return np.asarray(answer["x"]).ravel() if solved else None, ipopt.iterations

@@ -1,0 +1,162 @@
+"""Pose estimation: which poses of a joint carry the loads and centres of pressure of a measured cycle?
+
+    min ½ Σ |r_k(q_k)|² + ½ smoothness·Σ |q_{k+1} - q_k|²    over all frames k, q_k in the learned range
+
+r are the misfits of the measured loads and centres of pressure, measured pose parameters are locked
+(`casadi_contact.optimisation.pose_estimation`). Frames that the surrogate leaves unsolved go on with the scene's
+elements, on which all frames are verified.
+
+Input columns: of a knee `casadi_contact.scenes.load_cycle.COLUMNS`, of another joint time_s and any of its pose
+parameters, loads and centres of pressure with their units (rz_rad, Fy_med_N, cop_x_mm). Output columns: `write_frames`.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.core.conventions import POSE_NAMES, Array
+from casadi_contact.core.quantities import quantity
+from casadi_contact.core.terminal import run_program
+from casadi_contact.optimisation.contact_source import load_contact, load_cycle
+from casadi_contact.optimisation.pose_continuation import continue_on
+from casadi_contact.optimisation.pose_estimation import PoseEstimation, PoseResult
+from casadi_contact.optimisation.pose_targets import check_targets
+from casadi_contact.optimisation.verification.verdict import Verdict, judge, own_model
+from casadi_contact.pictures.page import FAILED, FOUNDATION, SURROGATE, WANTED, frame, new_page, save_page
+from casadi_contact.scenes.columns import write_columns
+from casadi_contact.scenes.joint_cycle import JointCycle
+from casadi_contact.scenes.load_cycle import LoadCycle
+from casadi_contact.scenes.opensim.mapping import poses_table
+from casadi_contact.scenes.opensim.table import write_table
+
+
+def main(
+    cycle: Path | None = None,
+    surrogate: str | None = None,
+    scene: str | None = None,
+    smoothness: float = 0.0,
+    out: Path = Path("results/pose_estimation"),
+) -> None:
+    """Find the poses of a cycle (CSV) on a surrogate, or on the foundation of a scene; verify them on its elements.
+
+    smoothness weighs the change from frame to frame [N²/mm²]. Exit status 2: some frames are not solved; 3: all are,
+    but some are not verified.
+    """
+    model = load_contact(surrogate, scene)
+    measured = load_cycle(model.scene, cycle)
+    raise SystemExit(estimate(model, measured, out, smoothness))
+
+
+def estimate(model: SymbolicContact, measured: LoadCycle | JointCycle, out: Path, smoothness: float = 0.0) -> int:
+    """Solve, verify, print and write into the folder out; the exit status."""
+    problem = PoseEstimation.of_cycle(model, measured, smoothness=smoothness)
+    for warning in check_targets(problem.targets):
+        print(f"{measured.name}: {warning}")
+    result, reference = problem.solve(), own_model(model.scene)
+    if not isinstance(reference, str):  # else it says why there is none
+        result = continue_on(problem, result, reference)
+    names = problem.targets.load_names
+    verdict = judge(model, result.poses, result.solved, reference, names, result.on_reference)
+    on_elements = elements_say(problem, result, reference)
+
+    print(verdict)
+    print(f"{int(result.solved.sum())} of {problem.frames} frames solved; {result.ipopt}, {result.seconds:.2f} s")
+    errors = {name: rms_and_max(result.errors[:, k]) for k, name in enumerate(problem.targets.values)}
+    print("RMS / max   model - measured     elements - model")
+    off = on_elements - problem.targets.evaluate(result.loads)
+    for k, name in enumerate(problem.targets.values):
+        cells = [f"{rms:8.2g} / {largest:8.2g}" for rms, largest in (errors[name], rms_and_max(off[:, k]))]
+        print(f"{quantity(name).label:12s}{cells[0]}  {cells[1]}")
+    out.mkdir(parents=True, exist_ok=True)
+    write_frames(out / "pose_estimation.csv", problem, measured, result, verdict, on_elements)
+    write_table(poses_table(measured.time_s, result.poses, f"{measured.name} poses"), out / "poses.sto")
+    summary = {
+        "verdict": str(verdict),
+        "cycle": measured.name,
+        "scene": model.scene.name,
+        "frames": problem.frames,
+        "solved": int(result.solved.sum()),
+        "ipopt_status": result.ipopt.status,
+        "ipopt_iterations": result.ipopt.iterations,
+        "seconds": result.seconds,
+        "errors": {name: rms_and_max(off[:, k]) for k, name in enumerate(problem.targets.values)},
+    }
+    (out / "summary.json").write_text(json.dumps(summary, indent=1, ensure_ascii=False), "utf-8")
+    draw(out / "pose_estimation.png", problem, measured, result, on_elements)
+    print(f"results in {out}")
+    return verdict.exit_code
+
+
+def elements_say(problem: PoseEstimation, result: PoseResult, reference: ContactModel | str) -> Array:
+    """The targets' quantities (n, targets) on the reference contact model; NaN where there is none."""
+    if isinstance(reference, str):
+        return np.full(result.errors.shape, np.nan)
+    columns = [reference.load_names.index(name) for name in problem.targets.load_names]
+    return problem.targets.evaluate(reference(result.poses)[:, columns])
+
+
+def rms_and_max(errors: Array) -> tuple[float, float]:
+    """Root mean square and largest size of errors (n,), of those that are numbers."""
+    known = errors[np.isfinite(errors)]
+    return (float(np.sqrt(np.mean(known**2))), float(np.abs(known).max())) if len(known) else (np.nan, np.nan)
+
+
+def write_frames(
+    path: Path,
+    problem: PoseEstimation,
+    measured: LoadCycle | JointCycle,
+    result: PoseResult,
+    verdict: Verdict,
+    on_elements: Array,
+) -> None:
+    """A row for each frame. A new output column is one more entry of `columns`, (n,) values by name."""
+    columns = {"frame": range(problem.frames), "time_s": measured.time_s, "cycle_percent": measured.percent}
+    columns |= {quantity(name).column: result.poses[:, k] for k, name in enumerate(POSE_NAMES)}
+    found = problem.targets.evaluate(result.loads)
+    for k, (name, target) in enumerate(problem.targets.values.items()):
+        unit = quantity(name).kind.plain_unit
+        columns |= {f"{name}_target_{unit}": target, f"{name}_found_{unit}": found[:, k]}
+        columns |= {f"{name}_elements_{unit}": on_elements[:, k]}
+    columns |= {"outcome": [outcome.value for outcome in result.outcome], "verdict": verdict.words}
+    write_columns(path, columns, digits=9)
+
+
+def draw(
+    path: Path,
+    problem: PoseEstimation,
+    measured: LoadCycle | JointCycle,
+    result: PoseResult,
+    on_elements: Array,
+) -> None:
+    """Targets above, poses below, over the cycle."""
+    found, percent = problem.targets.evaluate(result.loads), measured.percent
+    failed = ~result.solved & problem.targets.loaded
+    wide = max(len(problem.targets.values), 3)
+    page = new_page(3.5 * wide, 6.5)
+    axes = page.subplots(2, wide, squeeze=False)
+    for k, (name, target) in enumerate(problem.targets.values.items()):
+        axes[0, k].plot(percent, target, label="measured", **WANTED)
+        axes[0, k].plot(percent, found[:, k], label="found", **SURROGATE)
+        axes[0, k].plot(percent, on_elements[:, k], label="elements", **FOUNDATION)
+        axes[0, k].plot(percent[failed], found[failed, k], label="not solved", **FAILED)
+        axes[0, k].set_ylabel(quantity(name).label)
+    for axis, names, unit in zip(axes[1], (("tx", "tz"), ("ty",), ("rx", "ry", "rz")), ("mm", "mm", "°"), strict=False):
+        for name in names:
+            values = result.poses[:, POSE_NAMES.index(name)]
+            axis.plot(percent, np.degrees(values) if unit == "°" else values, label=name)
+        axis.set_ylabel(f"pose [{unit}]")
+        axis.legend()
+    for axis in [*axes[0, len(problem.targets.values) :], *axes[1, 3:]]:
+        axis.set_visible(False)
+    axes[0, 0].legend()
+    frame(axes.ravel(), "cycle [%]")
+    save_page(page, path)
+
+
+if __name__ == "__main__":
+    run_program(main)

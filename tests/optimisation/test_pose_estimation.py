@@ -1,0 +1,253 @@
+"""Pose estimation: golden poses, measured cycles, other joints, frames that continue on a reference model."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.contact.cup.foundation import CupFoundation
+from casadi_contact.contact.polar.foundation import PolarFoundation
+from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.contact.symbolic import symbolic
+from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES
+from casadi_contact.optimisation.ipopt import FrameOutcome
+from casadi_contact.optimisation.pose_continuation import continue_on
+from casadi_contact.optimisation.pose_estimation import PoseEstimation
+from casadi_contact.optimisation.pose_targets import PoseTargets, check_targets
+from casadi_contact.optimisation.verification.verdict import judge, own_model
+from casadi_contact.scenes.joint_cycle import JointCycle, scene_cycles
+from casadi_contact.scenes.load_cycle import read_cycle
+from casadi_contact.scenes.walking import reference_cycle
+from tests.support.compiler import needs_compiler
+from tests.support.shared_data import shared_file
+from tests.support.two_dips import DIP_MM, contact_model, height
+
+
+@pytest.fixture(scope="module")
+def solved(knee):
+    problem = PoseEstimation.of_cycle(knee, reference_cycle())
+    return problem, problem.solve()
+
+
+def few_frames(cycle, every=20):
+    curves = [{name: curve[::every] for name, curve in part.items()} for part in (cycle.pose, cycle.loads)]
+    return JointCycle(cycle.name, cycle.time_s[::every], *curves)
+
+
+def test_the_reference_cycle_is_solved_in_few_iterations_and_the_elements_agree(solved):
+    problem, result = solved
+    assert result.solved.all()
+    assert result.ipopt.iterations <= 12
+    golden = json.loads((Path(__file__).parent / "golden_reference_poses.json").read_text())
+    for frame, pose in golden.items():
+        np.testing.assert_allclose(result.poses[int(frame)], pose, atol=0.02)  # by which networks of 0.3 N differ
+    elements = cc.ElasticFoundation(problem.model.scene, problem.model.scene.grids["teacher"])
+    assert np.sqrt(np.mean((elements(result.poses)[:, :2] - result.loads[:, :2]) ** 2)) < 1.0
+    again = problem.solve(result.poses)
+    assert again.ipopt.iterations <= 12, "begun at the solution, IPOPT's own scaling once ran to the limit of 300"
+    np.testing.assert_allclose(again.poses, result.poses, atol=1e-6)
+
+
+def test_the_objective_is_half_the_squares_of_misfits_and_of_weighted_steps(knee):
+    cycle = reference_cycle(frames=4)
+    rough, smooth = (PoseEstimation.of_cycle(knee, cycle, smoothness=weight) for weight in (0.0, 30.0))
+    poses = rough.contact.start_poses() + np.random.default_rng(0).normal(size=(4, 6)) * [0.5, 0.02, 0.5, 0.002, 0, 0]
+    x = rough.contact.variables(poses)
+    poses = rough.contact.moved(poses, x)
+    ca = pytest.importorskip("casadi")
+    values = [float(ca.Function("f", [p.nlp["x"]], [p.nlp["f"]])(x)) for p in (rough, smooth)]
+    r = np.asarray(rough.residuals(x.reshape(4, -1).T))
+    assert values[0] == pytest.approx(0.5 * np.sum(r**2))
+    steps_mm = (np.diff(poses, axis=0) * POSE_IN_MM)[:, rough.contact.columns]
+    assert values[1] - values[0] == pytest.approx(0.5 * 30.0 * np.sum(steps_mm**2))
+
+
+def test_smoothness_trades_tracking_for_steadier_poses(knee, solved):
+    smooth = PoseEstimation.of_cycle(knee, reference_cycle(), smoothness=1e6).solve()
+    steps = [np.abs(np.diff(r.poses[:, [0, 2]], axis=0)).sum() for r in (solved[1], smooth)]
+    assert steps[1] < steps[0]
+    assert np.abs(smooth.errors[:, :2]).max() > np.abs(solved[1].errors[:, :2]).max()
+
+
+@needs_compiler
+def test_the_foundation_compiled_or_not_gives_the_surrogate_s_poses(knee):
+    cycle = reference_cycle(frames=5)
+    learned = PoseEstimation.of_cycle(knee, cycle).solve()
+    compiled = PoseEstimation.of_cycle(knee, cycle, compiled=True).solve()
+    np.testing.assert_allclose(compiled.poses, learned.poses, atol=1e-6)
+    problem = PoseEstimation.of_cycle(PolarFoundation(knee.scene, Rays(12, 3)), cycle)
+    result = problem.solve()
+    np.testing.assert_allclose(result.poses, learned.poses, atol=0.05)
+    teacher = own_model(knee.scene)
+    assert judge(problem.model, result.poses, result.solved, teacher, problem.targets.load_names).exit_code == 0
+
+
+@pytest.mark.parametrize("name", ["og1", "og2", "og3", "og4"])
+def test_measured_cycles_are_solved_in_every_frame_without_warnings(knee, name):
+    problem = PoseEstimation.of_cycle(knee, read_cycle(shared_file(f"data/jw/{name}_loads.csv")))
+    assert check_targets(problem.targets) == []
+    assert problem.solve().solved.all()
+
+
+@needs_compiler
+@pytest.mark.parametrize(
+    ("name", "model", "pressing"),
+    [("hip", CupFoundation, None), ("glenohumeral", CupFoundation, ("tz",)), ("patellofemoral", PolarFoundation, None)],
+)
+def test_another_joint_s_own_motion_is_found_again_from_starts_off_and_too_deep(name, model, pressing):
+    scene = cc.load_scene(name)
+    cycle = few_frames(scene_cycles(scene)[0])
+    problem = PoseEstimation.of_cycle(model(scene if pressing is None else scene.with_sensitive_pose(pressing)), cycle)
+    result = problem.solve()
+    assert result.solved.all()
+    assert (
+        judge(problem.model, result.poses, result.solved, own_model(scene), problem.targets.load_names).exit_code == 0
+    )
+    for seed in range(2):
+        move = np.random.default_rng(seed).uniform(-1.0, 1.0, (problem.frames, len(problem.free)))
+        start = result.poses.copy()
+        start[:, problem.contact.columns] += move * np.array([3.0, 3.0, 3.0, 0.1, 0.1, 0.1])[problem.contact.columns]
+        np.testing.assert_allclose(problem.solve(start).poses, result.poses, atol=1e-4)
+
+
+@needs_compiler
+def test_locked_parameters_of_a_scene_stay_and_contradicting_measurements_are_refused():
+    model = PolarFoundation(cc.load_scene("planar_knee"), Rays(8, 2))
+    measured = few_frames(scene_cycles(model.scene)[0], every=25)
+    problem = PoseEstimation.of_cycle(model, measured)
+    assert problem.free == ("ty",)
+    result = problem.solve()
+    np.testing.assert_allclose(model(result.poses, ["Fy"])[:, 0], measured.loads["Fy"], atol=1e-3)
+    np.testing.assert_array_equal(result.poses[:, [2, 3, 4]], 0.0)
+    with pytest.raises(ValueError, match="locked"):
+        PoseEstimation(model, measured.loads, {**measured.pose, "rx": np.full(problem.frames, 0.2)})
+
+
+@needs_compiler
+def test_a_frame_without_load_has_no_pose_to_find_and_leaves_the_others_alone():
+    scene = cc.load_scene("hip")
+    cycle = few_frames(scene_cycles(scene)[0])
+    known = PoseEstimation.of_cycle(CupFoundation(scene), cycle).solve()
+    unloaded = np.isin(np.arange(len(cycle.time_s)), [0, 2, 3])
+    lifted = replace(cycle, loads={name: np.where(unloaded, 0.0, curve) for name, curve in cycle.loads.items()})
+    result = PoseEstimation.of_cycle(CupFoundation(scene), lifted).solve()
+    np.testing.assert_array_equal(result.outcome == FrameOutcome.NO_LOAD, unloaded)
+    np.testing.assert_allclose(result.poses[~unloaded], known.poses[~unloaded], atol=1e-6)
+
+
+def test_prescribed_displacement_is_locked_and_the_measured_forces_settle_the_rest(knee, solved):
+    """As in a simulator of ISO 14243-3: flexion, rotation and tx are given, and contact tells the force against tx."""
+    _, found = solved
+    loads = dict(zip(knee.load_names, knee(found.poses).T, strict=True))
+    given = {name: found.poses[:, POSE_NAMES.index(name)] for name in ("tx", "ry", "rz")}
+    driven = PoseEstimation(knee, {name: loads[name] for name in ("Fy_med", "Fy_lat", "Fz")}, given).solve()
+    np.testing.assert_allclose(driven.poses, found.poses, atol=1e-3)
+
+
+def test_a_frame_that_no_pose_carries_is_reported_and_the_others_are_solved(knee):
+    cycle = reference_cycle(frames=11)
+    outside = cycle.cop_ml_mm.copy()
+    outside[4] = 60.0
+    problem = PoseEstimation.of_cycle(knee, replace(cycle, cop_ml_mm=outside))
+    result = continue_on(problem, problem.solve(), cc.ElasticFoundation(knee.scene, knee.scene.grids["settle"]))
+    np.testing.assert_array_equal(result.solved, np.arange(11) != 4)
+    assert result.outcome[4] == FrameOutcome.NOT_SOLVED
+
+
+def test_frames_left_unsolved_are_solved_alone_from_their_neighbours(solved, monkeypatch):
+    problem, result = solved
+    monkeypatch.setattr(PoseEstimation, "settle_start", lambda self, poses: poses)
+    start = result.poses.copy()
+    start[40:43, [0, 2]] += [4.0, -3.0]
+    few = problem.solve(start, max_iterations=7)
+    assert few.ipopt.iterations > 7
+    assert few.solved.all()
+    np.testing.assert_allclose(few.poses, result.poses, atol=0.01)
+    assert not problem.solve(problem.contact.start_poses(), max_iterations=2).solved.any()
+
+
+def test_frames_beyond_the_learned_range_go_on_with_the_reference_model(knee):
+    """A swing phase whose centre of pressure moves 29 mm behind: the surrogate has not learned tx so far."""
+    frames, cycle = np.arange(66, 93, 2), reference_cycle()
+    share = np.sin(np.linspace(0.0, np.pi, len(frames)))
+    lighter = 1.0 - share * (1.0 + 120.0 / (cycle.fy_med + cycle.fy_lat)[frames])
+    kept = {key: getattr(cycle, key)[frames] for key in ("time_s", "rz", "ry", "cop_ml_mm")}
+    behind = (1.0 - share) * cycle.cop_ap_mm[frames] + share * 29.0
+    forces = {key: lighter * getattr(cycle, key)[frames] for key in ("fy_med", "fy_lat")}
+    problem = PoseEstimation.of_cycle(knee, replace(cycle, **kept, cop_ap_mm=behind, **forces))
+    elements = cc.ElasticFoundation(knee.scene, knee.scene.grids["settle"])
+    result = continue_on(problem, problem.solve(), elements)
+    on = result.on_reference
+    assert on.sum() >= 2
+    columns = [elements.load_names.index(name) for name in problem.targets.load_names]
+    np.testing.assert_array_equal(result.loads[on], elements(result.poses[on])[:, columns])
+    assert problem.targets.met(result.errors)[result.solved].all()
+    assert not problem.in_range(result.poses[on]).all()
+
+
+def test_frames_that_begin_in_another_dip_are_moved_beside_their_neighbours():
+    frames = 21
+    places = np.where(np.isin(np.arange(frames), [4, 5, 13]), -DIP_MM, DIP_MM)
+    still = dict.fromkeys(("tz", "rx", "ry", "rz"), np.zeros(frames))
+    shear = 4.0 * np.sin(np.linspace(0.0, 2.0 * np.pi, frames))
+    problem = PoseEstimation(symbolic(contact_model()), {"Fx": shear, "Fy": np.full(frames, -200.0)}, still)
+    start = np.zeros((frames, 6))
+    start[:, 0], start[:, 1] = places, height(places) - 0.3
+    alone = problem.solve(start)
+    np.testing.assert_allclose(alone.poses[:, 0], places, atol=1.0)
+    np.testing.assert_allclose(continue_on(problem, alone).poses[:, 0], DIP_MM, atol=1.0)
+
+
+def test_loads_that_are_not_targets_may_press_and_a_torque_tells_that_something_does(knee):
+    scene = knee.scene
+    one_side = PoseTargets.of(scene, {"Fy_med": np.array([-90.0, 0.0])})
+    np.testing.assert_array_equal(one_side.loaded, [True, False])
+    np.testing.assert_array_equal(one_side.met(np.zeros((2, 1))), [True, False])
+    assert PoseTargets.of(scene, {"Fy_med": np.array([-90.0, 0.0]), "cop_ap": np.zeros(2)}).loaded.all()
+    assert PoseTargets.of(scene, {"Fx": np.zeros(2), "Tx": np.array([6e3, 6e3])}).loaded.all()
+
+
+def test_a_centre_of_pressure_is_the_torque_over_the_force(knee):
+    """cop_ap = Tz/Fy and cop_ml = -Tx/Fy of the total; none without compression."""
+    targets = PoseTargets.of(knee.scene, {"cop_ap": np.zeros(2), "cop_ml": np.zeros(2)})
+    assert targets.load_names == ("Fy_med", "Fy_lat", "Tx", "Tz")
+    loads = np.array([[-600.0, -400.0, 5000.0, -2000.0], [0.0, 0.0, 0.0, 0.0]])
+    np.testing.assert_allclose(targets.evaluate(loads), [[2.0, 5.0], [np.nan, np.nan]])
+
+
+@pytest.mark.parametrize(
+    ("changed", "word"),
+    [
+        (lambda c: replace(c, fy_med=1e-3 * c.fy_med, fy_lat=1e-3 * c.fy_lat), "kN"),
+        (lambda c: replace(c, cop_ap_mm=1e-3 * c.cop_ap_mm, cop_ml_mm=1e-3 * c.cop_ml_mm), "m"),
+        (lambda c: replace(c, cop_ml_mm=-c.cop_ml_mm), "left"),
+        (lambda c: replace(c, fy_med=c.fy_lat, fy_lat=c.fy_med), "exchanged"),
+    ],
+)
+def test_wrong_units_and_signs_are_warned_of(knee, changed, word):
+    assert not check_targets(PoseTargets.of(knee.scene, reference_cycle().wanted()))
+    (warning,) = check_targets(PoseTargets.of(knee.scene, changed(reference_cycle()).wanted()))
+    assert word in warning
+
+
+@pytest.mark.parametrize(
+    ("targets", "measured", "settings", "word"),
+    [
+        ({"Fy_med": -1.0}, ("ry", "rz"), {}, "measure more"),
+        ({"Fy_med": -1.0, "Fy_lat": -1.0, "Tx": 0.0}, ("ty", "ry", "rz"), {}, "free"),
+        ({"Fq": -1.0}, ("tx", "tz", "rx", "ry", "rz"), {}, "Fq"),
+        ({"cop_ap": 1.0, "cop_x": 1.0}, ("ry", "rz"), {}, "same"),
+        ({"Fy_med": -1.0}, ("tx", "tz", "rx", "ry", "rz"), {"smoothness": np.nan}, "smoothness"),
+    ],
+)
+def test_wrong_requests_are_refused(knee, targets, measured, settings, word):
+    with pytest.raises(ValueError, match=word):
+        PoseEstimation(
+            knee,
+            {name: np.full(3, value) for name, value in targets.items()},
+            dict.fromkeys(measured, np.zeros(3)),
+            **settings,
+        )
