@@ -17,7 +17,6 @@ import numpy as np
 from casadi_contact.core.conventions import POSE_NAMES, Array
 from casadi_contact.core.quantities import quantity
 from casadi_contact.core.terminal import run_program
-from casadi_contact.optimisation.contact_source import load_contact
 from casadi_contact.optimisation.knee import COORDINATES, KNEE_LOADS, SIDES, coordinate_unit
 from casadi_contact.optimisation.muscle_contact import MuscleContact, MuscleContactResult, MuscleSettings
 from casadi_contact.optimisation.muscle_walk import ROTATION_MAPS, MuscleWalk, at_times, example_walk, read_walk
@@ -26,6 +25,7 @@ from casadi_contact.pictures.page import SURROGATE, WANTED, frame, new_page, sav
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.load_cycle import read_cycle
 from casadi_contact.scenes.opensim.mapping import ColumnMap
+from casadi_contact.workflow.contact_source import load_contact
 
 
 def main(

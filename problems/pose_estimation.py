@@ -22,7 +22,6 @@ from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import POSE_NAMES, Array
 from casadi_contact.core.quantities import quantity
 from casadi_contact.core.terminal import run_program
-from casadi_contact.optimisation.contact_source import load_contact, load_cycle
 from casadi_contact.optimisation.pose_continuation import continue_on
 from casadi_contact.optimisation.pose_estimation import PoseEstimation, PoseResult
 from casadi_contact.optimisation.pose_targets import check_targets
@@ -33,6 +32,7 @@ from casadi_contact.scenes.joint_cycle import JointCycle
 from casadi_contact.scenes.load_cycle import LoadCycle
 from casadi_contact.scenes.opensim.mapping import poses_table
 from casadi_contact.scenes.opensim.table import write_table
+from casadi_contact.workflow.contact_source import load_contact, load_cycle
 
 
 def main(

@@ -15,12 +15,12 @@ import numpy as np
 from casadi_contact.core.conventions import POSE_NAMES, WRENCH_NAMES, pose_index
 from casadi_contact.core.quantities import quantity
 from casadi_contact.core.terminal import numbers, run_program
-from casadi_contact.optimisation.contact_source import load_contact
 from casadi_contact.optimisation.starts import middle_pose
 from casadi_contact.optimisation.static_equilibrium import SOFT_TISSUE, EquilibriumResult, StaticEquilibrium
 from casadi_contact.optimisation.verification.verdict import judge, own_model
 from casadi_contact.pictures.page import frame, new_page, save_page
 from casadi_contact.scenes.columns import write_columns
+from casadi_contact.workflow.contact_source import load_contact
 
 
 def main(

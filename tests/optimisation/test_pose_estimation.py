@@ -10,7 +10,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact.cup.foundation import CupFoundation
 from casadi_contact.contact.polar.foundation import PolarFoundation
-from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.contact.symbolic import symbolic
 from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES
 from casadi_contact.optimisation.ipopt import FrameOutcome

@@ -6,7 +6,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact.cup.foundation import CupFoundation
 from casadi_contact.contact.polar.foundation import PolarFoundation
-from casadi_contact.contact.polar.rays import Rays
+from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.conventions import POSE_NAMES, WRENCH_NAMES, angular_velocity_map, pose_index
 from casadi_contact.optimisation.joint_mechanics import whole_wrench
 from casadi_contact.optimisation.starts import middle_pose

@@ -10,7 +10,7 @@ from casadi_contact.contact.convergence import NotGoodEnoughError
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.symbolic import SymbolicContact, symbolic
 from casadi_contact.optimisation.joint_mechanics import whole_wrench
-from casadi_contact.samples.sensitive_pose import found_sensitive_pose
+from casadi_contact.samples.reference import found_sensitive_pose
 from casadi_contact.scenes.joint_cycle import JointCycle
 from casadi_contact.scenes.load_cycle import LoadCycle
 from casadi_contact.scenes.loading import load_scene
