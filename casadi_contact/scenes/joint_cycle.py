@@ -25,6 +25,7 @@ from casadi_contact.core.quantities import quantity
 from casadi_contact.scenes.checks import check_lengths, check_radians, checked_curves
 from casadi_contact.scenes.columns import TextColumns, write_columns
 from casadi_contact.scenes.load_cycle import OverTime
+from casadi_contact.scenes.opensim.mapping import UNITS
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.checks import fail, number
 
@@ -94,40 +95,32 @@ def driving_loads(scene: Scene) -> tuple[str, ...]:
 
 
 def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:
-    """Read a cycle from a CSV file: time_s, and those of the scene's pose parameters and `driving_loads` that were
-    measured, by their `column_names`, and the centre of pressure as cop_x_mm, cop_y_mm, cop_z_mm (of a joint that is
-    pressed along y also cop_ap_mm, cop_ml_mm).
+    """Read a cycle from a CSV file: time_s, and those of the scene's pose parameters, `driving_loads` and centres of
+    pressure (cop_x, cop_y, cop_z; cop_ap, cop_ml) that were measured.
 
-    Other columns are ignored, but for those named as a quantity in another unit (rz_deg), without one (rz) or by other
-    capital letters with its unit (fy_N), or as a knee's load cycle has them (flexion_rz_rad).
-    Raises FileNotFoundError, and ValueError naming file, line and column.
+    A column's name ends with its unit: rz_rad or rz_deg, tx_mm or tx_m, Fy_N or Fy_kN, Tx_Nmm or Tx_Nm. Other columns
+    are ignored. Raises FileNotFoundError, and ValueError naming file, line and column, also for a column with a
+    quantity's name without a known unit.
     """
     path = Path(path)
     known = driving_loads(scene)
-    columns = {**column_names(known), **{name: quantity(name).column for name in _CENTRES}}
-    of_any_case = {column.lower(): column for column in columns.values()}
     table = TextColumns.read(path, "cycle file")
-    table.require("time_s")
-    for got in table.header:
-        wanted = of_any_case.get(got.lower()) or columns.get(got) or columns.get(got.rpartition("_")[0])
-        if wanted is not None and got != wanted and wanted not in table.header:
-            cure = "mind capital letters" if got.lower() == wanted.lower() else "convert its unit"
-            cure = "name its unit" if got in columns else cure
-            raise ValueError(f"{path} has the column {got}, expected {wanted}: {cure}")
-        for name in POSE_NAMES:  # a knee's load cycle has flexion_rz_rad
-            if got.endswith(f"_{columns[name]}") and columns[name] not in table.header:
-                patches = ", ".join(scene.patch_names)
-                raise ValueError(
-                    f"{path} has the column {got}, expected {columns[name]}: rename it, or, since it is a knee's, take "
-                    f"a scene with the patches med and lat (scene {scene.name} has {patches})"
-                )
-    if not any(columns[name] in table.header for name in known):
+    curves, used = {"time": table.numbers("time_s")}, {"time_s"}
+    for name in (*POSE_NAMES, *known, *_CENTRES):
+        for unit, scale in UNITS[quantity(name).kind].items():
+            if (column := f"{name}_{unit}") in table.header:
+                curves[name] = scale * table.numbers(column)
+                used.add(column)
+    for column in table.header:
+        name = column if column in (*POSE_NAMES, *known, *_CENTRES) else column.rpartition("_")[0]
+        if column not in used and name in (*POSE_NAMES, *known, *_CENTRES):
+            units = ", ".join(f"{name}_{unit}" for unit in UNITS[quantity(name).kind])
+            raise ValueError(f"{path} has the column {column}, expected its unit at the end: {units}")
+    if not any(name in curves for name in known):
         raise ValueError(
             f"{path} has no load of scene {scene.name}, expected some of "
-            f"{', '.join(columns[name] for name in known)}; it has {short(', '.join(table.header))}"
+            f"{', '.join(quantity(name).column for name in known)}; it has {short(', '.join(table.header))}"
         )
-    named = {name: table.numbers(column) for name, column in columns.items() if column in table.header}
-    curves = {"time": table.numbers("time_s"), **named}
     try:
         return joint_cycle_from_curves(path.stem, curves, scene)
     except ValueError as error:

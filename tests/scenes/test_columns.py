@@ -76,23 +76,11 @@ def test_a_table_that_would_take_all_memory_is_refused_before_it_is_read(tmp_pat
         read_columns(table, required=("x",))
 
 
-def test_lines_of_spaces_count_as_empty_ones(tmp_path):
-    (tmp_path / "t.csv").write_text("x,y\n1,2\n   \n\n3,4\n,\n , \n")
-    assert read_columns(tmp_path / "t.csv", required=("x", "y"))["y"].tolist() == [2.0, 4.0]
-
-
 def test_a_frame_whose_cells_are_empty_is_not_left_out(tmp_path):
     """As exports write a lost track: without these frames a path would be cut short."""
     (tmp_path / "t.csv").write_text("x,y\n1,2\n,\n , \n3,4\n")
     with pytest.raises(ValueError, match=r"t\.csv line 3 has empty cells, expected numbers: is a frame missing"):
         read_columns(tmp_path / "t.csv", required=("x", "y"))
-
-
-def test_no_file_and_a_folder_are_named(tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"walk none\.csv does not exist"):
-        read_columns("none.csv", required=("x",), what="walk")
-    with pytest.raises(FileNotFoundError, match="is a folder, expected a CSV file"):
-        read_columns(tmp_path, required=("x",))
 
 
 def test_messages_name_the_line_of_the_file_whatever_quoted_cells_hold(tmp_path):
