@@ -12,7 +12,8 @@ from casadi_contact.core.terminal import progress_bars
 from casadi_contact.core.workers import cluster_workers
 from casadi_contact.pictures.report.choice_table import choice_table
 from casadi_contact.pictures.report.kernel_speed import kernel_speed_tables, read_kernel_speed
-from casadi_contact.workflow import benchmark
+from casadi_contact.workflow.benchmark.choose import choose as choose_model
+from casadi_contact.workflow.benchmark.speed import speed as time_kernels
 from casadi_contact.workflow.project import Project
 
 
@@ -46,7 +47,7 @@ def speed(scene: SceneName, preset: PresetName = DEFAULT_PRESET, out: Out = None
     """
     project = Project.open(scene, preset, out)
     say_shipped(project, "timing")
-    path = benchmark.speed(project)
+    path = time_kernels(project)
     for table in kernel_speed_tables(read_kernel_speed(path)):
         console.print(table)
     console.print(f"times in {path}", highlight=False)
@@ -66,7 +67,7 @@ def choose(
     """
     names = None if loads is None else [name.strip() for name in loads.split(",")]
     with progress_bars(console) as update:
-        choice = benchmark.choose(
+        choice = choose_model(
             scene,
             force_tolerance_n=force_tol,
             torque_tolerance_nmm=torque_tol,

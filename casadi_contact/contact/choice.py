@@ -92,7 +92,7 @@ def foundation(scene: Scene | str | Path, *, compiled: bool = True) -> CompiledF
 
     Polar quadrature for smooth shapes with one spot a patch, closed form for a ball in a cup, cubic cells for meshes
     and the rest. Its errors, against a much finer model of the same kind (cells: an element grid), have an RMS within
-    the tolerance of every load and are nowhere more than `convergence.WORST` times it (cells: 0.3 of both where that
+    the tolerance of every load and are nowhere more than three times it (cells: 0.3 of both where that
     can be had, single poses in proportion to the force above the reference load), over poses that press each patch
     within its rim from the scene's boundary load to `convergence.LARGEST_LOAD` reference loads. ``record`` of the model
     holds the choice and its errors, of polar quadrature also how often elements contradict it; it is kept in the cache

@@ -12,9 +12,9 @@ from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.core.conventions import Array, load_unit
 from casadi_contact.core.quantities import beside
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.tolerance import Tolerance
 
 LARGEST_LOAD = 2.5  # of the scene's reference load, per patch
-WORST = 3.0  # times the tolerance that a single pose may be wrong by
 _MOSTLY = 0.5
 
 Model = TypeVar("Model", bound=CompiledFoundation)
@@ -39,17 +39,21 @@ class Errors:
     def of_allowed(self) -> Array:
         """Errors (n, L) as shares of what a single pose may be wrong by."""
         share = np.maximum(self.forces_n / self.scene.reference_load, 1.0)
-        return np.asarray(self.loads / (WORST * share[:, None] * self.scene.tolerances_of()))
+        return self._tolerance.single_ratios(self.loads / share[:, None])
 
     @property
-    def misses(self) -> float:
-        """The largest ratio of an error to what is allowed: every load's RMS has to lie within its tolerance, and no
-        error may exceed `WORST` times it, in proportion to the force above the reference load. Poses at the rim count
-        only where most of them are: a narrow joint bears there."""
+    def _tolerance(self) -> Tolerance:
+        return Tolerance.of(self.scene)
+
+    @property
+    def ratio(self) -> float:
+        """The largest ratio of an error to what is allowed, as `Tolerance.ratio`, but a single error may grow in
+        proportion to the force above the reference load. Poses at the rim count only where most of them are: a narrow
+        joint bears there."""
         return float(max(self._rms(self._judged).max(), self.of_allowed[self._judged].max()))
 
     @property
-    def misses_at_rim(self) -> float:
+    def ratio_at_rim(self) -> float:
         """The largest ratio of a load's RMS to its tolerance over the poses at the rim, where others are judged."""
         return float(self._rms(~self._judged).max()) if (~self._judged).any() else 0.0
 
@@ -84,7 +88,7 @@ class Errors:
 
     def _rms(self, rows: np.ndarray) -> Array:
         """Of every load (L,), in its tolerance."""
-        return np.asarray(np.sqrt(np.mean(self.loads[rows] ** 2, axis=0)) / self.scene.tolerances_of())
+        return self._tolerance.rms_ratios(np.sqrt(np.mean(self.loads[rows] ** 2, axis=0)))
 
     @property
     def _judged(self) -> np.ndarray:
@@ -92,7 +96,7 @@ class Errors:
 
 
 def cheapest(scene: Scene, candidates: Iterable[Model], errors_of: Callable[[Model], Array], **said: Any) -> Model:
-    """The first candidate whose errors (poses, loads) are small enough (`Errors.misses`, whatever the force), its
+    """The first candidate whose errors (poses, loads) are small enough (`Errors.ratio`, whatever the force), its
     record telling so.
 
     said: what the record holds besides. Raises ValueError where no candidate is good enough.
@@ -100,7 +104,7 @@ def cheapest(scene: Scene, candidates: Iterable[Model], errors_of: Callable[[Mod
     for model in candidates:
         found = np.abs(errors_of(model))
         errors = Errors(scene, found, np.zeros(len(found)), np.zeros(len(found), dtype=bool))
-        if errors.misses <= 1.0:
+        if errors.ratio <= 1.0:
             model.record = errors.record(**said)
             return model
     raise not_good_enough(model, errors)

@@ -26,10 +26,10 @@ from casadi_contact.samples.errors import LoadModel, domain_errors
 from casadi_contact.samples.models import ModelPair, elastic_foundations, teacher_of
 from casadi_contact.samples.samples import TEST, VALIDATION, Samples, partial_folder
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.tolerance import Tolerance
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import with_trust
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
-from casadi_contact.workflow.benchmark.choose import Tolerance
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
 from casadi_contact.workflow.presets import Effort, Preset, effort_for
 from casadi_contact.workflow.project import Project, alone, surrogates_made
@@ -56,7 +56,7 @@ def scene_to_tolerance(scene: Scene, force_n: float | None, torque_nmm: float | 
 
     Raises ValueError for a tolerance that is not above 0, and for one of a kind of load that the scene has not.
     """
-    Tolerance(force_n, torque_nmm)
+    Tolerance.of_kinds(force_n, torque_nmm)
     wanted: dict[str, float] = {}
     for kind, value in ((FORCE, force_n), (TORQUE, torque_nmm)):
         if value is None:
@@ -85,11 +85,11 @@ def misses(model: LoadModel, samples: Samples, most: float = MET, role: int = VA
     tolerance, in words, the worst first."""
     found = {}
     for domain, errors in domain_errors(model, samples, role).items():
-        for load, error in errors.items():
-            share = error["rms"] / samples.scene.tolerances[load]
-            if not share <= most:
-                allowed = most * samples.scene.tolerances[load]
-                found[f"{load} {three_digits(error['rms'])} of {allowed:g} in {domain}"] = share
+        tolerance = Tolerance.of(samples.scene, tuple(errors)).times(most)
+        ratios = tolerance.rms_ratios([error["rms"] for error in errors.values()])
+        for (load, error), ratio, allowed in zip(errors.items(), ratios, tolerance.allowed, strict=True):
+            if ratio > 1.0:
+                found[f"{load} {three_digits(error['rms'])} of {allowed:g} in {domain}"] = ratio
     return sorted(found, key=lambda text: -found[text])
 
 

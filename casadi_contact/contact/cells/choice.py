@@ -124,7 +124,7 @@ def cell_foundation(scene: Scene, *, compiled: bool = True) -> CellFoundation:
     """The foundation in the largest cells that meet the scene's tolerances.
 
     Over poses that press each patch from the scene's boundary load to `convergence.LARGEST_LOAD` reference loads,
-    errors against an element grid of `CONVERGED` are 0.3 of what `convergence.Errors.misses` allows, or all of it where
+    errors against an element grid of `CONVERGED` are 0.3 of what `Tolerance` allows, or all of it where
     that cannot be had; where the rim cuts contact, and where sharp edges of the moving mesh bear, their RMS is what it
     allows, or as it comes where that cannot be had. Along each side cells are as large as one of `cell_sizes_mm`: first
     along v, then along u. Raises ValueError where nothing is good enough, and where no pose presses the patches.
@@ -134,7 +134,7 @@ def cell_foundation(scene: Scene, *, compiled: bool = True) -> CellFoundation:
 
     def misses(cells: Cells, share: float, at_rim: bool) -> float:
         errors = errors_of(cells)
-        return max(errors.misses / share, errors.misses_at_rim if at_rim else 0.0)
+        return max(errors.ratio / share, errors.ratio_at_rim if at_rim else 0.0)
 
     bars = ((_SAFE, True), (1.0, True), (_SAFE, False), (1.0, False))
     found = (_largest(partial(misses, share=share, at_rim=at_rim), sizes_mm) for share, at_rim in bars)

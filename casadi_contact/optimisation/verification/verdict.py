@@ -18,10 +18,10 @@ from casadi_contact.optimisation.verification.coarse_elements import off_finer
 from casadi_contact.optimisation.verification.uncertain_load import uncounted_share
 from casadi_contact.optimisation.verification.verify import loads_on, true_of_each
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.tolerance import Tolerance
 from casadi_contact.surrogate.base import Surrogate
 
 UNCOUNTED = 0.05  # of a frame's load, that lies where the contact model counts none: with more it is not verified
-ALLOWED = 3.0  # times the scene's tolerances, which are root mean squares: how far off a single frame may be
 VERIFIED, DIFFERS, UNSOLVED, UNCHECKED = "solved and verified", "solved, differs", "not solved", "solved, not checked"
 ON_MODEL, LEAPS, NOT_ASKED = "solved on the contact model", "solved, its pose leaps", "no load"
 
@@ -231,7 +231,8 @@ def judge(
     """
     poses, names = as_poses(poses), tried.check_loads(loads)
     ended, alone = (true_of_each(key, value, len(poses)) for key, value in (("solved", solved), ("on_model", on_model)))
-    allowed = ALLOWED * tried.scene.tolerances_of(names)
+    tolerance = Tolerance.of(tried.scene, names)
+    allowed = tolerance.single * tolerance.allowed  # of a single frame
     expected = uncounted = finer = None
     if isinstance(model, str):
         errors, name = np.full((len(poses), len(names)), np.nan), model

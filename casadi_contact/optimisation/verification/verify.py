@@ -12,6 +12,7 @@ from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import Array, as_poses
 from casadi_contact.core.quantities import beside, quantity
+from casadi_contact.scenes.tolerance import Tolerance
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.trust import VALID
 
@@ -21,14 +22,14 @@ class Verification:
     """Surrogate against contact model at the poses (n, 6) of a solution; ``print`` it.
 
     solved (n,): False for frames that the problem's solver gave up; errors (n, L): surrogate minus model [N, N·mm] of
-    load_names; tolerances (L,): the scene's; validity (n,) and expected (n, L): what the surrogate itself says there.
+    load_names; tolerance: the scene's; validity (n,) and expected (n, L): what the surrogate itself says there.
     """
 
     load_names: tuple[str, ...]
     poses: Array
     solved: np.ndarray
     errors: Array
-    tolerances: Array
+    tolerance: Tolerance
     validity: Array
     expected: Array
 
@@ -59,23 +60,26 @@ class Verification:
 
     @property
     def failing(self) -> np.ndarray:
-        """True (n,) for frames unsolved, outside the learned region or with a load off by more than its tolerance."""
-        within = (np.abs(self.errors) <= self.tolerances).all(axis=1)  # not where a load is NaN
-        return ~self.solved | self.outside | ~within
+        """True (n,) for frames unsolved, outside the learned region or with a single error that is too large; where an
+        RMS is too large, frames with errors above it too."""
+        tolerance = self.tolerance
+        if not (tolerance.rms_ratios(self.rms) <= 1.0).all():
+            tolerance = tolerance.times(1.0 / tolerance.single)
+        return ~self.solved | self.outside | ~tolerance.met_by_each(self.errors)
 
     @property
     def passed(self) -> bool:
-        """Every load within the scene's tolerance (root mean square), every frame solved, in the learned region and
-        answered by the model."""
-        well = self.solved & ~self.outside & ~self.unanswered
-        return bool((self.rms <= self.tolerances).all() and well.all())
+        """The errors meet the tolerance, every frame is solved, in the learned region and answered by the model."""
+        return not self.failing.any() and self.tolerance.met(self.errors)
 
     def __str__(self) -> str:
         lines = [
             f"{len(self.poses)} frames, surrogate - model:",
             f"  {'load':<8}{'RMS':>10}{'worst':>10}{'tolerance':>11}",
         ]
-        for name, rms, worst, tolerance in zip(self.load_names, self.rms, self.worst, self.tolerances, strict=True):
+        for name, rms, worst, tolerance in zip(
+            self.load_names, self.rms, self.worst, self.tolerance.allowed, strict=True
+        ):
             verdict = "" if rms <= tolerance else "  too large"
             lines.append(
                 f"  {name:<8}{beside(rms, tolerance):>10}{worst:>10.3g}{tolerance:>11g} {quantity(name).unit}{verdict}"
@@ -120,7 +124,7 @@ def verify(
         poses,
         ended,
         surrogate(poses) - loads_on(model, poses, surrogate.load_names),
-        surrogate.scene.tolerances_of(surrogate.load_names),
+        Tolerance.of(surrogate.scene, surrogate.load_names),
         validity,
         expected,
     )

@@ -7,8 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from casadi_contact.core.conventions import Update, check_loads
 from casadi_contact.core.quantities import FORCE, TORQUE, of_kind, three_digits
+from casadi_contact.scenes.tolerance import Tolerance
 from casadi_contact.workflow.benchmark.at_hand import make_surrogate, python_line, times_for_loads
 from casadi_contact.workflow.benchmark.candidates import refuse_without_elements
 from casadi_contact.workflow.benchmark.front_file import FILE_NAME, Front, read_front
@@ -17,24 +20,6 @@ from casadi_contact.workflow.project import Project
 
 MEASURED = "measured"
 SAME_TIME = 1.03  # times nearer than this factor differ by less than they do from run to run
-
-
-@dataclass(frozen=True)
-class Tolerance:
-    """Largest RMS error wanted over the asked forces [N] and over the asked torques [N·mm]; None: any."""
-
-    force_n: float | None
-    torque_nmm: float | None
-
-    def __post_init__(self) -> None:
-        for name, value, unit in (("force", self.force_n, "N"), ("torque", self.torque_nmm, "N·mm")):
-            if value is not None and not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"{name} tolerance is {value!r}, expected {unit} above 0")
-
-    def used(self, force_rms_n: float, torque_rms_nmm: float) -> float:
-        """Largest share of a tolerance that the errors use: met at 1 or less; NaN errors (no such load) use none."""
-        pairs = ((force_rms_n, self.force_n), (torque_rms_nmm, self.torque_nmm))
-        return max((rms / wanted for rms, wanted in pairs if wanted is not None and not math.isnan(rms)), default=0.0)
 
 
 @dataclass(frozen=True)
@@ -129,7 +114,7 @@ def _asked(
 ) -> tuple[tuple[str, ...], Tolerance]:
     """Loads and tolerance, checked against each other."""
     names = tuple(dict.fromkeys(check_loads(front.loads, loads)))
-    tolerance = Tolerance(force_n, torque_nmm)
+    tolerance = Tolerance.of_kinds(force_n, torque_nmm)
     for kind, wanted in ((FORCE, force_n), (TORQUE, torque_nmm)):
         if wanted is None and of_kind(names, kind):
             raise ValueError(f"no {kind.name} tolerance given, expected one because {kind.name}s are asked for")
@@ -155,8 +140,9 @@ def meeting(front: Front, tolerance: Tolerance, loads: Sequence[str]) -> list[Of
     found = [offer for offer in offers if _used(offer, tolerance) <= 1.0]
     if not found:
         nearest = min(offers, key=lambda offer: _used(offer, tolerance))
+        wanted = dict(zip(tolerance.names, tolerance.allowed.tolist(), strict=True))
         raise ValueError(
-            f"no measured model meets {_errors_text(tolerance.force_n, tolerance.torque_nmm)}; the nearest, "
+            f"no measured model meets {_errors_text(wanted.get(FORCE.name), wanted.get(TORQUE.name))}; the nearest, "
             f"{nearest.name}, has {_errors_text(nearest.force_rms_n, nearest.torque_rms_nmm)}: "
             "loosen the tolerance, or chart a larger preset"
         )
@@ -174,7 +160,9 @@ def cheapest(offers: Sequence[Offer], tolerance: Tolerance) -> tuple[Offer, Offe
 
 
 def _used(offer: Offer, tolerance: Tolerance) -> float:
-    return tolerance.used(offer.force_rms_n, offer.torque_rms_nmm)
+    """Largest share of a tolerance that the errors use; a kind of load that was not asked for uses none."""
+    rms = {FORCE.name: offer.force_rms_n, TORQUE.name: offer.torque_rms_nmm}
+    return float(tolerance.rms_ratios([np.nan_to_num(rms[name]) for name in tolerance.names]).max(initial=0.0))
 
 
 def _errors_text(force_n: float | None, torque_nmm: float | None) -> str:

@@ -16,11 +16,11 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.quantities import FORCE, quantity
 from casadi_contact.samples.samples import TEST, write_samples
-from casadi_contact.workflow import benchmark
 from casadi_contact.workflow.benchmark import at_hand
 from casadi_contact.workflow.benchmark.candidate import Candidate
 from casadi_contact.workflow.benchmark.choose import SAME_TIME
 from casadi_contact.workflow.benchmark.front_file import read_front
+from casadi_contact.workflow.benchmark.measure import measure, measure_project
 from casadi_contact.workflow.benchmark.sizes import chart_surrogates, sized_path, train_sizes
 from casadi_contact.workflow.benchmark.walking import unseen_walking
 from casadi_contact.workflow.presets import PRESETS, ChartEffort, Effort, Preset
@@ -54,7 +54,7 @@ def project(tmp_path_factory):
         with ThreadPoolExecutor(1) as here:
             pipeline.sample(made, executor=here)
             pipeline.train(made, executor=here)
-            benchmark.measure_project(made, executor=here)
+            measure_project(made, executor=here)
         yield made
     finally:
         patch.undo()
@@ -129,7 +129,7 @@ def test_sizes_on_disk_are_kept_and_damaged_ones_made_again(project):
     kept, good = first.stat().st_mtime_ns, cc.load_surrogate(second)
     second.write_bytes(b"damaged")
     with ThreadPoolExecutor(1) as here:
-        benchmark.train_sizes(project, executor=here)
+        train_sizes(project, executor=here)
     assert first.stat().st_mtime_ns == kept
     again, poses = cc.load_surrogate(second), project.samples().poses[:20]
     np.testing.assert_array_equal(again(poses), good(poses))  # from its checkpoints: nothing was trained again
@@ -143,7 +143,7 @@ def test_sizes_that_learned_other_samples_are_trained_anew(project, tmp_path):
     write_samples(later.samples_path, samples.rows(np.arange(len(samples)) % 7 > 0))
     shutil.rmtree(later.training_folder("sizes", sized.stem), ignore_errors=True)
     with ThreadPoolExecutor(1) as here:
-        benchmark.train_sizes(later, [sized], executor=here)
+        train_sizes(later, [sized], executor=here)
     trained = sum(cc.load_surrogate(path).record["samples"].values())
     assert trained == (later.samples().role != TEST).sum() < (samples.role != TEST).sum()
 
@@ -193,7 +193,7 @@ def test_a_candidate_that_fails_stays_in_the_table(project):
 
     candidates = [Candidate("none", "A", None, failure="did not fit"), Candidate("broken", "B", Broken())]
     poses = pipeline.read_motion(project)[0].poses[0][:10]
-    points = benchmark.measure(candidates, project.scene, poses).points
+    points = measure(candidates, project.scene, poses).points
     assert [point.failure for point in points] == ["did not fit", "out of luck"]
 
 

@@ -11,8 +11,9 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.cli import main as cli
 from casadi_contact.core.quantities import FORCE, quantity
+from casadi_contact.scenes.tolerance import Tolerance
 from casadi_contact.workflow.benchmark import at_hand
-from casadi_contact.workflow.benchmark.choose import MEASURED, SAME_TIME, Offer, Tolerance, cheapest, meeting
+from casadi_contact.workflow.benchmark.choose import MEASURED, SAME_TIME, Offer, cheapest, meeting
 from casadi_contact.workflow.benchmark.front_file import read_front
 from casadi_contact.workflow.benchmark.shipped import shipped_front
 from casadi_contact.workflow.project import Project
@@ -38,8 +39,8 @@ def rms(point, loads, force):
 def test_the_choice_meets_its_tolerance_and_nothing_cheaper_does(force_n, torque_nmm, loads):
     front = read_front(STORED)
     names = loads or front.loads
-    offers = meeting(front, Tolerance(force_n, torque_nmm), names)
-    choice, better = cheapest(offers, Tolerance(force_n, torque_nmm))
+    offers = meeting(front, Tolerance.of_kinds(force_n, torque_nmm), names)
+    choice, better = cheapest(offers, Tolerance.of_kinds(force_n, torque_nmm))
     points = {point.name: point for point in front.points}
     chosen = points[choice.name]
     assert rms(chosen, names, True) <= force_n
@@ -60,7 +61,7 @@ def test_wider_tolerances_never_cost_more():
     front = read_front(STORED)
     times = []
     for pair in TOLERANCES:
-        tolerance = Tolerance(*pair)
+        tolerance = Tolerance.of_kinds(*pair)
         times.append(cheapest(meeting(front, tolerance, front.loads), tolerance)[0].time_us)
     assert all(wide <= SAME_TIME * narrow for wide, narrow in pairwise(times))
 
@@ -70,7 +71,7 @@ def test_of_models_that_are_as_cheap_the_most_accurate_is_chosen():
         return Offer(name, "networks", time_us, MEASURED, force_n, float("nan"))
 
     offers = [offer("rough", 0.212, 1.5), offer("fine", 0.213, 0.5), offer("finest", 0.3, 0.2)]
-    chosen, better = cheapest(offers, Tolerance(2.0, None))
+    chosen, better = cheapest(offers, Tolerance.of_kinds(2.0, None))
     assert (chosen.name, better.name) == ("fine", "finest")
 
 
@@ -79,7 +80,7 @@ def test_the_next_better_model_is_the_cheapest_of_those_more_accurate():
         return Offer(name, "networks", time_us, MEASURED, force_n, float("nan"))
 
     offers = [offer("dearest", 9.0, 0.1), offer("worse", 2.0, 1.8), offer("next", 3.0, 0.9), offer("first", 1.0, 1.5)]
-    chosen, better = cheapest(offers, Tolerance(2.0, None))
+    chosen, better = cheapest(offers, Tolerance.of_kinds(2.0, None))
     assert (chosen.name, better.name) == ("first", "next")
 
 
