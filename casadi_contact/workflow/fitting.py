@@ -3,28 +3,31 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from casadi_contact.core.conventions import Update
+from casadi_contact.core.machine import machine_record
 from casadi_contact.networks.network import Network, Regression, size_text
 from casadi_contact.networks.training.fit import Fit
 from casadi_contact.networks.training.parallel import fit_all
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.networks.training.weights import widen
+from casadi_contact.samples.errors import domain_errors
 from casadi_contact.samples.mirror import either_side
 from casadi_contact.samples.samples import DOMAINS, Samples
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.info import budget_line
 from casadi_contact.surrogate.load import STRUCTURES
+from casadi_contact.surrogate.sample_rows import samples_record
 from casadi_contact.workflow.presets import Effort, effort_for
-from casadi_contact.workflow.project import Project
-from casadi_contact.workflow.training_record import gone_on, training_record
+from casadi_contact.workflow.project import Project, has_motion, read_motion
 
 _log = logging.getLogger(__name__)
 
@@ -69,33 +72,35 @@ def fit_surrogate(
     kind, scene, title = STRUCTURES[fitting.structure], project.scene, fitting.title or fitting.structure
     weights = {DOMAINS.index(name) + 1: weight for name, weight in project.preset.domain_weights.items()}
     progress = None if update is None else lambda name, *rest: update(f"{title} {name}", *rest)
-    posed, twins = _regressions_and_twins(kind, samples, scene, fitting.loads)
-    names = [regression.name for regression in posed if regression.name not in fitting.kept]
-    asked = {name: effort_for(fitting.efforts, name) for name in names}
-    starts, kept = {}, dict(fitting.kept)
+    regressions, twins = _regressions_and_twins(kind, samples, scene, fitting.loads)
+    regressions = [regression for regression in regressions if regression.name not in fitting.kept]
+    efforts = {regression.name: effort_for(fitting.efforts, regression.name) for regression in regressions}
+    starts, networks = {}, dict(fitting.kept)
     if onward is not None:
-        starts = {name: _widened(onward.networks[name], each.sizes[0]) for name, each in asked.items()}
-        kept |= {name: starts[name] for name, each in asked.items() if each.gflop == 0.0}
+        starts = {name: _widened(onward.networks[name], effort.sizes[0]) for name, effort in efforts.items()}
+        networks |= {name: starts[name] for name, effort in efforts.items() if effort.gflop == 0.0}
     restarts = TrainingSettings.restarts if onward is None else 0
-    settings = {
-        name: TrainingSettings(each.sizes, each.activation, each.gflop, seed=fitting.seed, restarts=restarts)
-        for name, each in asked.items()
-        if name not in kept
-    }
-    regressions = [
-        _at_most(_asked(one, asked[one.name], weights), asked[one.name].max_rows, seed=0)
-        for one in posed
-        if one.name not in kept
-    ]
-    fits = fit_all(regressions, settings, executor, fitting.checkpoints, progress, starts)
+    settings, chosen = {}, []
+    for regression in regressions:
+        if (name := regression.name) not in networks:
+            effort = efforts[name]
+            settings[name] = TrainingSettings(
+                effort.sizes, effort.activation, effort.gflop, seed=fitting.seed, restarts=restarts
+            )
+            weighted = regression.weighted(weights)
+            closer = replace(weighted, tolerance=effort.tolerance_share * regression.tolerance)
+            chosen.append(_random_rows(closer, effort.max_rows))
+    fits = fit_all(chosen, settings, executor, fitting.checkpoints, progress, starts)
     if progress is not None:
-        _tell_ends(fits, progress)
-    networks = kept | {name: fit.network for name, fit in fits.items()}
+        for name, fit in fits.items():
+            remark = f"{size_text(fit.hidden)} RMS {fit.rms:.3g} after {fit.gflop:.3g} Gflop, {fit.stop_reason}"
+            progress(name, fit.gflop, fit.gflop, remark)
+    networks |= {name: fit.network for name, fit in fits.items()}
     networks |= {twin: kind.reflection(twin, networks[of], scene) for twin, of in twins.items()}
     if fitting.loads is not None:
         networks = {name: networks[name] for name in kind.networks_for(scene, fitting.loads)}
     record = training_record(project, samples, kind(scene, networks), fits, fitting.command)
-    surrogate = kind(scene, networks, record if onward is None else gone_on(onward.record, record))
+    surrogate = kind(scene, networks, record if onward is None else continued_record(onward.record, record))
     if not fitting.kept and (line := budget_line(surrogate.record)):
         _log.warning("%s: %s", title, line)
     return surrogate
@@ -114,25 +119,83 @@ def _regressions_and_twins(
     return [regression for name, regression in posed.items() if name in fitted], twins
 
 
-def _tell_ends(fits: Mapping[str, Fit], progress: Update) -> None:
-    """How each fit ended."""
-    for name, fit in fits.items():
-        remark = f"{size_text(fit.hidden)} RMS {fit.rms:.3g} after {fit.gflop:.3g} Gflop, {fit.stop_reason}"
-        progress(name, fit.gflop, fit.gflop, remark)
-
-
 def _widened(network: Network, hidden: tuple[int, ...]) -> Network:
     return network if network.hidden == hidden else widen(network, hidden, seed=0)
 
 
-def _asked(regression: Regression, effort: Effort, weights: Mapping[int, float]) -> Regression:
-    """A regression as an effort asks for it: its domains weighted, and the share of its tolerance wanted."""
-    return replace(regression.weighted(weights), tolerance=effort.tolerance_share * regression.tolerance)
-
-
-def _at_most(regression: Regression, rows: int | None, seed: int) -> Regression:
-    """A random subset of a regression's rows (§3.5 fits a random subset of the samples)."""
+def _random_rows(regression: Regression, rows: int | None, seed: int = 0) -> Regression:
+    """A random subset of a regression's rows, as in [EF15 §3.5]."""
     if rows is None or len(regression.targets) <= rows:
         return regression
     kept = np.sort(np.random.default_rng(seed).choice(len(regression.targets), rows, replace=False))
     return regression.of_rows(kept)
+
+
+# --- the record of a surrogate's training
+
+
+def training_record(
+    project: Project, samples: Samples, surrogate: Surrogate, fits: dict[str, Any], command: str
+) -> dict[str, Any]:
+    """The record itself, in plain JSON values; its keys: `casadi_contact.surrogate.info`."""
+    return {
+        **samples_record(samples),
+        **fits_record(fits),
+        "test_errors": domain_errors(surrogate, samples),
+        "command": command,
+        "reference_cycles": read_motion(project)[1] if has_motion(project) else [],
+        "machine": machine_record(),
+    }
+
+
+def fits_record(fits: Mapping[str, Fit]) -> dict[str, Any]:
+    """What the record says of the fits alone."""
+    return {
+        "training_errors": {name: fit.rms for name, fit in fits.items()},
+        "stop_reasons": {name: fit.stop_reason for name, fit in fits.items()},
+        "gflop": {name: round(fit.gflop, 1) for name, fit in fits.items()},
+        "convergence": {name: _course(fit.history) for name, fit in fits.items()},
+        "seconds": {name: round(fit.cpu_s, 1) for name, fit in fits.items()},
+    }
+
+
+def exchange_record(before: Mapping[str, Any], other: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
+    """The record where the named networks come from another fit of the same samples, with record `other`; work and
+    time are summed."""
+    taken = {
+        key: {**before[key], **{name: value for name, value in other[key].items() if name in names}}
+        for key in ("training_errors", "stop_reasons", "convergence")
+    }
+    return {**before, **taken, **summed_work(before, other)}
+
+
+def summed_work(before: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
+    """Work and time of both records, by network."""
+    both = {}
+    for key in ("gflop", "seconds"):
+        spent, later = before.get(key, {}), record[key]
+        both[key] = {name: round(spent.get(name, 0.0) + later.get(name, 0.0), 1) for name in {**spent, **later}}
+    return both
+
+
+def continued_record(before: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
+    """The record of networks trained on from others: work and time are summed, the share of rejected samples is that of
+    `before` (a round keeps only the worst of what it draws), all else is the later's."""
+    added = sum(record["samples"].values()) - sum(before["samples"].values())
+    return {
+        **record,
+        **summed_work(before, record),
+        "dropped": before["dropped"],
+        "active": [*before.get("active", []), added],
+    }
+
+
+def _course(history: Mapping[str, Any], points: int = 60) -> dict[str, list[float]]:
+    """Work done [Gflop] and RMS of the fit at up to so many of its iterations, evenly spaced in log work."""
+    gflop, rms = history["gflop"], history["training_rms"]
+    begun = np.flatnonzero(gflop > 0.0)
+    if not len(begun):
+        return {"gflop": [], "rms": []}
+    levels = np.geomspace(gflop[begun[0]], gflop[-1], points)
+    chosen = np.unique(np.minimum(np.searchsorted(gflop, levels), len(gflop) - 1))
+    return {"gflop": [float(f"{x:.4g}") for x in gflop[chosen]], "rms": [float(f"{x:.4g}") for x in rms[chosen]]}

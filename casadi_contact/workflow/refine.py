@@ -23,7 +23,7 @@ from casadi_contact.samples.settings import SamplePoint, SamplingSettings
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import with_trust
 from casadi_contact.surrogate.sample_rows import samples_record
-from casadi_contact.workflow.training_record import fits_record, work_of_both
+from casadi_contact.workflow.fitting import fits_record, summed_work
 
 SPREAD = 0.3  # of the trust's scales: how far around a failing frame its pose inputs are drawn
 LOAD_SHARES = (0.2, 1.3)  # of a frame's own loads: between which its load inputs are drawn
@@ -184,7 +184,7 @@ def _trained_on(
     networks, fits = _fitted_on(surrogate, some.join_samples(new), gflop)
     everything, kind, before = known.join_samples(new), type(surrogate), surrogate.record
     of_fits = fits_record(fits)
-    record = {**before, **samples_record(everything), **of_fits, **work_of_both(before, of_fits)}
+    record = {**before, **samples_record(everything), **of_fits, **summed_work(before, of_fits)}
     record["refined"] = int(before.get("refined", 0)) + 1
     if not before.get("refined"):
         record["command"] = f"cc.refine in Python, of what this makes: {before.get('command', 'not known')}"

@@ -1,10 +1,9 @@
-"""A surrogate no larger than a tolerance asks for: samples, networks and work grow until it is met in every domain.
+"""A surrogate no larger than a tolerance needs: samples, networks and work grow until it is met in every domain.
 
 Round k draws twice the samples of the round before and lets each network grow with three times the work to a closer
 fit. The first round whose validation rows have errors within four fifths of the tolerance, load by load and domain by
-domain, is the last: the result depends on the scene and the tolerance, not on the clock. Of the last round that there
-is, errors within the tolerance itself are enough. The networks that met it are then made as small as they may be
-(`project.smallest`).
+domain, is the last: the result depends on the scene and the tolerance, not on the clock. In the last round allowed,
+errors within the tolerance itself are enough. The networks are then made as small as the tolerance allows.
 """
 
 from __future__ import annotations
@@ -12,14 +11,14 @@ from __future__ import annotations
 import itertools
 import logging
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from casadi_contact.core.conventions import Update
 from casadi_contact.core.files.reading import sha256_of
-from casadi_contact.core.files.writing import replacing, write_text
+from casadi_contact.core.files.writing import replacing
 from casadi_contact.core.quantities import FORCE, TORQUE, of_kind, three_digits
 from casadi_contact.core.workers import worker_pool
 from casadi_contact.samples.errors import LoadModel, domain_errors
@@ -30,25 +29,45 @@ from casadi_contact.scenes.tolerance import Tolerance
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import with_trust
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
-from casadi_contact.workflow.fitting import Fitting, fit_surrogate
+from casadi_contact.workflow.fitting import Fitting, exchange_record, fit_surrogate
 from casadi_contact.workflow.presets import Effort, Preset, effort_for
 from casadi_contact.workflow.project import Project, alone, surrogates_made
 from casadi_contact.workflow.samples import sample
-from casadi_contact.workflow.smallest import smallest_networks
 from casadi_contact.workflow.train import build_command, moved_samples
 
-STRUCTURE = PatchSurrogate.structure
-ROUNDS = 6
-FIRST_SCALE, FIRST_GFLOP = 0.1, 60.0
-LADDER = ((8,), (8, 8), (12, 12), (16, 16), (16, 16, 16), (20, 20, 20), (24, 24, 24), (28, 28, 28))
-TOLERANCE_SHARE = 0.6  # of the tolerance at which a fit ends: domains differ, and so do rows it has not seen
-CLOSER = 0.7  # times that share in each further round
-
-MET = 0.8  # of the tolerance on validation rows: a few hundred rows of a domain do not tell its error closer
-_ROUNDS = "within"  # begins the name of the folder of the rounds
-_COPIED = "samples-within.sha256"  # of the samples that come from the last round
-
 _log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class ToleranceSettings:
+    """How samples and networks grow.
+
+    rounds: at most. first_scale, first_gflop: samples (as a share of the paper's) and budget of a root network in the
+    first round. sizes: hidden layers to grow through. tolerance_share: share of the tolerance at which a fit ends,
+    because domains differ; multiplied by `closer` in each round. met: share of the tolerance that validation rows must
+    meet, because the few hundred rows of a domain give its error no closer.
+    """
+
+    rounds: int = 6
+    first_scale: float = 0.1
+    first_gflop: float = 60.0
+    sizes: tuple[tuple[int, ...], ...] = (
+        *((8,), (8, 8), (12, 12), (16, 16)),
+        *((16, 16, 16), (20, 20, 20), (24, 24, 24), (28, 28, 28)),
+    )
+    tolerance_share: float = 0.6
+    closer: float = 0.7
+    met: float = 0.8
+
+    def efforts(self, round_number: int) -> dict[str, Effort]:
+        """The effort of root networks and of all others, in this round (from 1)."""
+        gflop = self.first_gflop * 3.0 ** (round_number - 1)
+        share = self.tolerance_share * self.closer ** (round_number - 1)
+        of_ratios = PatchSurrogate.budget_shares["ratios"] * gflop
+        return {
+            "": Effort(self.sizes, of_ratios, tolerance_share=share),
+            "root": Effort(self.sizes, gflop, tolerance_share=share),
+        }
 
 
 def scene_to_tolerance(scene: Scene, force_n: float | None, torque_nmm: float | None) -> Scene:
@@ -80,7 +99,7 @@ def _options(scene: Scene) -> list[str]:
     return options
 
 
-def misses(model: LoadModel, samples: Samples, most: float = MET, role: int = VALIDATION) -> list[str]:
+def misses(model: LoadModel, samples: Samples, most: float = 0.8, role: int = VALIDATION) -> list[str]:
     """Loads whose RMS error on validation rows (or those of another role) of a domain exceeds this share of the scene's
     tolerance, in words, the worst first."""
     found = {}
@@ -94,13 +113,12 @@ def misses(model: LoadModel, samples: Samples, most: float = MET, role: int = VA
 
 
 def _refuse_others(project: Project) -> None:
-    """ValueError for samples or surrogates in the folder that were not copied there from rounds."""
+    """ValueError for samples or surrogates in the folder that do not come from its rounds."""
     surrogates_made(project)
     if project.samples_path.is_file():
         project.samples()
-        digest, kept = sha256_of(project.samples_path), project.folder / _COPIED
-        rounds = project.folder.glob(f"{_ROUNDS}-*/round-*/{project.samples_path.name}")
-        others = digest not in (kept.read_text("utf-8") if kept.is_file() else "", *map(sha256_of, rounds))
+        rounds = project.folder.glob(f"within-*/round-*/{project.samples_path.name}")
+        others = sha256_of(project.samples_path) not in map(sha256_of, rounds)
     else:
         others = project.begun or partial_folder(project.samples_path).is_dir()
     if others:
@@ -117,51 +135,46 @@ def train_to_tolerance(
     update: Update | None = None,
     executor: Executor | None = None,
     models: ModelPair = elastic_foundations,
-    rounds: int = ROUNDS,
+    settings: ToleranceSettings | None = None,
 ) -> Surrogate:
-    """Sample and train in rounds until the tolerances of the project's scene are met, within `MET` of them on
-    validation rows and at all on held-back ones; samples and surrogate of the last round go into the project's folder.
+    """Sample and train in rounds until the tolerances of the project's scene are met on validation and test rows;
+    samples and surrogate of the last round go into the project's folder.
 
-    Goes on where an earlier run stopped. Raises
-    ValueError, naming the largest misses, where the last round does not meet them; its samples and surrogate are kept
-    all the same. A ValueError also refuses a folder with samples or surrogates that no such build of this scene made:
-    they would be replaced.
+    Goes on where an earlier run stopped. Raises ValueError, naming the largest misses, where the last round does not
+    meet them; its samples and surrogate are kept all the same. A ValueError also refuses a folder with samples or
+    surrogates that no such build of this scene made: they would be replaced.
     """
-    efforts = {
-        "": Effort(LADDER, PatchSurrogate.budget_shares["ratios"] * FIRST_GFLOP, tolerance_share=TOLERANCE_SHARE),
-        "root": Effort(LADDER, FIRST_GFLOP, tolerance_share=TOLERANCE_SHARE),
-    }
+    chosen = settings or ToleranceSettings()
+    structure = PatchSurrogate.structure
     _refuse_others(project)
-    missed: list[str] = []
-    rounds_folder = project.folder / "-".join([_ROUNDS, *(f"{tol:.15g}" for tol in project.scene.tolerances.values())])
-    for k in range(rounds):
-        preset = Preset(FIRST_SCALE * 2**k, {STRUCTURE: efforts})
-        this = replace(project, folder=rounds_folder / f"round-{k + 1}", own=preset)
+    tolerances = (f"{tolerance:.15g}" for tolerance in project.scene.tolerances.values())
+    rounds_folder = project.folder / "-".join(["within", *tolerances])
+    for number in range(1, chosen.rounds + 1):
+        efforts = chosen.efforts(number)
+        preset = Preset(chosen.first_scale * 2 ** (number - 1), {structure: efforts})
+        this = replace(project, folder=rounds_folder / f"round-{number}", own=preset)
         this.folder.mkdir(parents=True, exist_ok=True)
-        samples, _ = sample(this, cycle_files, _in_round(update, k + 1), executor, models)
+        samples, _ = sample(this, cycle_files, _in_round(update, number), executor, models)
         with worker_pool(executor) as workers:
-            folder, title = this.folder / "training", f"round {k + 1}"
             cycles = [str(path) for path in cycle_files]
             command = build_command(project, samples, cycles, *_options(project.scene))
-            fitting = Fitting(STRUCTURE, efforts, folder, command, title)
+            fitting = Fitting(structure, efforts, this.folder / "training", command, f"round {number}")
             surrogate = fit_surrogate(this, samples, fitting, update, workers)
-            share = MET if k + 1 < rounds else 1.0
+            share = chosen.met if number < chosen.rounds else 1.0
             missed = misses(surrogate, samples, share) or misses(surrogate, samples, 1.0, TEST)
             if not missed:
                 surrogate = _smallest(surrogate, this, samples, fitting, share, update, workers)
                 break
-        _log.warning("round %d misses %s", k + 1, "; ".join(missed[:3]))
-        efforts = {name: _further(effort) for name, effort in efforts.items()}
+        _log.warning("round %d misses %s", number, "; ".join(missed[:3]))
     for name in (this.samples_path.name, this.motion_path.name):
         with replacing(project.folder / name) as beside:
             shutil.copyfile(this.folder / name, beside)
-    write_text(project.folder / _COPIED, sha256_of(project.samples_path))
     teacher = teacher_of(samples)
     trusted = with_trust(surrogate, samples, moved_samples(samples, teacher, update), teacher, update)
-    trusted.save(project.surrogate_path(STRUCTURE))
+    trusted.save(project.surrogate_path(structure))
     if missed:
         raise ValueError(
-            f"after {rounds} rounds, {len(samples)} samples, the tolerance is missed: {'; '.join(missed[:3])}; "
+            f"after {number} rounds, {len(samples)} samples, the tolerance is missed: {'; '.join(missed[:3])}; "
             "loosen it, or ask for fewer loads or a smaller range"
         )
     return trusted
@@ -176,20 +189,20 @@ def _smallest(
     update: Update | None,
     executor: Executor | None,
 ) -> Surrogate:
-    """The surrogate with networks as small as validation rows allow; itself where held-back rows then miss."""
-    steps = itertools.count(1)
+    """The surrogate with networks as small as validation rows allow; itself where test rows then miss."""
+    steps, sizes = itertools.count(1), fitting.efforts["root"].sizes
 
-    def fitted(sizes: Mapping[str, tuple[int, ...]], before: Surrogate) -> Surrogate:
+    def fitted(smaller: Mapping[str, tuple[int, ...]], before: Surrogate) -> Surrogate:
         anew = replace(
             fitting,
-            efforts={name: replace(effort_for(fitting.efforts, name), sizes=(size,)) for name, size in sizes.items()},
+            efforts={name: replace(effort_for(fitting.efforts, name), sizes=(size,)) for name, size in smaller.items()},
             checkpoints=fitting.checkpoints / f"smaller-{next(steps)}",
             title=f"{fitting.title}, smaller",
-            kept={name: network for name, network in before.networks.items() if name not in sizes},
+            kept={name: network for name, network in before.networks.items() if name not in smaller},
         )
         return fit_surrogate(project, samples, anew, update, executor)
 
-    small = smallest_networks(surrogate, samples, LADDER, fitted, lambda model: not misses(model, samples, share))
+    small = smallest_networks(surrogate, samples, sizes, fitted, lambda model: not misses(model, samples, share))
     if missed := misses(small, samples, 1.0, TEST):
         _log.warning("smaller networks miss %s of held-back rows: the larger ones stay", missed[0])
         return surrogate
@@ -200,6 +213,37 @@ def _in_round(update: Update | None, number: int) -> Update | None:
     return None if update is None else lambda what, *rest: update(f"{what}, round {number}", *rest)
 
 
-def _further(effort: Effort) -> Effort:
-    """Three times the work, and a closer fit: the last may have met its share."""
-    return replace(effort, gflop=3.0 * effort.gflop, tolerance_share=CLOSER * effort.tolerance_share)
+def smallest_networks(
+    surrogate: Surrogate,
+    samples: Samples,
+    ladder: Sequence[tuple[int, ...]],
+    fitted: Callable[[Mapping[str, tuple[int, ...]], Surrogate], Surrogate],
+    met: Callable[[Surrogate], bool],
+) -> Surrogate:
+    """The surrogate with each network at the smallest size of the ladder with which it still meets the tolerance.
+
+    Found by bisection. fitted(sizes, surrogate): the surrogate with the named networks fitted anew in these sizes, side
+    by side. met(surrogate): it meets the tolerance; asked for one network after the other, the largest first, because
+    errors add up. Of a mirrored joint a network and its twin change together.
+    """
+    kind, known = type(surrogate), set(surrogate.networks)
+    twins = {twin: of for twin, of in surrogate.twins(surrogate.scene).items() if {twin, of} <= known}
+    least = {name: 0 for name, network in surrogate.networks.items() if name not in twins and network.hidden in ladder}
+    most = {name: ladder.index(surrogate.networks[name].hidden) for name in least}
+    while names := [name for name in least if least[name] < most[name]]:
+        middle = {name: (least[name] + most[name]) // 2 for name in names}
+        tried = fitted({name: ladder[step] for name, step in middle.items()}, surrogate)
+        taken = []
+        for name in sorted(names, key=lambda name: -surrogate.networks[name].parameter_count):
+            of_both = [name, *(twin for twin, of in twins.items() if of == name)]
+            networks = {**surrogate.networks, **{each: tried.networks[each] for each in of_both}}
+            candidate = kind(surrogate.scene, networks, surrogate.record)
+            if met(candidate):
+                surrogate, most[name] = candidate, middle[name]
+                taken += of_both
+            else:
+                least[name] = middle[name] + 1
+        record = exchange_record(surrogate.record, tried.record, taken)
+        surrogate = kind(surrogate.scene, surrogate.networks, record)
+    record = {**surrogate.record, "test_errors": domain_errors(surrogate, samples)}
+    return kind(surrogate.scene, surrogate.networks, record)

@@ -1,4 +1,10 @@
-"""Train a project's surrogates: each structure of its preset, its active rounds, and the command that makes them."""
+"""Train a project's surrogates: each structure of its preset, then the preset's active rounds.
+
+Samples of a plan lie evenly, and so thinly in the corners of six dimensions that a surrogate with an RMS error of a
+newton is off by a hundred in some. An active round (`presets.ActiveRound`) draws the plan once more with another seed,
+several times as many samples, and adds those on which the surrogate is worst to the training rows. Validation and test
+rows stay an even draw of the plan, so that they remain representative.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +13,21 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 
-from casadi_contact.core.conventions import Update, in_stage
+import numpy as np
+
+from casadi_contact.core.conventions import Progress, Update, in_stage
 from casadi_contact.core.workers import worker_pool
 from casadi_contact.samples.chunk import WrenchModel
-from casadi_contact.samples.models import model_name_of, teacher_of
+from casadi_contact.samples.draw import draw_samples
+from casadi_contact.samples.errors import LoadModel
+from casadi_contact.samples.models import ModelPair, model_name_of, models_of, settings_of, teacher_of
 from casadi_contact.samples.perturbed import perturbed_samples
-from casadi_contact.samples.samples import Samples
+from casadi_contact.samples.samples import TRAIN, Samples
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import with_trust
 from casadi_contact.surrogate.load import STRUCTURES
-from casadi_contact.workflow.active import candidates, models_to_ask, worst_samples
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
-from casadi_contact.workflow.project import Project, alone, cycle_files, surrogates_made
+from casadi_contact.workflow.project import Project, alone, cycle_files, read_motion, surrogates_made
 
 
 def structures_for_scene(project: Project) -> list[str]:
@@ -49,28 +58,28 @@ def train(
         )
     samples = project.samples()
     if project.preset.active:
-        models_to_ask(project, samples)  # refused here, not after hours of training
+        known_models(project, samples)  # refused here, not after hours of training
     model = teacher_of(samples) if teacher is None else teacher
     around = moved_samples(samples, model, update)
     command = build_command(project, samples, cycle_files(project))
     samples = replace(samples, scene=project.scene)  # its tolerances are those of now
-    paths, made = [], surrogates_made(project)
+    surrogates_made(project)  # refuses those of another scene, which would be replaced
+    paths = []
     for name in structures if structure is None else [structure]:
         path = project.surrogate_path(name)
         first = Fitting(name, project.preset.efforts[name], project.training_folder(name), command)
         with worker_pool(executor) as workers:
             surrogate = fit_surrogate(project, samples, first, update, workers)
             surrogate = _active_rounds(project, samples, surrogate, first, update, workers)
-        made[name] = with_trust(surrogate, samples, around, model, update)
-        made[name].save(path)
+        with_trust(surrogate, samples, around, model, update).save(path)
         paths.append(path)
     return paths
 
 
 def build_command(project: Project, samples: Samples, cycles: Sequence[str], *tolerances: str) -> str:
-    """What builds a project's surrogates from nothing: a command line, a line of Python for a model of one's own.
+    """The command line that builds a project's surrogates from nothing; for a user's own model a line of Python.
 
-    cycles: files that the samples were drawn around; tolerances: the options of a build to them instead of a preset.
+    cycles: files that the samples were drawn around; tolerances: options of a build to tolerances instead of a preset.
     """
     if "table" in samples.provenance:
         return project.command("build", "--table", samples.provenance["table"])
@@ -91,15 +100,14 @@ def _active_rounds(
     update: Update | None,
     executor: Executor,
 ) -> Surrogate:
-    """The surrogate trained on through those of the preset's active rounds that its structure takes part in; first: how
-    it was fitted before them."""
+    """The surrogate after the active rounds of its structure; first: how it was fitted before them."""
     name, learned = first.structure, samples
     for number, chosen in enumerate(project.preset.active, start=1):
         if name not in chosen.efforts:
             continue
         title = f"{name}, round {number}"
-        telling = in_stage(update, f"{title}: candidates")
-        drawn = candidates(project, samples, number, chosen.times, telling, executor)
+        progress = in_stage(update, f"{title}: candidates")
+        drawn = candidates(project, samples, number, chosen.times, progress, executor)
         learned = learned.join_samples(worst_samples(surrogate, drawn, chosen.worst_share))
         folder, efforts = first.checkpoints / f"active-{number}", chosen.efforts[name]
         further = replace(first, efforts=efforts, checkpoints=folder, title=title)
@@ -107,9 +115,57 @@ def _active_rounds(
     return surrogate
 
 
+def known_models(project: Project, samples: Samples) -> ModelPair:
+    """The contact models that the samples were drawn from; ValueError for samples of a user's own model or table."""
+    models = models_of(samples)
+    if models is None:
+        raise ValueError(
+            f"preset {project.preset_name} draws more samples in its active rounds, possible for the library's contact "
+            "models alone: choose another preset for a model or a table of your own"
+        )
+    return models
+
+
+def candidates(
+    project: Project,
+    samples: Samples,
+    number: int,
+    times: float,
+    progress: Progress | None = None,
+    executor: Executor | None = None,
+) -> Samples:
+    """The plan of the project's samples `times` as large, its seed greater by the round's number; kept in the project's
+    folder, and drawn on where an earlier run stopped. Raises ValueError as `known_models`."""
+    models = known_models(project, samples)
+    settings = settings_of(samples)
+    settings = replace(settings, scale=times * settings.scale, seed=settings.seed + number)
+    path = project.folder / f"candidates-{number}.h5"
+    motion = read_motion(project)[0]
+    return draw_samples(
+        project.scene, motion, path, settings=settings, executor=executor, models=models, progress=progress
+    )
+
+
+def worst_samples(model: LoadModel, samples: Samples, share: float) -> Samples:
+    """The share of samples on which a model is worst, and all on which nothing touches, as training rows.
+
+    The error of a sample is max over loads |model - sample|/tolerance, the scene's tolerances. Lifted bodies all belong
+    to them because a load error of zero does not tell how near a false contact is. Raises ValueError for a share
+    outside 0 to 1.
+    """
+    if not 0.0 <= share <= 1.0:
+        raise ValueError(f"share is {share!r}, expected 0 to 1")
+    tolerances = samples.scene.tolerances_of(model.load_names)
+    errors = np.max(np.abs(model(samples.poses) - samples.loads(model.load_names)) / tolerances, axis=1)
+    chosen = (samples.wrenches == 0.0).all(axis=(1, 2))
+    chosen[np.argsort(-errors, kind="stable")[: round(share * len(samples))]] = True
+    worst = samples.rows(chosen)
+    return replace(worst, role=np.full(len(worst), TRAIN, dtype=np.uint8))
+
+
 def moved_samples(samples: Samples, model: WrenchModel | None, update: Update | None = None) -> Samples | None:
     """`perturbed_samples` on the model that the samples were evaluated on, None without one: a surrogate's trust is
-    calibrated on them too. Of a user's own model, which may be slow, a third as many poses as there are samples."""
+    calibrated on them as well. Of a user's own model, which may be slow, a third as many poses as there are samples."""
     if model is None:
         return None
     count = len(samples) // 3 if model_name_of(samples) is None else None

@@ -13,10 +13,9 @@ from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.samples.models import foundations
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, write_samples
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
-from casadi_contact.workflow.active import candidates, worst_samples
 from casadi_contact.workflow.presets import ActiveRound, Effort, Preset
 from casadi_contact.workflow.project import Project
-from casadi_contact.workflow.train import train
+from casadi_contact.workflow.train import candidates, train, worst_samples
 from tests.support.smooth_samples import SPHERE, scaled, smooth_samples, smooth_wrenches
 
 

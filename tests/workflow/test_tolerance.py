@@ -1,24 +1,19 @@
 """Training to a tolerance: it ends where every domain's validation rows meet it, and says what misses."""
 
 import shlex
-import shutil
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from inspect import signature
 
 import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.samples.models import elastic_foundations
 from casadi_contact.samples.samples import TEST, VALIDATION, write_samples
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from casadi_contact.workflow import tolerance
 from casadi_contact.workflow.presets import Effort, Preset
 from casadi_contact.workflow.project import Project, project_surrogates
-from casadi_contact.workflow.samples import sample
-from casadi_contact.workflow.smallest import smallest_networks
-from casadi_contact.workflow.tolerance import misses, scene_to_tolerance
+from casadi_contact.workflow.tolerance import ToleranceSettings, misses, scene_to_tolerance, smallest_networks
 from casadi_contact.workflow.train import train
 from tests.support.random_surrogates import random_network
 from tests.support.smooth_samples import SPHERE, smooth_samples
@@ -75,33 +70,30 @@ def asked(monkeypatch):
         return samples, None
 
     monkeypatch.setattr(tolerance, "sample", drawn)
-    monkeypatch.setattr(tolerance, "FIRST_GFLOP", 0.1)
-    monkeypatch.setattr("casadi_contact.workflow.training_record.has_motion", lambda project: False)
+    monkeypatch.setattr("casadi_contact.workflow.fitting.has_motion", lambda project: False)
     return scales
+
+
+SMALL = ToleranceSettings(first_gflop=0.1)
 
 
 def trained(folder, force_n, torque_nmm, **more):
     project = Project(scene_to_tolerance(SPHERE, force_n, torque_nmm), "quick", folder)
     with ThreadPoolExecutor(1) as here:
-        return tolerance.train_to_tolerance(project, executor=here, **more)
+        return tolerance.train_to_tolerance(project, executor=here, settings=replace(SMALL, **more))
 
 
 def test_a_loose_tolerance_takes_one_round_a_tight_one_more(tmp_path, asked):
     small = trained(tmp_path / "loose", 100.0, 3000.0)
-    assert asked == [tolerance.FIRST_SCALE]
+    assert asked == [SMALL.first_scale]
     large = trained(tmp_path / "tight", 1.0, 30.0)
     rounds = asked[1:]
     assert len(rounds) > 1
-    assert rounds == [tolerance.FIRST_SCALE * 2**k for k in range(len(rounds))]
+    assert rounds == [SMALL.first_scale * 2**k for k in range(len(rounds))]
     assert misses(large, replace(smooth_samples(int(2400 * rounds[-1])), scene=large.scene)) == []
     assert sum(n.parameter_count for n in small.networks.values()) <= sum(
         n.parameter_count for n in large.networks.values()
     )
-
-
-def test_a_tolerance_and_a_preset_draw_from_the_same_model_unless_told():
-    of_both = [signature(draws).parameters["models"].default for draws in (tolerance.train_to_tolerance, sample)]
-    assert of_both == [elastic_foundations, elastic_foundations]
 
 
 def test_a_tolerance_out_of_reach_says_what_misses_and_keeps_what_there_is(tmp_path, asked):
@@ -114,7 +106,7 @@ def test_held_back_rows_meet_the_tolerance_too(tmp_path, asked, monkeypatch):
     """Validation rows choose among networks; a round that only they find good enough is not the last."""
     told = []
 
-    def missed(model, samples, most=tolerance.MET, role=VALIDATION):
+    def missed(model, samples, most=0.8, role=VALIDATION):
         told.append(role)
         return ["Fy 9 of 1 in D1"] if told == [VALIDATION, TEST] else []
 
@@ -160,14 +152,6 @@ def test_samples_of_a_preset_beside_what_a_killed_build_left_are_not_replaced(tm
     assert asked == []
 
 
-def test_rounds_that_were_deleted_are_trained_again(tmp_path, asked):
-    trained(tmp_path, 100.0, 3000.0)
-    for folder in tmp_path.glob("within-*"):
-        shutil.rmtree(folder)
-    trained(tmp_path, 100.0, 3000.0)
-    assert len(asked) == 2
-
-
 def test_a_tolerance_of_many_digits_is_recorded_with_all_of_them(tmp_path, asked, monkeypatch):
     monkeypatch.setattr("casadi_contact.workflow.train.model_name_of", lambda samples: "foundation")
     assert "--force-tol 100.12345678" in trained(tmp_path / "out", 100.12345678, 3000.0).record["command"]
@@ -206,8 +190,8 @@ def of_sizes(samples, sizes):
     """A surrogate of random networks in these sizes by name, with a record of their fits."""
     rng = np.random.default_rng(0)
     networks = {
-        name: random_network(rng, np.zeros(6), np.ones(6), sizes[name], "algebraic", 1.0)
-        for name in (regression.name for regression in PatchSurrogate.regressions(samples))
+        r.name: random_network(rng, np.zeros(6), np.ones(6), sizes[r.name], "algebraic", np.ones(r.outputs))
+        for r in PatchSurrogate.regressions(samples)
     }
     record = {key: dict.fromkeys(networks, 0.0) for key in ("training_errors", "stop_reasons", "convergence")}
     return PatchSurrogate(
@@ -242,7 +226,7 @@ def test_networks_end_at_the_smallest_size_that_meets_what_is_asked():
 
 def test_networks_that_are_small_enough_one_by_one_are_judged_together():
     def enough(networks):
-        return sum(network.hidden[0] for network in networks.values()) >= 20
+        return sum(network.hidden[0] for network in networks.values()) >= 9
 
     networks, _ = shrunk(lambda surrogate: enough(surrogate.networks))
     assert enough(networks)
