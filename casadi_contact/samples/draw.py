@@ -120,20 +120,19 @@ def draw_samples(
         **models_identity(models),
         "plan_digest": plan_digest(chunks),
     }
+    if models is foundations:  # chosen for the scene's tolerances
+        identity["tolerances"] = dict(scene.tolerances)
     job = WorkerModels.of(scene, settings, models)
     own = model_name(models) not in MODELS  # the library's are known by name, version and settings
     if path.exists():
         samples = read_samples(path)
         there = {**samples.provenance, "scene": samples.scene.digest}
         check_same_plan(there, identity, path)
-        if models is foundations:
-            _refuse_coarser(samples.scene, scene, path)
         if own:
             check_same_model(job.pair()[1], replace(samples, scene=scene), path)
         shutil.rmtree(partial_folder(path), ignore_errors=True)  # left where a kill came just before the clearing up
         return samples
-    # One foundation draws all chunks: it is chosen for the tolerances.
-    folder = ChunkFolder(path, {**identity, **({"tolerances": scene.tolerances} if models is foundations else {})})
+    folder = ChunkFolder(path, identity)
     drawn = {number: chunk for number in range(len(chunks)) if (chunk := folder.read(number)) is not None}
     if own and drawn:
         check_same_model(job.pair()[1], joined(scene, list(drawn.values())), folder.folder)
@@ -207,17 +206,6 @@ def _draw_missing(
                 folder.write(number, drawn[number])
                 if progress is not None:
                     progress(len(drawn), len(chunks))
-
-
-def _refuse_coarser(before: Scene, now: Scene, path: Path) -> None:
-    """ValueError where samples of `contact.foundation`, which is as good as a scene's tolerances, were drawn for larger
-    ones than those of now."""
-    for load, tolerance in now.tolerances.items():
-        if before.tolerances[load] > tolerance:
-            raise ValueError(
-                f"{path} was drawn from a foundation chosen for {load} within {before.tolerances[load]:g}, now "
-                f"{tolerance:g}: use another file, or delete it"
-            )
 
 
 def _draw(models: WorkerModels, chunk: Chunk) -> DrawnChunk:

@@ -76,12 +76,7 @@ class ChunkFolder:
 
     def remove(self) -> None:
         """Delete the folder, once the samples file is complete."""
-        if not self.folder.is_symlink():
-            shutil.rmtree(self.folder)
-            return
-        for path in (*self.folder.glob("chunk-*.npz"), self.folder / "plan.json"):  # others may have files there
-            path.unlink()
-        self.folder.unlink()
+        shutil.rmtree(self.folder)
 
 
 def check_same_plan(before: Mapping[str, Any], now: Mapping[str, Any], where: Path) -> None:

@@ -1,4 +1,3 @@
-import os
 import signal
 import subprocess
 import sys
@@ -10,7 +9,6 @@ import numpy as np
 import pytest
 
 from casadi_contact.samples.draw import draw_samples
-from casadi_contact.samples.models import foundations
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import partial_folder, read_samples
 from tests.support import two_spheres
@@ -127,69 +125,10 @@ def test_samples_of_something_else_are_not_continued(message, stopped, tmp_path,
         assert sorted(p.name for p in tmp_path.rglob("*")) == before
 
 
-def test_samples_of_a_foundation_go_on_for_no_smaller_tolerances(tmp_path, monkeypatch):
-    """It is chosen for the tolerances: whole samples are good enough for larger ones, begun ones for the same alone."""
-    monkeypatch.setattr("casadi_contact.samples.models.foundation", two_spheres.TwoSpheres)
-    path, settings = tmp_path / "samples.h5", replace(SETTINGS, seed=77)
-    tight, loose = (
-        knee().with_tolerances(**{name: factor * value for name, value in knee().tolerances.items()})
-        for factor in (0.5, 2.0)
-    )
-
-    def go_on(scene, progress=None):
-        with ThreadPoolExecutor(1) as executor:
-            return draw_samples(
-                scene,
-                sphere_motion(),
-                path,
-                settings=settings,
-                executor=executor,
-                models=foundations,
-                progress=progress,
-            )
-
-    def stop(done, total):
-        if done == 2:
-            raise StopError
-
-    with pytest.raises(StopError):
-        go_on(knee(), stop)
-    for other in (tight, loose):
-        with pytest.raises(ValueError, match="was drawn with tolerances"):
-            go_on(other)
-    drawn = go_on(knee())
-    with pytest.raises(ValueError, match="was drawn from a foundation chosen for Fy_med within"):
-        go_on(tight)
-    np.testing.assert_array_equal(go_on(loose).poses, drawn.poses)
-
-
 def test_a_damaged_record_is_refused(stopped):
     (partial_folder(stopped) / "plan.json").write_text("{")
     with pytest.raises(ValueError, match=r"plan\.json is damaged: delete"):
         resume(stopped)
-
-
-def test_a_folder_that_cannot_be_written(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(OSError, match="cannot write samples to"):
-        resume(tmp_path / "file" / "samples.h5")
-    if os.geteuid() != 0:  # the superuser may write anywhere
-        tmp_path.chmod(0o500)
-        with pytest.raises(OSError, match="cannot write samples to"):
-            resume(tmp_path / "samples.h5")
-
-
-@pytest.mark.skipif(os.name != "posix", reason="links need rights elsewhere")
-def test_chunks_may_gather_on_another_disc(tmp_path, whole):
-    """A link leads there; what others keep beside the chunks stays."""
-    (tmp_path / "disc").mkdir()
-    (tmp_path / "disc" / "of_others").touch()
-    partial_folder(tmp_path / "samples.h5").symlink_to(tmp_path / "disc")
-    with ThreadPoolExecutor(1) as executor:
-        draw(tmp_path / "samples.h5", executor)
-    assert (tmp_path / "samples.h5").read_bytes() == whole
-    assert not partial_folder(tmp_path / "samples.h5").is_symlink()
-    assert [path.name for path in (tmp_path / "disc").iterdir()] == ["of_others"]
 
 
 def test_a_kill_between_the_last_rename_and_the_clearing_up(stopped, whole):
