@@ -20,7 +20,14 @@ from casadi_contact.contact.parameters import check_parameters, parametric_funct
 from casadi_contact.contact.pressures import MOMENTS, PressureOutputs
 from casadi_contact.contact.symbolic import contact_callback, model_callback
 from casadi_contact.core.compiler import CompilerError, call_in_shares, shared_library, warn_once
-from casadi_contact.core.conventions import Array, by_pose, load_selection, pose_or_poses, rotation, wrench_names
+from casadi_contact.core.conventions import (
+    Array,
+    load_selection,
+    pose_or_poses,
+    rotation,
+    twist_to_pose_gradient,
+    wrench_names,
+)
 from casadi_contact.networks.export_c import ExportedModel
 from casadi_contact.networks.exportable import Exportable
 from casadi_contact.networks.functions import (
@@ -261,7 +268,7 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
         """Wrenches (n, P, 6), d wrench/d pose (n, P, 6, 6) if asked for, cut by the rim (n, P)."""
         if self._library is None:
             wrenches, by_twist, _, _, cut = self._by_twist(rotation(poses[:, 3:]), poses[:, :3])
-            return wrenches, by_pose(by_twist, poses), cut
+            return wrenches, twist_to_pose_gradient(by_twist, poses), cut
         shape = (len(poses), len(self.patch_names))
         wrenches, cut = np.empty((*shape, 6)), np.empty(shape, dtype=np.int32)
         derivatives = np.empty((*shape, 6, 6)) if slopes else None
@@ -281,7 +288,7 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
     def _gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
         if self._library is None:
             _, _, gaps, by_twist, _ = self._by_twist(rotation(poses[:, 3:]), poses[:, :3])
-            return gaps, by_pose(by_twist, poses)
+            return gaps, twist_to_pose_gradient(by_twist, poses)
         shape = (len(poses), len(self.patch_names))
         gaps, slopes = np.empty(shape), np.empty((*shape, 6))
         call_in_shares(self._library, "foundation_gaps", poses, gaps, slopes)
@@ -303,7 +310,7 @@ class CompiledPressures(CompiledFoundation, PressureOutputs):
         """Moments (n, P, 6) and their derivatives by the pose (n, P, 6, 6), see `contact.pressures`."""
         if self._pressure_library is None:
             values, by_twist = self._moments_by_twist(rotation(poses[:, 3:]), poses[:, :3])
-            return values, by_pose(by_twist, poses)
+            return values, twist_to_pose_gradient(by_twist, poses)
         shape = (len(poses), len(self.patch_names), MOMENTS)
         values, slopes = np.empty(shape), np.empty((*shape, 6))
         call_in_shares(self._pressure_library, "foundation_moments", poses, values, slopes)

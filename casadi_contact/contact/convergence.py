@@ -116,10 +116,10 @@ class NotGoodEnoughError(ValueError):
 
 def not_good_enough(model: CompiledFoundation | str, errors: Errors) -> NotGoodEnoughError:
     """The finest of a scene's models is not good enough."""
-    return NotGoodEnoughError(f"scene {errors.scene.name}: {model} is off by {errors.worst}: {cure_of(errors.scene)}")
+    return NotGoodEnoughError(f"scene {errors.scene.name}: {model} is off by {errors.worst}: {remedy(errors.scene)}")
 
 
-def cure_of(scene: Scene) -> str:
+def remedy(scene: Scene) -> str:
     """What to do where no model of a scene is good enough. A damaged mesh makes every model wrong, finer ones too, and
     a moving body's sharp rim is finer than any cell."""
     look = "look first whether the meshes are damaged or sharp-edged where they touch (casadi-contact show), then "

@@ -237,12 +237,12 @@ def load_jacobian(selection: Array, wrenches: Array, slopes: Array) -> tuple[Arr
     return np.einsum("lpk,npk->nl", selection, wrenches), rows @ columns
 
 
-def twist(force: Array, arm: Array) -> Array:
+def wrench_about_origin(force: Array, arm: Array) -> Array:
     """(f, arm × f) (..., 6) of forces and arms (..., 3): its product with (v, ω) is the force's power."""
     return np.concatenate([force, np.cross(arm, force)], -1)
 
 
-def by_pose(by_twist: Array, poses: Array) -> Array:
+def twist_to_pose_gradient(by_twist: Array, poses: Array) -> Array:
     """Derivatives (n, ..., 6) by twist become derivatives by pose (n, 6), since ω = E·(ṙx, ṙy, ṙz)."""
     slopes = by_twist.copy()
     slopes[..., 3:] = np.einsum("n...w,nwj->n...j", by_twist[..., 3:], angular_velocity_map(poses[:, 3:]))

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 import casadi_contact as cc
 from casadi_contact.contact.convergence import NotGoodEnoughError
 from casadi_contact.contact.polar import quadrature
-from casadi_contact.contact.polar.choice import polar_foundation, pressed_poses, share_apart
+from casadi_contact.contact.polar.choice import fraction_in_disagreement, polar_foundation, pressed_poses
 from casadi_contact.contact.polar.lines import Rays
 from tests.support.compiler import needs_compiler
 from tests.support.derivative_checks import check_same_formulas
@@ -49,7 +49,7 @@ def pressed():
     within the rim, whatever bears beside it."""
     model = cc.PolarFoundation(fitting(41.0, 23.0), Rays(24, 3), compiled=False)
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(quadrature, "second_middle", one_spot_only)
+        patched.setattr(quadrature, "second_peak", one_spot_only)
         return model, *pressed_poses(model.patches[0], model.law, (20.0, 2500.0), 300)
 
 
@@ -103,7 +103,7 @@ def test_elements_tell_where_rays_miss_a_spot(pressed, monkeypatch):
     """More rays see no more of a spot that none of them looks for."""
     model, R, t = pressed
     assert polar_foundation(model.scene, compiled=False).record["elements_apart"] < 0.02
-    monkeypatch.setattr(quadrature, "second_middle", one_spot_only)
+    monkeypatch.setattr(quadrature, "second_peak", one_spot_only)
     wrench = quadrature.patch_loads(model.patches[0], model.law, model.rays, R, t).wrench
     with pytest.raises(NotGoodEnoughError, match=r"rays and 320×160 elements differ .* \d\d% of .*ElasticFoundation"):
-        share_apart(model.scene, [(R, t, wrench)])
+        fraction_in_disagreement(model.scene, [(R, t, wrench)])

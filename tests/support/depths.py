@@ -4,7 +4,7 @@ import numpy as np
 
 from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.contact.cup.foundation import CupFoundation
-from casadi_contact.contact.polar.ray_hits import ray_ends
+from casadi_contact.contact.polar.ray_hits import ray_hits
 from casadi_contact.core.conventions import rotation
 from casadi_contact.geometry.field_derivatives import distance_slopes
 
@@ -31,7 +31,7 @@ def depths(model, p, surface, pose):
             depth -= g / np.maximum(-along, 0.05)  # a distance that is level, or falls the other way, tells no depth
         return np.where(outside, 0.0, np.maximum(depth, 0.0))
     count = len(surface.places)
-    ends = ray_ends(
+    ends = ray_hits(
         model.patches[p], np.broadcast_to(R, (count, 3, 3)), np.broadcast_to(t, (count, 3)), *surface.places.T
     )
     return np.maximum(ends.depth, 0.0)

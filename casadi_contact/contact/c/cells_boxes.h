@@ -9,7 +9,7 @@ typedef struct {
   Eight middle[3], half[2][3], beyond, size;
 } Boxes;
 
-/* Of the field at a node: value, gradient, concavity M and clearance (contact/cells/tangents.py) */
+/* Of the field at a node: value, gradient, concavity M and clearance (contact/cells/source.py) */
 typedef struct {
   float g, slope[3], concavity, clearance, unused[2];
 } Tangent;
@@ -106,7 +106,7 @@ INLINE void find_tangents(const Boxes *boxes, const Place *place, Nearest *found
 }
 
 /* One bit for each box that the body may come within TOUCH of: by value, slope and concavity of the field at the node
- * nearest to its middle, or by what is clear around that (see contact/cells/tangents.py), without evaluating the spline.
+ * nearest to its middle, or by what is clear around that (see contact/cells/source.py), without evaluating the spline.
  * nearest: what `find_tangents` found. */
 INLINE unsigned may_touch(const Boxes *boxes, const double *pose, const Frame *frame, const Place *place,
                           const Nearest *nearest) {

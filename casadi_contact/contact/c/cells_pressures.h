@@ -1,4 +1,4 @@
-/* Pressure moments of a patch: the formulas of contact/cells/pressures.py. */
+/* Pressure moments of a patch: the formulas of contact/cells/quadrature.py. */
 #define FULL_SHARE ((POWER + 2.0) / (POWER + 1.0))
 
 /* x^(POWER - 1) */

@@ -1,4 +1,4 @@
-/* Pressure moments of a patch: the formulas of contact/polar/pressures.py. */
+/* Pressure moments of a patch: the formulas of contact/polar/quadrature.py. */
 
 /* Derivatives of the depth at a ray's end by the twist: -(G, arm x G)/sigma */
 INLINE void depth_slope(const Place *p, const Ray *ray, Lanes slope[6]) {

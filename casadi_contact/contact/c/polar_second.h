@@ -1,4 +1,4 @@
-/* A second spot of contact, where one of the two lies on the rim: the formulas of contact/polar/second.py. */
+/* A second spot of contact, where one of the two lies on the rim: the formulas of contact/polar/quadrature.py. */
 
 INLINE int on_rim(const double low[2], const double high[2], const Charted *at) {
   int found = 0;

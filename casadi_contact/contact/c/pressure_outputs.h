@@ -1,4 +1,4 @@
-/* Pressure outputs of a pose, seven for each patch in the order of contact/pressure/summary.py: area [mm2], mean and peak
+/* Pressure outputs of a pose, seven for each patch in the order of contact/pressures.py: area [mm2], mean and peak
  * pressure [MPa], centre of pressure [mm] (NaN out of contact), penetration [mm]. From patch_moments, see pressures.h. */
 FUNCTION void pressures_at(const double *pose, double *pressures) {
   const Frame frame = frame_of(pose);

@@ -1,4 +1,4 @@
-/* Pressure moments of many poses, for NumPy: area, integrals of p and p c, largest depth (contact/pressure/outputs.py).
+/* Pressure moments of many poses, for NumPy: area, integrals of p and p c, largest depth (contact/pressures.py).
  * A model defines patch_moments, with derivatives by the twist of the moving body about t; here they are by pose. */
 EXPORT void foundation_moments(long long n, const double *poses, double *values, double *slopes) {
   for (long long i = 0; i < n; i++) {

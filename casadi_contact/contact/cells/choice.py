@@ -14,7 +14,7 @@ from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.foundation import CellFoundation, cell_patches
 from casadi_contact.contact.cells.patches import patch_charts
 from casadi_contact.contact.cells.quadrature import Quadrature
-from casadi_contact.contact.convergence import Errors, NotGoodEnoughError, cure_of, forces_tried, not_good_enough
+from casadi_contact.contact.convergence import Errors, NotGoodEnoughError, forces_tried, not_good_enough, remedy
 from casadi_contact.contact.elements.foundation import TELLING_SHARE, ElasticFoundation, grid_text, share_at_sharp_edges
 from casadi_contact.core.conventions import POSE_NAMES, Array, load_selection, rotation
 from casadi_contact.scenes.joint_cycle import scene_cycles
@@ -213,7 +213,7 @@ class _Truth:
         if len(tried) and not len(self.at_rim):
             raise NotGoodEnoughError(
                 f"scene {scene.name}: elements of {_HALF} and {CONVERGED} differ by more than its tolerances allow in "
-                f"every pose that was tried, so that no cells can be chosen: {cure_of(scene)}"
+                f"every pose that was tried, so that no cells can be chosen: {remedy(scene)}"
             )
         if not len(self.at_rim):
             raise ValueError(

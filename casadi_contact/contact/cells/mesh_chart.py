@@ -31,7 +31,7 @@ _DENSEST = 3.3  # times as many cells as on the flat, on the sharpest ridge
 _CREASE_COS = np.cos(np.deg2rad(30.0))  # between normals of neighbours: 0.15 mm apart on a fillet of 0.3 mm
 
 
-def sheets_and_faces(
+def segment_surface(
     on: np.ndarray, heights: Array, normals: Array, step: Array, fewest: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """The numbers (nu, nv) of the sheet and of the face that each point `on` (nu, nv) of a raster lies on.
@@ -112,7 +112,7 @@ class MeshChart:
         self._whole: MeshChart | None = None
         nearest = tuple(ndimage.distance_transform_edt(~self._smooth, return_distances=False, return_indices=True))
         self._sheets, self._faces = (
-            numbers[nearest] for numbers in sheets_and_faces(self._smooth, self._heights, normals, self._step, _FEWEST)
+            numbers[nearest] for numbers in segment_surface(self._smooth, self._heights, normals, self._step, _FEWEST)
         )
         self.densities = self._densities(u[1::2], v[1::2])
 

@@ -23,7 +23,7 @@ from casadi_contact.contact.cells.patches import CellPatch
 from casadi_contact.contact.elements.loops import STEEPEST_FIELD, point_distances
 from casadi_contact.contact.pressure_law import pressure, pressure_slopes
 from casadi_contact.contact.pressures import MOMENTS
-from casadi_contact.core.conventions import Array, twist
+from casadi_contact.core.conventions import Array, wrench_about_origin
 from casadi_contact.geometry.field_derivatives import distance_derivatives, distance_slopes
 from casadi_contact.geometry.moving_surface import MovingSurface
 
@@ -66,7 +66,7 @@ class Quadrature:
         distance = point_distances(self.body.family, self.body.parameters, p.c, R, t)
         nearest = int(np.argmin(np.where(p.known, distance, np.inf)))
         gap, slope, _ = distance_derivatives(self.body, ((p.c[nearest] - t) @ R)[None])
-        gap_slope = -twist(R @ slope[0], p.c[nearest] - t)
+        gap_slope = -wrench_about_origin(R @ slope[0], p.c[nearest] - t)
         touch = self._touch(R, t, distance)
         total, by_total = touch.total, -p.loads[touch.nodes.used].T @ self.slopes(touch)[0]
         fade, fade_slope = smooth_step(-total[6] / self.fade_n)
@@ -146,7 +146,7 @@ class Quadrature:
         c, n = p.c[used], p.n[used]
         g, slope = distance_slopes(self.body, (c - t) @ R)
         start, moves = _start(-g)
-        by_start = moves[:, None] * twist(slope @ R.T, c - t)
+        by_start = moves[:, None] * wrench_about_origin(slope @ R.T, c - t)
         x = c - start[:, None] * n
         g, slope = distance_slopes(self.body, (x - t) @ R)
         G = slope @ R.T
@@ -178,7 +178,7 @@ class Quadrature:
         facing, by_facing = moving(n)
         by_sigma, sigma = -by_facing, -facing
         by_m = m_slope[:, None] * by_sigma
-        by_d = twist(G, rho) + (m - sigma)[:, None] * nodes.by_start - (d - nodes.start)[:, None] * by_m
+        by_d = wrench_about_origin(G, rho) + (m - sigma)[:, None] * nodes.by_start - (d - nodes.start)[:, None] * by_m
         by_d /= m[:, None]
         near_slope = positive_ramp(d + FAR_MM, FAR_WIDTH_MM)[1]
         near_bend = np.maximum(1.0 - ((d + FAR_MM) / FAR_WIDTH_MM) ** 2, 0.0) * 0.75 / FAR_WIDTH_MM

@@ -167,7 +167,7 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
         body,
         *(c_text(f"cells_{name}.h", C_FOLDER) for name in ("body", "boxes", "nodes", "search", "values")),
         f"static const Patch patches[PATCHES] = {{{', '.join(rows)}}};",
-        *(c_text(name, C_FOLDER) for name in ("cells_sums.h", "cells_curvature.h", "cells.h", "orders.h")),
+        *(c_text(name, C_FOLDER) for name in ("cells_sums.h", "cells_curvature.h", "cells.h")),
     ]
     return "\n".join(text), tables.data
 

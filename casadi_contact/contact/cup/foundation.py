@@ -43,7 +43,6 @@ def cup_source(cup: Cup, points: int) -> str:
             *(f"#define {name} {value!r}" for name, value in numbers.items()),
             *(f"static const double {name} = {braces(values)};" for name, values in tables.items()),
             c_text("cup.h", C_FOLDER),
-            c_text("orders.h", C_FOLDER),
         ]
     )
 

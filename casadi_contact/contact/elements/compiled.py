@@ -1,4 +1,9 @@
-"""The loads of a bed of elements under swept arcs in C: what `loops.wrench_many` computes, several times faster."""
+"""The loads of a patch's elements under swept arcs in C: what `loops.wrench_many` computes.
+
+Both stay. Numba has every surface and pressure law, and needs no compiler; meshes have elements by it alone. The C has
+swept arcs only, as in the knee, with four elements in a vector: 8 against 105 µs a pose of 80×40 elements (two shared
+cores), which samples, references and verification of knees wait for.
+"""
 
 from __future__ import annotations
 

@@ -14,7 +14,14 @@ from casadi_contact.contact.model import WrenchLoads
 from casadi_contact.contact.pressure_law import law_of, pressures
 from casadi_contact.contact.pressures import PressedElements, PressureMap, PressureSummary
 from casadi_contact.core.compilation import threads_for
-from casadi_contact.core.conventions import Array, as_poses, by_pose, load_selection, pose_or_poses, rotation
+from casadi_contact.core.conventions import (
+    Array,
+    as_poses,
+    load_selection,
+    pose_or_poses,
+    rotation,
+    twist_to_pose_gradient,
+)
 from casadi_contact.geometry.creases import beside_creases, creases
 from casadi_contact.geometry.elements import ElementGrid
 from casadi_contact.geometry.moving_surface import MovingSurface
@@ -29,7 +36,7 @@ def grid_text(grid: tuple[int, int]) -> str:
     return f"{grid[0]}×{grid[1]}"
 
 
-class _Bed(NamedTuple):
+class PatchElements(NamedTuple):
     """Elements, as numba's loops read an `ElementGrid`, and the moving surface that faces them; in C where it can."""
 
     surface: MovingSurface
@@ -37,7 +44,8 @@ class _Bed(NamedTuple):
     compiled: CompiledElements | None
 
     @classmethod
-    def of(cls, surface: MovingSurface, e: ElementGrid, compiled: Material | None) -> _Bed:
+    def of(cls, surface: MovingSurface, e: ElementGrid, compiled: Material | None) -> PatchElements:
+        """compiled: the material whose law the C has; None for numba alone."""
         in_c = None if compiled is None else CompiledElements.of(surface, e, compiled)
         elements = (e.centres_mm, e.normals, e.areas_mm2, e.blocks, e.block_centres_mm, e.block_extents_mm)
         return cls(surface, elements, in_c)
@@ -74,7 +82,7 @@ class ElasticFoundation(WrenchLoads):
         grids = scene.elements(self.grid)
         self._edges = [e.edge_centres_mm for e in grids]
         self._material = material if compiled else None
-        self._patches = [_Bed.of(s, e, self._material) for s, e in zip(scene.surfaces(), grids, strict=True)]
+        self._patches = [PatchElements.of(s, e, self._material) for s, e in zip(scene.surfaces(), grids, strict=True)]
         self._law = law_of(material)
 
     def __repr__(self) -> str:
@@ -153,17 +161,18 @@ class ElasticFoundation(WrenchLoads):
             yield elements, element_depths(surface.family, surface.parameters, elements, R, t)
 
     @cached_property
-    def _parts(self) -> list[_Bed]:
+    def _parts(self) -> list[PatchElements]:
         """The patches' beds cut into those of their parts: for samples alone, since more beds take longer."""
         parts = self.scene.parts
         if len(parts) == len(self.patch_names):
             return self._patches
         grids = self.scene.part_elements(self.grid)
         return [
-            _Bed.of(self._patches[part.patch].surface, e, self._material) for part, e in zip(parts, grids, strict=True)
+            PatchElements.of(self._patches[part.patch].surface, e, self._material)
+            for part, e in zip(parts, grids, strict=True)
         ]
 
-    def _evaluate(self, beds: Sequence[_Bed], poses: Array, *, derivatives: bool) -> tuple[Array, Array]:
+    def _evaluate(self, beds: Sequence[PatchElements], poses: Array, *, derivatives: bool) -> tuple[Array, Array]:
         """Wrenches (n, beds, 6) and, if asked, d wrench / d pose (n, beds, 6, 6)."""
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
         with threads_for(len(poses)):
@@ -171,17 +180,17 @@ class ElasticFoundation(WrenchLoads):
         wrenches = np.stack([w for w, _ in results], axis=1)
         if not derivatives:
             return wrenches, np.empty(0)
-        return wrenches, by_pose(np.stack([k for _, k in results], axis=1), poses)
+        return wrenches, twist_to_pose_gradient(np.stack([k for _, k in results], axis=1), poses)
 
     def _gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
         return self._gaps(self._patches, poses)
 
-    def _gaps(self, beds: Sequence[_Bed], poses: Array) -> tuple[Array, Array]:
+    def _gaps(self, beds: Sequence[PatchElements], poses: Array) -> tuple[Array, Array]:
         """Gaps (n, beds) and their derivatives by pose (n, beds, 6)."""
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
         with threads_for(len(poses)):
             results = [gap_many(s.family, s.parameters, e, rotations, translations) for s, e, _ in beds]
-        slopes = by_pose(np.stack([g for _, g in results], axis=1), poses)
+        slopes = twist_to_pose_gradient(np.stack([g for _, g in results], axis=1), poses)
         return np.stack([g for g, _ in results], axis=1), slopes
 
 

@@ -1,7 +1,7 @@
 """What the moving body's next arc changes of a spot: the caps of the spot beyond the junctions of arcs.
 
 Arcs meet with a common tangent and different curvatures. Rays that cross their junction would feel it at angles that no
-rule of equal steps meets. So the torus of the middle's arc is integrated as if it went on; in the cap beyond each
+rule of equal steps meets. So the torus of the peak's arc is integrated as if it went on; in the cap beyond each
 junction, between the chord along it and the edge, that of the arc before is taken away and that of the arc behind is
 added: on a fan of rays that begin on the chord, at Gauss points of its angle.
 """
@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from casadi_contact.contact.polar.lines import Lines
-from casadi_contact.contact.polar.peak import LEAST_CHORD_MM, Middle, edge_distance
-from casadi_contact.contact.polar.ray_hits import LEAST_LENGTH, LEAST_RISE, Spot, bounded, ray_ends, rise
+from casadi_contact.contact.polar.peak import LEAST_CHORD_MM, Peak, edge_distance
+from casadi_contact.contact.polar.ray_hits import LEAST_LENGTH, LEAST_RISE, Spot, bounded, ray_hits, rise
 from casadi_contact.contact.polar.surfaces import SmoothPatch
 from casadi_contact.core.conventions import Array
 
@@ -24,9 +24,9 @@ LEAST_TILT = 1e-9  # between the junction's plane and the patch
 
 @dataclass(frozen=True)
 class _Junction:
-    """A junction in n poses as the middle of the spot sees it: its plane, with a point and the normal (n, 3) away from
-    the middle; directions (n, 2) across and along it in the chart; the rate (n,) at which points run behind it across,
-    and the middle's distance from it. before, behind (n,): the arcs.
+    """A junction in n poses as the peak of the spot sees it: its plane, with a point and the normal (n, 3) away from
+    the peak; directions (n, 2) across and along it in the chart; the rate (n,) at which points run behind it across,
+    and the peak's distance from it. before, behind (n,): the arcs.
     """
 
     point: Array
@@ -60,11 +60,11 @@ class _Chord:
         return u, v
 
 
-def caps(patch: SmoothPatch, R: Array, t: Array, middle: Middle, count: int) -> list[Lines]:
+def curvature_jump_segments(patch: SmoothPatch, R: Array, t: Array, peak: Peak, count: int) -> list[Lines]:
     """Lines (n, count) of both arcs of each junction; without area where the junction does not cross a spot."""
-    junctions = [_junction(patch, R, t, middle.spot, number) for number in range(len(patch.arcs) - 1)]
-    chords = [_chord(patch, R, t, middle, junctions, number) for number in range(len(junctions))]
-    return [lines for chord in chords for lines in _lines(patch, R, t, middle, chord, count)]
+    junctions = [_junction(patch, R, t, peak.spot, number) for number in range(len(patch.arcs) - 1)]
+    chords = [_chord(patch, R, t, peak, junctions, number) for number in range(len(junctions))]
+    return [lines for chord in chords for lines in _lines(patch, R, t, peak, chord, count)]
 
 
 def _junction(patch: SmoothPatch, R: Array, t: Array, m: Spot, number: int) -> _Junction:
@@ -80,9 +80,9 @@ def _junction(patch: SmoothPatch, R: Array, t: Array, m: Spot, number: int) -> _
     return _Junction(point, normal, across, along, rate, distance, before, behind)
 
 
-def _chord(patch: SmoothPatch, R: Array, t: Array, middle: Middle, junctions: list[_Junction], number: int) -> _Chord:
-    m, j = middle.spot, junctions[number]
-    # The depth on the line, from the middle's: greatest at `top`
+def _chord(patch: SmoothPatch, R: Array, t: Array, peak: Peak, junctions: list[_Junction], number: int) -> _Chord:
+    m, j = peak.spot, junctions[number]
+    # The depth on the line, from the peak's: greatest at `top`
     both = np.stack([j.across, j.along], 1)
     slope, k = np.einsum("nia,na->ni", both, m.slope), both @ m.curvature @ np.swapaxes(both, 1, 2)
     k_along, slope_along = bounded(k[:, 1, 1]), slope[:, 1] - k[:, 0, 1] * j.distance
@@ -94,27 +94,27 @@ def _chord(patch: SmoothPatch, R: Array, t: Array, middle: Middle, junctions: li
         behind, before = (_more_curved(patch, R, t, m, arc[:, None])[:, 0] for arc in (between.behind, between.before))
         way = np.maximum(j.distance - between.distance, 0.0)
         depth -= np.where(passed, 0.5 * _bend(m, j.across[:, None])[:, 0] * (behind - before) * way**2, 0.0)
-    crosses = middle.whole & (depth > 0.0)
+    crosses = peak.whole & (depth > 0.0)
     off = np.where(crosses[:, None], j.distance[:, None] * j.across + top[:, None] * j.along, 0.0)
     return _Chord(j, np.stack([m.u, m.v], -1) + off, np.sqrt(2.0 * np.where(crosses, depth, 0.0) / k_along))
 
 
 def _bend(m: Spot, directions: Array) -> Array:
-    """Squared component along the middle's arc of unit steps along directions (n, m, 2) in the chart."""
+    """Squared component along the peak's arc of unit steps along directions (n, m, 2) in the chart."""
     return np.asarray(np.einsum("nma,nai,ni->nm", directions, m.ends.tangents, m.ends.along) ** 2)
 
 
-def _lines(patch: SmoothPatch, R: Array, t: Array, middle: Middle, chord: _Chord, count: int) -> list[Lines]:
+def _lines(patch: SmoothPatch, R: Array, t: Array, peak: Peak, chord: _Chord, count: int) -> list[Lines]:
     """Rays of the fan across the cap, on the arcs before and behind the junction."""
-    m, j = middle.spot, chord.junction
-    start, directions, r, weight = _fan(middle, _ends(patch, R, t, chord), count)
+    m, j = peak.spot, chord.junction
+    start, directions, r, weight = _fan(peak, _ends(patch, R, t, chord), count)
     arc, behind = (np.repeat(a[:, None], count, 1) for a in (j.before, j.behind))
     du, dv = np.moveaxis(directions, -1, 0)
     turned = np.einsum("nma,na->nm", directions, j.across)
     weight = np.where(turned > 0.0, weight, 0.0)  # too short a chord to have a direction
     rate = np.where(weight > 0.0, j.rate[:, None] * turned, np.inf)
     for _ in range(CHORD_STEPS):  # Newton's, onto the junction
-        ends = ray_ends(patch, R, t, start[:, :1] + r * du, start[:, 1:] + r * dv, arc=arc)
+        ends = ray_hits(patch, R, t, start[:, :1] + r * du, start[:, 1:] + r * dv, arc=arc)
         r = r - j.past(ends.x) / rate
     u, v = start[:, :1] + r * du, start[:, 1:] + r * dv
     left, falls = np.maximum(-ends.g, 0.0), -rise(ends, du, dv)
@@ -135,7 +135,7 @@ def _ends(patch: SmoothPatch, R: Array, t: Array, chord: _Chord) -> Array:
     s, r, arc = half * outwards, np.zeros((len(half), 2)), np.repeat(j.before[:, None], 2, 1)
     for _ in range(CHORD_STEPS):
         u, v = chord.points(s, r)
-        ends = ray_ends(patch, R, t, u, v, arc=arc)
+        ends = ray_hits(patch, R, t, u, v, arc=arc)
         step = np.clip(-j.past(ends.x) / j.rate[:, None], -0.5 * half, 0.5 * half)
         g = ends.g + rise(ends, *j.across.T[..., None]) * step
         out = g / np.maximum(outwards * rise(ends, *j.along.T[..., None]), LEAST_RISE)
@@ -143,32 +143,32 @@ def _ends(patch: SmoothPatch, R: Array, t: Array, chord: _Chord) -> Array:
     return np.stack(chord.points(s, r), -1)
 
 
-def _fan(middle: Middle, ends: Array, count: int) -> tuple[Array, Array, Array, Array]:
+def _fan(peak: Peak, ends: Array, count: int) -> tuple[Array, Array, Array, Array]:
     """Start (n, 2) of a fan of rays, their directions (n, m, 2), distances (n, m) to the chord, weights of the angle.
 
     Where `form` makes the spot a circle the fan is a right angle over the chord: caps up to a half circle are smooth
     functions of its rays.
     """
-    x = np.einsum("nab,neb->nea", np.linalg.inv(middle.form), ends)
+    x = np.einsum("nab,neb->nea", np.linalg.inv(peak.form), ends)
     half = 0.5 * (x[:, 1] - x[:, 0])
     across = np.stack([half[:, 1], -half[:, 0]], -1)
     cosine, sine, share = fan_angles(count)
     directions = cosine[:, None] * across[:, None] + sine[:, None] * half[:, None]
     size = np.linalg.norm(half, axis=1)[:, None]
-    directions = np.einsum("nab,nmb->nma", middle.form, directions / np.maximum(size, LEAST_CHORD_MM)[..., None])
-    start = np.einsum("nab,nb->na", middle.form, 0.5 * (x[:, 0] + x[:, 1]) - across)
+    directions = np.einsum("nab,nmb->nma", peak.form, directions / np.maximum(size, LEAST_CHORD_MM)[..., None])
+    start = np.einsum("nab,nb->na", peak.form, 0.5 * (x[:, 0] + x[:, 1]) - across)
     return start, directions, size / cosine, np.where(size > LEAST_CHORD_MM, share, 0.0)
 
 
 def fan_angles(count: int) -> tuple[Array, Array, Array]:
-    """Cosine and sine of the rays' angles with the middle of the fan, and weights."""
+    """Cosine and sine of the rays' angles with the peak of the fan, and weights."""
     place, share = np.polynomial.legendre.leggauss(count)
     angle = 0.25 * np.pi * place
     return np.cos(angle), np.sin(angle), 0.25 * np.pi * share
 
 
 def _more_curved(patch: SmoothPatch, R: Array, t: Array, m: Spot, arc: np.ndarray) -> Array:
-    """Curvature along the arc (n, m) of another arc's torus at the middle, less that of the middle's own."""
+    """Curvature along the arc (n, m) of another arc's torus at the peak, less that of the peak's own."""
     own = patch.arcs[m.ends.arc]
     end = np.einsum("nji,nj->ni", R, m.ends.x - t)[:, :2] - own[:, :2]
     rho = np.hypot(*end.T)

@@ -13,11 +13,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from casadi_contact.contact.approach import press_until
-from casadi_contact.contact.convergence import Errors, NotGoodEnoughError, cheapest, cure_of, forces_tried
+from casadi_contact.contact.convergence import Errors, NotGoodEnoughError, cheapest, forces_tried, remedy
 from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
-from casadi_contact.contact.polar.peak import middle, nearest
+from casadi_contact.contact.polar.peak import nearest, peak
 from casadi_contact.contact.polar.quadrature import FACING, PatchLoads, patch_loads
 from casadi_contact.contact.polar.ray_hits import fixed_point
 from casadi_contact.contact.polar.surfaces import SmoothPatch, u_range
@@ -78,7 +78,7 @@ ELEMENTS, _HALF = (320, 160), (160, 80)  # of a patch
 _MOST_APART = 0.02  # of the poses: a few of a wide draw are no reason against a model that is right in all others
 
 
-def share_apart(scene: Scene, pressed: list[tuple[Array, Array, Array]]) -> float:
+def fraction_in_disagreement(scene: Scene, pressed: list[tuple[Array, Array, Array]]) -> float:
     """The share of poses in which some load differs from that of `ELEMENTS` by more than one pose may be wrong
     (`convergence.Errors`) and twice what elements half as fine differ by.
 
@@ -101,7 +101,7 @@ def share_apart(scene: Scene, pressed: list[tuple[Array, Array, Array]]) -> floa
     if share > _MOST_APART:
         raise NotGoodEnoughError(
             f"scene {scene.name}: rays and {grid_text(ELEMENTS)} elements differ by more than its tolerances allow in "
-            f"{share:.0%} of the poses that were tried, because contact is more than one spot there: {cure_of(scene)}"
+            f"{share:.0%} of the poses that were tried, because contact is more than one spot there: {remedy(scene)}"
         )
     return share
 
@@ -116,13 +116,15 @@ _ASKED = 128  # of the poses of each patch: elements take their time
 def polar_foundation(scene: Scene, *, compiled: bool = True) -> PolarFoundation:
     """The fewest rays that agree with `CONVERGED` within the scene's tolerances (`convergence.cheapest`), over poses
     that press each patch anywhere within its rim; in some of them `CONVERGED` has to agree with elements
-    (`against_elements.share_apart`, "elements_apart" in the record)."""
+    (`against_elements.fraction_in_disagreement`, "elements_apart" in the record)."""
     converged = PolarFoundation(scene, CONVERGED, compiled=False)
     truth = _truth(converged, forces_tried(scene))
     models = (PolarFoundation(scene, rays, compiled=compiled) for rays in CANDIDATES)
     against = f"{CONVERGED}, EF {grid_text(ELEMENTS)}"
     model = cheapest(scene, models, lambda model: _errors(model, truth), model="polar quadrature", against=against)
-    apart = share_apart(scene, [_asked(patch, *found) for patch, found in zip(converged.patches, truth, strict=True)])
+    apart = fraction_in_disagreement(
+        scene, [_poses_for_elements(patch, *found) for patch, found in zip(converged.patches, truth, strict=True)]
+    )
     model.record |= {"rays": model.rays.count, "points": model.rays.points, "elements_apart": apart}
     return model
 
@@ -151,13 +153,13 @@ def _truth(model: PolarFoundation, range_n: tuple[float, float]) -> Truth:
     return found
 
 
-def _asked(patch: SmoothPatch, R: Array, t: Array, wrench: Array) -> tuple[Array, Array, Array]:
+def _poses_for_elements(patch: SmoothPatch, R: Array, t: Array, wrench: Array) -> tuple[Array, Array, Array]:
     """Rotations, translations and wrenches of the poses that elements are asked in: a few of those in which the patch
     is not met by the body's back, of which polar quadrature knows nothing."""
     few = evenly(len(t), _ASKED)
     R, t, wrench = R[few], t[few], wrench[few]
     turned, place = patch.turn @ R, t @ patch.turn.T
-    spot = middle(patch, turned, place).spot
+    spot = peak(patch, turned, place).spot
     near = nearest(patch, turned, place, spot.u, spot.v)
     front = (near.depth > 0.0) & (near.ends.slope < FACING)
     return R[front], t[front], wrench[front]

@@ -15,9 +15,9 @@ from __future__ import annotations
 import numpy as np
 
 from casadi_contact.contact.polar.lines import Rays
-from casadi_contact.contact.polar.peak import deepest_within, middle
+from casadi_contact.contact.polar.peak import deepest_within, peak
 from casadi_contact.contact.polar.quadrature import integration
-from casadi_contact.contact.polar.ray_hits import Ends, Spot
+from casadi_contact.contact.polar.ray_hits import RayHits, Spot
 from casadi_contact.contact.polar.surfaces import SmoothPatch, Torus
 from casadi_contact.contact.pressure_law import pressure_slopes
 from casadi_contact.core.conventions import Array
@@ -36,7 +36,7 @@ def dish_slopes(
     """
     if patch.torus is None or patch.torus.w_sign > 0.0:
         raise ValueError("a patch has no dish, expected a scene of the shape knee")
-    m = middle(patch, R, t)
+    m = peak(patch, R, t)
     found = integration(patch, R, t, m, rays)
     spot, ends, u, v = m.spot, found.ends, found.u, found.v
     p, dp = pressure_slopes(*law, ends.depth)
@@ -68,7 +68,7 @@ def _surface_slopes(torus: Torus, u: Array, v: Array, *, sagittal: bool) -> tupl
     return np.stack([zero, float(sagittal) - by_w, zero], -1), np.stack([-lean_u, zero, -lean_v], -1)
 
 
-def _depth_slope(ends: Ends, c: Array, N: Array) -> Array:
+def _depth_slope(ends: RayHits, c: Array, N: Array) -> Array:
     """Depth by a radius (...) where the fixed point and its normal change by c and N (..., 3)."""
     n = ends.N / ends.length[..., None]
     turned = (N - n * np.sum(n * N, -1)[..., None]) / ends.length[..., None]

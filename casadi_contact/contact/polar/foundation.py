@@ -90,17 +90,13 @@ def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
         [
             *(f"#define {name} {value}" for name, value in sizes.items()),
             *(f"static const double {name} = {braces(values)};" for name, values in tables.items()),
-            c_text("chart_axes.h", C_FOLDER),
             c_text("polar_surfaces.h", C_FOLDER),
             f"static const Surfaces surfaces[PATCHES] = {{{', '.join(map(_surfaces, patches))}}};",
-            c_text("polar_nearest.h", C_FOLDER),
-            c_text("polar_middle.h", C_FOLDER),
+            c_text("polar_peak.h", C_FOLDER),
             c_text("polar_lines.h", C_FOLDER),
-            c_text("polar_rays.h", C_FOLDER),
             *([c_text("polar_second.h", C_FOLDER)] if patches[0].torus is not None else []),
             *([c_text("polar_caps.h", C_FOLDER)] if has_caps else []),
             c_text("polar.h", C_FOLDER),
-            c_text("orders.h", C_FOLDER),
         ]
     )
 
@@ -120,7 +116,7 @@ RAYS = Rays(16, 3)
 
 
 class PolarFoundation(CompiledPressures):
-    """Elastic foundation between smooth surfaces, integrated on rays from the middle of each patch's spot.
+    """Elastic foundation between smooth surfaces, integrated on rays from the peak of each patch's spot.
 
     Contact is found in any pose that presses the moving arcs on the patch. Where the rim cuts the spot (`at_edge`),
     loads are off by 0.1 to 0.4 % in the median and 1 to 2 % in the worst hundredth, against elements. The rays serve

@@ -6,8 +6,8 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from casadi_contact.contact.polar.peak import Middle, edge_distance
-from casadi_contact.contact.polar.ray_hits import LEAST_LENGTH, LEAST_RISE, ray_ends, rise
+from casadi_contact.contact.polar.peak import Peak, edge_distance
+from casadi_contact.contact.polar.ray_hits import LEAST_LENGTH, LEAST_RISE, ray_hits, rise
 from casadi_contact.contact.polar.surfaces import SmoothPatch
 from casadi_contact.core.conventions import Array
 
@@ -85,7 +85,7 @@ def _bracketed(patch: SmoothPatch, R: Array, t: Array, lines: Lines, edge: Array
 
 def _along(patch: SmoothPatch, R: Array, t: Array, lines: Lines, r: Array) -> tuple[Array, Array]:
     """g at distances (n, m) and its slope along the lines, not below a least one."""
-    ends = ray_ends(patch, R, t, *lines.at(r), arc=lines.arc, at_start=True)
+    ends = ray_hits(patch, R, t, *lines.at(r), arc=lines.arc, at_start=True)
     return ends.g, np.maximum(rise(ends, *np.moveaxis(lines.directions, -1, 0)), LEAST_RISE)
 
 
@@ -120,14 +120,14 @@ def _box_distance(bounds: tuple[float, float], x: Array, dx: Array) -> Array:
 
 @dataclass(frozen=True)
 class Rays:
-    """Number of rays from the middle, and Gauss points on each of them."""
+    """Number of rays from the peak, and Gauss points on each of them."""
 
     count: int
     points: int
 
     @property
     def in_caps(self) -> int:
-        """Number of lines in the fan over each cap (`caps`): about as many as rays, a multiple of 8."""
+        """Number of lines over each of the `curvature_jump_segments`: about as many as rays, a multiple of 8."""
         return min(max(self.count // 8 * 8, 8), 24)
 
     @property
@@ -139,26 +139,26 @@ class Rays:
         return f"{self.count} rays × {self.points} points"
 
 
-def rays_from(middle: Middle, rays: Rays) -> list[Lines]:
-    """Rays from the middle through the torus of its arc, which goes on beyond the arc's ends; where the rim may cut the
+def rays_from(peak: Peak, rays: Rays) -> list[Lines]:
+    """Rays from the peak through the torus of its arc, which goes on beyond the arc's ends; where the rim may cut the
     spot through each ray's own. A set of rays has no area in the poses that it is not for."""
-    return [_fan_out(middle, rays.count, middle.whole[:, None]), *rays_at_rim(middle, rays, ~middle.whole)]
+    return [_fan_out(peak, rays.count, peak.whole[:, None]), *rays_at_rim(peak, rays, ~peak.whole)]
 
 
-def rays_at_rim(middle: Middle, rays: Rays, used: np.ndarray) -> list[Lines]:
-    """Rays from the middle where used (n,) through each ray's own torus; none if that is nowhere."""
-    return [_fan_out(middle, rays.at_rim, used[:, None])] if used.any() else []
+def rays_at_rim(peak: Peak, rays: Rays, used: np.ndarray) -> list[Lines]:
+    """Rays from the peak where used (n,) through each ray's own torus; none if that is nowhere."""
+    return [_fan_out(peak, rays.at_rim, used[:, None])] if used.any() else []
 
 
-def _fan_out(middle: Middle, count: int, used: np.ndarray) -> Lines:
-    m = middle.spot
+def _fan_out(peak: Peak, count: int, used: np.ndarray) -> Lines:
+    m = peak.spot
     cosine, sine = ray_angles(count)
-    directions = np.einsum("nab,jb->nja", middle.form, np.stack([cosine, sine], -1))
+    directions = np.einsum("nab,jb->nja", peak.form, np.stack([cosine, sine], -1))
     one = np.ones(directions.shape[:2])
     slope = np.einsum("nr,njr->nj", m.slope, directions)
     k = np.einsum("njr,nrs,njs->nj", directions, m.curvature, directions)
     edge = edge_distance(np.maximum(m.depth, 0.0)[:, None], slope, k)
-    u, v, arc = (np.broadcast_to(x[:, None], one.shape) for x in (m.u, m.v, np.where(middle.whole, m.ends.arc, -1)))
+    u, v, arc = (np.broadcast_to(x[:, None], one.shape) for x in (m.u, m.v, np.where(peak.whole, m.ends.arc, -1)))
     spread = np.where(used, 2.0 * np.pi / count, 0.0) * one
     return Lines(u, v, directions, np.where(used, edge, 0.0), arc, 0.0 * one, spread)
 

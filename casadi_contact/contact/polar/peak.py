@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.contact.polar.ray_hits import LEAST_CURVATURE, Spot, bounded, ray_ends, spot_at, tube_frame
+from casadi_contact.contact.polar.ray_hits import LEAST_CURVATURE, Spot, bounded, ray_hits, spot_at, tube_frame
 from casadi_contact.contact.polar.surfaces import SmoothPatch, rim_box, stretch, within
 from casadi_contact.core.conventions import Array
 
@@ -34,10 +34,10 @@ def nearest(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) -> Spot:
     w, across = np.meshgrid(*(low[:, None] + (high - low)[:, None] * ACROSS))
     shape = (len(u), *w.shape)
     starts = np.stack([np.broadcast_to(w * stretch(patch, across)[0], shape), np.broadcast_to(across, shape)])
-    g = ray_ends(patch, R, t, *starts, at_start=True).g
+    g = ray_hits(patch, R, t, *starts, at_start=True).g
     row, column = np.divmod(np.argmin(g.reshape(len(u), w.size), axis=1), len(ACROSS))
     n = np.arange(len(u))
-    given = ray_ends(patch, R, t, u, v, at_start=True).g <= g[n, row, column]
+    given = ray_hits(patch, R, t, u, v, at_start=True).g <= g[n, row, column]
     found = highest(patch, R, t, *np.where(given, [u, v], starts[:, n, row, column]), at_start=True)
     k, ends = found.curvature, found.ends
     single = (k[:, 0, 0] > 0.0) & (np.linalg.det(k) > SINGLE * ends.kappa_1 * ends.kappa_2)
@@ -157,8 +157,8 @@ def _arc_along(patch: SmoothPatch, direction: Array) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Middle:
-    """The spot at the middle; form (n, 2, 2): of determinant 1, makes of a circle a curve like the edge of contact;
+class Peak:
+    """The spot at the peak; form (n, 2, 2): of determinant 1, makes of a circle a curve like the edge of contact;
     whole (n,): the rim does not cut the spot.
     """
 
@@ -167,8 +167,8 @@ class Middle:
     whole: np.ndarray
 
 
-def middle(patch: SmoothPatch, R: Array, t: Array) -> Middle:
-    """The deepest point and the ellipse of the curvatures there, K^(-1/2); where the rim cuts the spot, the middle of
+def peak(patch: SmoothPatch, R: Array, t: Array) -> Peak:
+    """The deepest point and the ellipse of the curvatures there, K^(-1/2); where the rim cuts the spot, the peak of
     chords through the point nearest to the body, and a form as long and wide as they are.
 
     Its depth is above zero exactly where some of the patch lies inside the body.
@@ -189,7 +189,7 @@ def middle(patch: SmoothPatch, R: Array, t: Array) -> Middle:
         u[cut], v[cut] = chord_middles(patch, R[cut], t[cut], near.u, near.v)
         spot = spot_at(patch, R, t, u, v)
     w = whole[:, None, None]
-    return Middle(spot, np.where(w, _ellipse(np.where(w, spot.curvature, np.eye(2))), as_long(patch, spot)), whole)
+    return Peak(spot, np.where(w, _ellipse(np.where(w, spot.curvature, np.eye(2))), chord_form(patch, spot)), whole)
 
 
 def _ellipse(curvature: Array) -> Array:
@@ -200,7 +200,7 @@ def _ellipse(curvature: Array) -> Array:
     return np.asarray(form / np.sqrt(s * (k_uu + k_vv + 2.0 * s))[:, None, None])
 
 
-def as_long(patch: SmoothPatch, spot: Spot) -> Array:
+def chord_form(patch: SmoothPatch, spot: Spot) -> Array:
     """The form (n, 2, 2) as long and wide as the chords through a spot."""
     begin, end = np.stack([_chord_ends(patch, spot, axis)[:, axis] for axis in (0, 1)], axis=1)
     length = np.maximum(end - begin, LEAST_CHORD_MM)
@@ -219,7 +219,7 @@ def _chord_ends(patch: SmoothPatch, spot: Spot, axis: int) -> Array:
 
 
 def chord_middles(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) -> tuple[Array, Array]:
-    """Middle of the chord along u through (u, v), then of that along v through this middle.
+    """Peak of the chord along u through (u, v), then of that along v through this peak.
 
     Nowhere more shallow than half the depth at (u, v): there a chord's ends, which are estimates, missed the spot.
     """

@@ -4,7 +4,7 @@ In the chart (u, v) of the fixed surface the patch's wrench
 
     W = -∫ p(d)·V du dv,   V = (N, c × N),   N = τ_v × τ_u (not a unit vector), d the depth along it
 
-is a sum over Gauss points on rays from the spot's middle (the trapezoidal rule of a periodic function), as if the
+is a sum over Gauss points on rays from the spot's peak (the trapezoidal rule of a periodic function), as if the
 moving arc there went on, and on lines across the caps that other arcs press: the depth is smooth on each of them, no
 element jumps in or out. A second spot on the rim has rays of its own. Derivatives are those of the integral. The kernel
 in C (``c/polar.h``) follows the same formulas; each is the other's check.
@@ -21,23 +21,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.contact.polar.caps import caps
+from casadi_contact.contact.polar.caps import curvature_jump_segments
 from casadi_contact.contact.polar.lines import Lines, Rays, joined, rays_at_rim, rays_from, to_edges
 from casadi_contact.contact.polar.peak import (
     ACROSS,
-    Middle,
-    as_long,
+    Peak,
+    chord_form,
     chord_middles,
     deepest_within,
     highest,
-    middle,
     nearest,
+    peak,
 )
-from casadi_contact.contact.polar.ray_hits import LEAST_RISE, Ends, ray_ends, rise, spot_at
+from casadi_contact.contact.polar.ray_hits import LEAST_RISE, RayHits, ray_hits, rise, spot_at
 from casadi_contact.contact.polar.surfaces import SmoothPatch, rim_box, stretch
 from casadi_contact.contact.pressure_law import pressure_slopes
 from casadi_contact.contact.pressures import MOMENTS
-from casadi_contact.core.conventions import Array, twist
+from casadi_contact.core.conventions import Array, wrench_about_origin
 
 CLOSE_FIT = 0.8  # in 6,900 pressed poses of six knees that fit less closely no second spot was found
 HOVERING_MM = 1.0  # more than g falls between two starts
@@ -56,8 +56,8 @@ def fits_closely(patch: SmoothPatch) -> bool:
     return max(along, patch.tube_radius / f.radius) > CLOSE_FIT
 
 
-def second_middle(patch: SmoothPatch, R: Array, t: Array, m: Middle) -> tuple[Middle, np.ndarray]:
-    """The middle of the second spot in n poses, and (n,) where there is one.
+def second_peak(patch: SmoothPatch, R: Array, t: Array, m: Peak) -> tuple[Peak, np.ndarray]:
+    """The peak of the second spot in n poses, and (n,) where there is one.
 
     Beside a whole spot it lies on the rim; beside one that the rim may cut half the patch away, and between the two is
     a gap.
@@ -67,23 +67,23 @@ def second_middle(patch: SmoothPatch, R: Array, t: Array, m: Middle) -> tuple[Mi
         rows, near_u, near_v = _lowest_starts(patch, R, t, m)
         near = highest(patch, R[rows], t[rows], near_u, near_v, at_start=True)
         between = 0.5 * (near.u + u[rows]), 0.5 * (near.v + v[rows])
-        gap = ray_ends(patch, R[rows], t[rows], *between, at_start=True).g > 0.0
+        gap = ray_hits(patch, R[rows], t[rows], *between, at_start=True).g > 0.0
         apart = np.where(m.whole[rows], _on_rim(patch, near.u, near.v), gap)
         apart &= (near.depth > 0.0) & (near.ends.slope < FACING)
         rows = rows[apart]
         u[rows], v[rows] = chord_middles(patch, R[rows], t[rows], near.u[apart], near.v[apart])
         found[rows] = True
     spot = spot_at(patch, R, t, u, v) if found.any() else m.spot
-    return Middle(spot, as_long(patch, spot), np.zeros_like(m.whole)), found
+    return Peak(spot, chord_form(patch, spot), np.zeros_like(m.whole)), found
 
 
-def _lowest_starts(patch: SmoothPatch, R: Array, t: Array, m: Middle) -> tuple[np.ndarray, Array, Array]:
+def _lowest_starts(patch: SmoothPatch, R: Array, t: Array, m: Peak) -> tuple[np.ndarray, Array, Array]:
     """Poses in contact in which g is below `HOVERING_MM` at a start and falls outwards, and (u, v) of the lowest."""
     low, high = rim_box(patch)
     side = (high - low)[:, None]
     w, v = low[:, None] + side * RIM_STARTS
     u, v = (np.broadcast_to(x, (len(t), w.size)) for x in (w * stretch(patch, v)[0], v))
-    ends = ray_ends(patch, R, t, u, v, at_start=True)
+    ends = ray_hits(patch, R, t, u, v, at_start=True)
     out_u, out_v = OUTWARDS
     falls = np.minimum(rise(ends, out_u, 0.0 * out_u), rise(ends, 0.0 * out_v, out_v)) < 0.0
     here = np.stack([m.spot.u / stretch(patch, m.spot.v)[0], m.spot.v])[..., None]
@@ -117,7 +117,7 @@ def patch_loads(patch: SmoothPatch, law: tuple[int, float, float], rays: Rays, R
     """Evaluate one patch at rotations (n, 3, 3) and translations (n, 3)."""
     R, t = patch.turn @ R, t @ patch.turn.T
     both = np.kron(np.eye(2), patch.turn)
-    m = middle(patch, R, t)
+    m = peak(patch, R, t)
     free = ~(m.spot.depth > 0.0)
     found = integration(patch, R, t, m, rays)
     ends, weight = found.ends, found.weight
@@ -125,11 +125,11 @@ def patch_loads(patch: SmoothPatch, law: tuple[int, float, float], rays: Rays, R
     weight = np.where(free[:, None, None], 0.0, weight)
     V = np.concatenate([ends.N, np.cross(ends.c, ends.N)], -1)
     arm = ends.x - t[:, None, None]
-    by_twist = twist(ends.G, arm) / ends.slope[..., None]  # -dd/dtwist
+    by_twist = wrench_about_origin(ends.G, arm) / ends.slope[..., None]  # -dd/dtwist
     wrench = -np.einsum("nmg,nmgk->nk", weight * p, V)
     stiffness = np.einsum("nmg,nmgk,nmga->nka", weight * dp, V, by_twist)
     near = nearest(patch, R, t, m.spot.u, m.spot.v)
-    gap_slope = -twist(near.ends.G_start, near.ends.c - t)
+    gap_slope = -wrench_about_origin(near.ends.G_start, near.ends.c - t)
     cut = found.cut.any(axis=1) & ~free
     return PatchLoads(wrench @ both, both.T @ stiffness @ both, near.ends.g, gap_slope @ both, cut)
 
@@ -145,17 +145,21 @@ class Integration:
     u: Array
     v: Array
     weight: Array
-    ends: Ends
+    ends: RayHits
 
 
-def integration(patch: SmoothPatch, R: Array, t: Array, m: Middle, rays: Rays) -> Integration:
-    """Rays from the middle of each spot, the lines of its caps, and rays of a second spot on the rim."""
-    beside, there = second_middle(patch, R, t, m)
-    sets = [*rays_from(m, rays), *rays_at_rim(beside, rays, there), *caps(patch, R, t, m, rays.in_caps)]
+def integration(patch: SmoothPatch, R: Array, t: Array, m: Peak, rays: Rays) -> Integration:
+    """Rays from the peak of each spot, the lines of its caps, and rays of a second spot on the rim."""
+    beside, there = second_peak(patch, R, t, m)
+    sets = [
+        *rays_from(m, rays),
+        *rays_at_rim(beside, rays, there),
+        *curvature_jump_segments(patch, R, t, m, rays.in_caps),
+    ]
     lines, cut = to_edges(patch, R, t, joined(sets))
     r, weight = lines.points(rays.points)
     u, v = lines.at(r)
-    return Integration(lines, cut, u, v, weight, ray_ends(patch, R, t, u, v, arc=lines.arc[..., None]))
+    return Integration(lines, cut, u, v, weight, ray_hits(patch, R, t, u, v, arc=lines.arc[..., None]))
 
 
 def patch_moments(
@@ -163,7 +167,7 @@ def patch_moments(
 ) -> tuple[Array, Array]:
     """Moments (n, 6) of one patch and their derivatives by the twist of the moving body about t (n, 6, 6)."""
     R, t = patch.turn @ R, t @ patch.turn.T
-    m = middle(patch, R, t)
+    m = peak(patch, R, t)
     loaded = m.spot.depth > 0.0
     found = integration(patch, R, t, m, rays)
     ends = found.ends
@@ -182,16 +186,16 @@ def patch_moments(
     return np.where(loaded[:, None], value, 0.0), np.where(loaded[:, None, None], slope, 0.0)
 
 
-def _depth_slope(ends: Ends, t: Array) -> Array:
+def _depth_slope(ends: RayHits, t: Array) -> Array:
     """dd/dtwist (n, ..., 6) = -(G, arm × G)/σ."""
     arm = ends.x - t.reshape(len(t), *([1] * (ends.x.ndim - 2)), 3)
-    return -twist(ends.G, arm) / ends.slope[..., None]
+    return -wrench_about_origin(ends.G, arm) / ends.slope[..., None]
 
 
 def _area_slope(patch: SmoothPatch, R: Array, t: Array, found: Integration) -> Array:
     """Derivative (n, 6) of the area by the twist, in chart axes."""
     lines = found.lines
-    ends = ray_ends(patch, R, t, *lines.at(lines.edge), arc=lines.arc)
+    ends = ray_hits(patch, R, t, *lines.at(lines.edge), arc=lines.arc)
     steepness = np.minimum(rise(ends, *np.moveaxis(lines.directions, -1, 0)) / ends.slope, -LEAST_RISE)
     width = (lines.width + lines.spread * lines.edge) * ends.length * ~found.cut
     return -np.einsum("nm,nma->na", width / steepness, _depth_slope(ends, t))

@@ -17,7 +17,7 @@ _STEEPEST = -0.05  # cos of the angle between a ray into the body and its surfac
 
 
 @dataclass(frozen=True)
-class Ends:
+class RayHits:
     """Ray ends x = c - d·n on the moving surface, all arrays (n, ...), chart axes.
 
     N (..., 3), its length, distance g of c from the body, depth d; G the surface's unit normal (G_start: the gradient
@@ -51,7 +51,7 @@ class Ends:
         return np.asarray(np.sum(self.G * self.N, -1) / self.length)
 
 
-def rise(ends: Ends, du: Array, dv: Array) -> Array:
+def rise(ends: RayHits, du: Array, dv: Array) -> Array:
     """Slope G·(τ_u du + τ_v dv) of the distance from the body along (du, dv) in the chart."""
     G, N = ends.G, ends.N
     return np.asarray(du * (G[..., 0] - N[..., 0] * G[..., 1]) + dv * (G[..., 2] - N[..., 2] * G[..., 1]))
@@ -88,9 +88,9 @@ def arc_of(patch: SmoothPatch, qx: Array, qy: Array) -> np.ndarray:
     return arc
 
 
-def ray_ends(
+def ray_hits(
     patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, arc: np.ndarray | None = None, at_start: bool = False
-) -> Ends:
+) -> RayHits:
     """Depths along the normals at (u, v) (n, ...) of the body at (R, t) (n, 3, 3), (n, 3), and the ends there.
 
     One Newton step of g(c - d·n) = 0, and what the curvature of g along the ray adds to it. arc (n, ...): the arcs on
@@ -132,7 +132,7 @@ def ray_ends(
 
     G, G_start, across, along = (to_chart(vector) for vector in (gradient, start, across, along))
     x = c - step[..., None] * N
-    return Ends(c, N, length, g, step * length, x, G, G_start, across, along, kappa_1, kappa_2, number)
+    return RayHits(c, N, length, g, step * length, x, G, G_start, across, along, kappa_1, kappa_2, number)
 
 
 LEAST_CURVATURE = 1e-4  # [1/mm]
@@ -147,7 +147,7 @@ class Spot:
     depth: Array
     slope: Array
     curvature: Array
-    ends: Ends
+    ends: RayHits
 
 
 def spot_at(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_start: bool = False) -> Spot:
@@ -156,7 +156,7 @@ def spot_at(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_st
     With the fixed surface the zero of F, its tangents τ_u, τ_v and n_u = -∇²F τ_u: d_u = G·(τ_u + d ∇²F τ_u)/σ,
     k_uv = τ_u·(∇²g - ∇²F)τ_v.
     """
-    ends = ray_ends(patch, R, t, u, v, at_start=at_start)
+    ends = ray_hits(patch, R, t, u, v, at_start=at_start)
     tangents = ends.tangents
     fixed = np.zeros((len(u), 3, 3))
     if (f := patch.torus) is not None:
