@@ -96,10 +96,16 @@ def foundation(scene: Scene | str | Path, *, compiled: bool = True) -> CompiledF
     can be had, single poses in proportion to the force above the reference load), over poses that press each patch
     within its rim from the scene's boundary load to `convergence.LARGEST_LOAD` reference loads. ``record`` of the model
     holds the choice and its errors, of polar quadrature also how often elements contradict it; it is kept in the cache
-    folder (`contact.choice`), for laws of the library.
+    folder, for laws of the library. Its kernel is compiled here, once for a machine.
     Raises ValueError for a shape that has no such model (`FOUNDATION_SHAPES`), or where none is good enough.
     """
-    scene = scene if isinstance(scene, Scene) else load_scene(scene)
+    model = _chosen(scene if isinstance(scene, Scene) else load_scene(scene), compiled)
+    model.compile()
+    return model
+
+
+def _chosen(scene: Scene, compiled: bool) -> CompiledFoundation:
+    """The foundation that a kept record names, else that which meets the tolerances."""
     if scene.shape not in _KINDS:
         raise ValueError(
             f"scene {scene.name} has the shape {scene.shape}, which has no foundation of its own: expected one of "

@@ -89,6 +89,10 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
     def _by_twist(self, R: Array, t: Array) -> tuple[Array, Array, Array, Array, np.ndarray]:
         """Wrenches (n, P, 6), d wrench/d twist (n, P, 6, 6), gaps (n, P), d gap/d twist, cut by the rim, in NumPy."""
 
+    def compile(self) -> None:
+        """Compile the kernel for arrays of poses now, where there is a compiler, so that no pose waits for it."""
+        _ = self._library
+
     @pose_or_poses
     def wrenches(self, poses: Array) -> Array:
         """Wrench of each patch on the fixed body (n, patches, 6) [N, N·mm], for poses (n, 6)."""

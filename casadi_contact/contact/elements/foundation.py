@@ -57,7 +57,8 @@ class PatchElements(NamedTuple):
         if self.compiled is not None:
             return self.compiled.wrenches(rotations, translations, derivatives=derivatives)
         s = self.surface
-        return wrench_many(s.family, s.parameters, self.elements, *law, rotations, translations, derivatives)
+        with threads_for(len(rotations)):
+            return wrench_many(s.family, s.parameters, self.elements, *law, rotations, translations, derivatives)
 
 
 class ElasticFoundation(WrenchLoads):
@@ -175,8 +176,7 @@ class ElasticFoundation(WrenchLoads):
     def _evaluate(self, beds: Sequence[PatchElements], poses: Array, *, derivatives: bool) -> tuple[Array, Array]:
         """Wrenches (n, beds, 6) and, if asked, d wrench / d pose (n, beds, 6, 6)."""
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
-        with threads_for(len(poses)):
-            results = [bed.wrenches(self._law, rotations, translations, derivatives=derivatives) for bed in beds]
+        results = [bed.wrenches(self._law, rotations, translations, derivatives=derivatives) for bed in beds]
         wrenches = np.stack([w for w, _ in results], axis=1)
         if not derivatives:
             return wrenches, np.empty(0)
