@@ -31,7 +31,7 @@ from casadi_contact.contact.polar.surfaces import Torus
 from casadi_contact.contact.pressure_law import layer_modulus
 from casadi_contact.contact.settle import settle
 from casadi_contact.contact.symbolic import contact_callback
-from casadi_contact.core.conventions import Array, by_pose, load_selection, rotation, twist
+from casadi_contact.core.conventions import Array, load_selection, rotation, twist_to_pose_gradient, wrench_about_origin
 from casadi_contact.core.terminal import numbers, run_program
 from casadi_contact.optimisation.knee import SIDES, check_knee
 from casadi_contact.optimisation.starts import KNEE_STEPS, settle_in_range
@@ -74,13 +74,13 @@ class DishContact:
             loads = patch_loads(dish, law, RAYS, R, t)
             by_radii, deepest, deepest_by_radii = dish_slopes(dish, law, RAYS, R, t)
             touching = deepest.depth > 0.0
-            by_twist = -twist(deepest.ends.G, deepest.ends.x - t) / deepest.ends.slope[:, None]
+            by_twist = -wrench_about_origin(deepest.ends.G, deepest.ends.x - t) / deepest.ends.slope[:, None]
             rows = self._selection[:, p]
             values[:, :L] += loads.wrench @ rows.T
-            slopes[:, :L, :6] += rows @ by_pose(loads.stiffness, poses)
+            slopes[:, :L, :6] += rows @ twist_to_pose_gradient(loads.stiffness, poses)
             slopes[:, :L, 6:] += rows @ by_radii
             values[:, L + p] = np.where(touching, deepest.depth, 0.0)
-            slopes[:, L + p, :6] = touching[:, None] * by_pose(by_twist, poses)
+            slopes[:, L + p, :6] = touching[:, None] * twist_to_pose_gradient(by_twist, poses)
             slopes[:, L + p, 6:] = deepest_by_radii
         return values, slopes
 
