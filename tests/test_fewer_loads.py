@@ -11,7 +11,7 @@ from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.walking import reference_cycle
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from casadi_contact.workflow.presets import PRESETS, Effort, Preset
-from casadi_contact.workflow.project import walks
+from casadi_contact.workflow.project import has_gait
 from tests.support.two_spheres import TwoSpheres
 
 TINY = Preset(0.02, {"patch": {"": Effort(((8, 8),), 3.0)}})
@@ -42,7 +42,7 @@ def test_one_side_is_built_about_one_cycle(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("names", [["Fy_lat"], ["Fy_med", "Fy_lat"], ["Fy", "Fx"], ["Tz"]])
 def test_a_knee_walks_whichever_loads_are_asked_for(names):
-    assert walks(asking_for(*names))
+    assert has_gait(asking_for(*names))
 
 
 def test_sides_of_which_different_loads_are_asked_for_are_no_mirror_images():

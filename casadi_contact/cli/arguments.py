@@ -50,5 +50,5 @@ def check_html(out: Path) -> None:
 
 def say_shipped(project: Project, doing: str) -> None:
     """That a folder holds nothing yet, so that the scene's shipped surrogates are taken."""
-    if not project.begun and shipped_surrogates(project.scene):
+    if not project.has_results and shipped_surrogates(project.scene):
         console.print(f"nothing built in {project.folder}: {doing} the shipped surrogates", highlight=False)

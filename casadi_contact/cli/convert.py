@@ -15,7 +15,7 @@ from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.opensim.mapping import ColumnMap, mapped_curves
 from casadi_contact.scenes.opensim.table import TIME, read_opensim_table
 from casadi_contact.scenes.pose_file import poses_from_curves, write_poses
-from casadi_contact.workflow.project import walks
+from casadi_contact.workflow.project import has_gait
 
 
 def cycle(
@@ -45,7 +45,7 @@ def cycle(
             console.print(f"{len(poses)} poses in {path}", highlight=False)
             return
         path = out or Path("cycle.csv")
-        if own is None or walks(own):
+        if own is None or has_gait(own):
             write_cycle(cycle_from_curves(path.stem, curves), path)
         else:
             write_joint_cycle(joint_cycle_from_curves(path.stem, curves, own), path)

@@ -29,12 +29,12 @@ from casadi_contact.workflow.benchmark.measure import measure_project
 from casadi_contact.workflow.presets import PRESETS
 from casadi_contact.workflow.project import (
     Project,
-    alone,
+    available_motion,
+    available_surrogates,
+    exclusive,
     has_motion,
-    motion_at_hand,
     project_surrogates,
     read_motion,
-    surrogates_at_hand,
 )
 from casadi_contact.workflow.samples import DrawnModel, check_table, draw, sample, take_table
 from casadi_contact.workflow.train import moved_samples, structures_for_scene, train
@@ -93,7 +93,7 @@ def build(
     return project_surrogates(project)
 
 
-@alone
+@exclusive
 def calibrate(project: Project, update: Update | None = None) -> list[Path]:
     """Give the project's surrogates validity and expected error anew, from its samples; `train` does so too.
 
@@ -114,7 +114,7 @@ def calibrate(project: Project, update: Update | None = None) -> list[Path]:
     return [project.surrogate_path(structure) for structure in surrogates]
 
 
-@alone
+@exclusive
 def evaluate(project: Project) -> Path:
     """Write ``evaluation.json`` (Tables 2 to 4) and ``evaluation.csv`` (the domain errors); return the first's path."""
     motion = read_motion(project)[0] if has_motion(project) else None
@@ -132,7 +132,7 @@ def evaluate(project: Project) -> Path:
     return path
 
 
-@alone
+@exclusive
 def export(
     project: Project, *, kernel_only: bool = False, fmu: bool = False, contact_model: bool = False
 ) -> list[Path]:
@@ -147,9 +147,9 @@ def export(
         models = {"foundation": foundation(project.scene)}
         pose = list(contact_pose(ElasticFoundation(project.scene, project.scene.grids.get("settle"))))
     else:
-        models = {**surrogates_at_hand(project)}
-        motion = not project.begun or has_motion(project)
-        poses = motion_at_hand(project).poses[0] if motion else project.samples().poses
+        models = {**available_surrogates(project)}
+        motion = not project.has_results or has_motion(project)
+        poses = available_motion(project).poses[0] if motion else project.samples().poses
         pose = list(poses[len(poses) // 4])
     written = []
     for kind, model in models.items():
@@ -170,7 +170,7 @@ def report(project: Project) -> Path:
     return write_report(project_surrogates(project), project.folder, project.folder / "report.html")
 
 
-@alone
+@exclusive
 def chart(
     project: Project,
     *,

@@ -17,7 +17,7 @@ from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.walking import reference_cycle
 from casadi_contact.surrogate.load import load_surrogate
-from casadi_contact.workflow.project import reference_motion_cycles, walks
+from casadi_contact.workflow.project import has_gait, reference_motion_cycles
 
 
 def load_contact(surrogate: str | None = None, scene: str | None = None, *, whole: bool = False) -> SymbolicContact:
@@ -40,7 +40,7 @@ def load_contact(surrogate: str | None = None, scene: str | None = None, *, whol
 
 def load_cycle(scene: Scene, path: Path | None = None) -> LoadCycle | JointCycle:
     """The cycle in a CSV file, or that of the scene: of a knee mean walking, else the first of its own motion."""
-    if path is None and walks(scene):
+    if path is None and has_gait(scene):
         return reference_cycle()
     return reference_motion_cycles(scene, [] if path is None else [path])[0]
 

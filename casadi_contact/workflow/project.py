@@ -91,8 +91,8 @@ class Project:
         return self.folder.joinpath(*names[:-1], "training", f"{names[-1]}-{tolerances}")
 
     @property
-    def begun(self) -> bool:
-        """True where the folder holds samples or a surrogate: then it speaks for itself, and nothing shipped does."""
+    def has_results(self) -> bool:
+        """True where the folder holds samples or a surrogate; shipped surrogates are then not used."""
         return any(path.is_file() for path in (self.samples_path, *map(self.surrogate_path, STRUCTURES)))
 
     def samples(self) -> Samples:
@@ -119,15 +119,15 @@ Given = ParamSpec("Given")
 Result = TypeVar("Result")
 
 
-def alone(stage: Callable[Concatenate[Project, Given], Result]) -> Callable[Concatenate[Project, Given], Result]:
-    """A stage that holds its project's folder while it runs: a second one there fails at once (`files.folder_lock`)."""
+def exclusive(stage: Callable[Concatenate[Project, Given], Result]) -> Callable[Concatenate[Project, Given], Result]:
+    """A stage that locks its project's folder while it runs: a second one there fails at once."""
 
     @wraps(stage)
-    def held(project: Project, /, *given: Given.args, **named: Given.kwargs) -> Result:
+    def run(project: Project, /, *given: Given.args, **named: Given.kwargs) -> Result:
         with folder_lock(project.folder):
             return stage(project, *given, **named)
 
-    return held
+    return run
 
 
 def _folder_of(scene: Scene, preset: str) -> Path:
@@ -148,7 +148,7 @@ def _completed(scene: Scene, path: Path) -> Scene:
     return completed
 
 
-def walks(scene: Scene) -> bool:
+def has_gait(scene: Scene) -> bool:
     """True for a knee without a motion of its own: its cycles are a knee's, and the built-in ones walking."""
     return not scene.motion and {"Fy_med", "Fy_lat"} <= set(driving_loads(scene))
 
@@ -159,7 +159,7 @@ def reference_motion_cycles(scene: Scene, cycle_files: Sequence[Path]) -> list[L
     A knee's file may have the columns of any joint instead of a knee's own. Raises ValueError as the readers do, and
     for pose parameters beside a knee's own columns, which have no place for them.
     """
-    if walks(scene):
+    if has_gait(scene):
         return [_knee_cycle(path, scene) for path in cycle_files] or [*reference_cycles()]
     return [read_joint_cycle(path, scene) for path in cycle_files] or [*scene_cycles(scene)]
 
@@ -208,14 +208,14 @@ def has_motion(project: Project) -> bool:
 
 def project_surrogates(project: Project) -> dict[str, Surrogate]:
     """The surrogates in the project's folder by structure; raises FileNotFoundError if there is none."""
-    made = surrogates_made(project)
+    made = trained_surrogates(project)
     if not made:
         command = project.command("train" if project.samples_path.is_file() else "build")
         raise FileNotFoundError(f"no surrogate in {project.folder}: run {command} first")
     return made
 
 
-def surrogates_made(project: Project) -> dict[str, Surrogate]:
+def trained_surrogates(project: Project) -> dict[str, Surrogate]:
     """The surrogates in the project's folder by structure, perhaps none; ValueError for one of another scene, which may
     have had other tolerances."""
     paths = {s: project.surrogate_path(s) for s in STRUCTURES if project.surrogate_path(s).is_file()}
@@ -237,26 +237,26 @@ def shipped_surrogate(scene: Scene) -> Surrogate | None:
     return found if found is not None and found.scene.digest == scene.digest else None
 
 
-def surrogates_at_hand(project: Project) -> dict[str, Surrogate]:
-    """The project's surrogates by structure, or its scene's shipped ones where nothing was built (`Project.begun`).
+def available_surrogates(project: Project) -> dict[str, Surrogate]:
+    """The project's surrogates by structure, or its scene's shipped ones where nothing was built.
 
     Raises FileNotFoundError if there are neither.
     """
-    shipped = () if project.begun else shipped_surrogates(project.scene).values()
+    shipped = () if project.has_results else shipped_surrogates(project.scene).values()
     return {surrogate.structure: surrogate for surrogate in shipped} or project_surrogates(project)
 
 
-def poses_at_hand(project: Project) -> Array:
-    """Poses (n, 6) of the motion at hand (`motion_at_hand`), one cycle after the other; of a table its own."""
-    if project.begun and not has_motion(project):
+def available_poses(project: Project) -> Array:
+    """Poses (n, 6) of `available_motion`, one cycle after the other; of a table its own."""
+    if project.has_results and not has_motion(project):
         return project.samples().poses
-    return motion_at_hand(project).poses.reshape(-1, 6)
+    return available_motion(project).poses.reshape(-1, 6)
 
 
-def motion_at_hand(project: Project) -> ReferenceMotion:
+def available_motion(project: Project) -> ReferenceMotion:
     """The reference motion that the samples were drawn around, or that of the built-in cycles, estimated anew (seconds)
     where nothing has been built."""
-    return read_motion(project)[0] if project.begun else built_in_motion(project.scene)
+    return read_motion(project)[0] if project.has_results else built_in_motion(project.scene)
 
 
 def built_in_motion(scene: Scene) -> ReferenceMotion:

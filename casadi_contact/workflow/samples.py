@@ -21,7 +21,7 @@ from casadi_contact.samples.samples import Samples, write_samples
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.samples.table import read_sample_table
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.workflow.project import Project, alone, reference_motion_cycles, surrogates_made
+from casadi_contact.workflow.project import Project, exclusive, reference_motion_cycles, trained_surrogates
 
 _log = logging.getLogger(__name__)
 
@@ -68,7 +68,7 @@ class _Given:
         return self.model, self.model
 
 
-@alone
+@exclusive
 def sample(
     project: Project,
     cycle_files: Sequence[Path] = (),
@@ -86,7 +86,7 @@ def sample(
     Raises ValueError for samples or surrogates of something else in the folder, where more of a domain was dropped than
     the settings' ``most_dropped`` and for gaps of the wrong sign (the file is kept).
     """
-    surrogates_made(project)
+    trained_surrogates(project)
     cycles = reference_motion_cycles(project.scene, cycle_files)
     settings = SamplingSettings.from_scene(project.scene, scale=project.preset.sampling_scale)
     origin = motion_origin(project.scene, cycles, settings, models_identity(models))
@@ -116,7 +116,7 @@ def sample(
     return samples, report
 
 
-@alone
+@exclusive
 def take_table(project: Project, table: Path) -> Samples:
     """Make the samples file from a table of samples (`dataset.read_sample_table`) instead of drawing them.
 
@@ -126,7 +126,7 @@ def take_table(project: Project, table: Path) -> Samples:
     samples = read_sample_table(table, project.scene)
     if project.samples_path.is_file():
         there = project.samples().provenance
-        learned = (project.folder / "training").exists() or surrogates_made(project)
+        learned = (project.folder / "training").exists() or trained_surrogates(project)
         if there.get("table_digest") != samples.provenance["table_digest"] and (learned or "table" not in there):
             changed = f"was made from {table} as it was before" if there.get("table") == str(table) else "is of others"
             raise ValueError(f"{project.samples_path} {changed}: choose another --out, or remove that folder")

@@ -31,7 +31,7 @@ from casadi_contact.surrogate.calibration import with_trust
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from casadi_contact.workflow.fitting import Fitting, exchange_record, fit_surrogate
 from casadi_contact.workflow.presets import Effort, Preset, effort_for
-from casadi_contact.workflow.project import Project, alone, surrogates_made
+from casadi_contact.workflow.project import Project, exclusive, trained_surrogates
 from casadi_contact.workflow.samples import sample
 from casadi_contact.workflow.train import build_command, moved_samples
 
@@ -114,13 +114,13 @@ def misses(model: LoadModel, samples: Samples, most: float = 0.8, role: int = VA
 
 def _refuse_others(project: Project) -> None:
     """ValueError for samples or surrogates in the folder that do not come from its rounds."""
-    surrogates_made(project)
+    trained_surrogates(project)
     if project.samples_path.is_file():
         project.samples()
         rounds = project.folder.glob(f"within-*/round-*/{project.samples_path.name}")
         others = sha256_of(project.samples_path) not in map(sha256_of, rounds)
     else:
-        others = project.begun or partial_folder(project.samples_path).is_dir()
+        others = project.has_results or partial_folder(project.samples_path).is_dir()
     if others:
         raise ValueError(
             f"{project.folder} holds samples or surrogates that no build to a tolerance made, expected none: they "
@@ -128,7 +128,7 @@ def _refuse_others(project: Project) -> None:
         )
 
 
-@alone
+@exclusive
 def train_to_tolerance(
     project: Project,
     cycle_files: Sequence[Path] = (),

@@ -27,7 +27,7 @@ from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import with_trust
 from casadi_contact.surrogate.load import STRUCTURES
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
-from casadi_contact.workflow.project import Project, alone, cycle_files, read_motion, surrogates_made
+from casadi_contact.workflow.project import Project, cycle_files, exclusive, read_motion, trained_surrogates
 
 
 def structures_for_scene(project: Project) -> list[str]:
@@ -35,7 +35,7 @@ def structures_for_scene(project: Project) -> list[str]:
     return [name for name in project.preset.efforts if STRUCTURES[name].fits(project.scene)]
 
 
-@alone
+@exclusive
 def train(
     project: Project,
     update: Update | None = None,
@@ -63,7 +63,7 @@ def train(
     around = moved_samples(samples, model, update)
     command = build_command(project, samples, cycle_files(project))
     samples = replace(samples, scene=project.scene)  # its tolerances are those of now
-    surrogates_made(project)  # refuses those of another scene, which would be replaced
+    trained_surrogates(project)  # refuses those of another scene, which would be replaced
     paths = []
     for name in structures if structure is None else [structure]:
         path = project.surrogate_path(name)

@@ -25,7 +25,7 @@ from casadi_contact.core.conventions import Array
 from casadi_contact.core.machine import machine_record
 from casadi_contact.networks.kernel.casadi_interface import casadi_interface
 from casadi_contact.workflow.benchmark.timing import compare, one_thread, time_single_calls
-from casadi_contact.workflow.project import Project, motion_at_hand
+from casadi_contact.workflow.project import Project, available_motion
 
 VERSION_0_1 = Path(__file__).with_name("knee_0_1.c")
 _LOOP = """
@@ -51,7 +51,7 @@ def in_c(source: str, loads: int, poses: Array) -> Callable[[], float]:
 def _poses(scene: str) -> Array:
     """Five cycles of a ready scene's own motion."""
     with tempfile.TemporaryDirectory() as folder:
-        motion = motion_at_hand(Project.open(scene, "quick", Path(folder)))
+        motion = available_motion(Project.open(scene, "quick", Path(folder)))
     return np.ascontiguousarray(motion.poses.reshape(-1, 6)[:505])
 
 

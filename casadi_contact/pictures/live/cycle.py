@@ -17,7 +17,7 @@ from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.scenes.pose_file import read_poses_over_time
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.workflow.project import reference_motion_cycles, walks
+from casadi_contact.workflow.project import has_gait, reference_motion_cycles
 
 _LEAST_REACH = np.array([3.0, 3.0, 3.0, 0.1, 0.1, 0.1])  # of a slider to either side of the cycle's poses [mm, rad]
 _GAP_MM = 0.25  # of a lifted side: a ball in its cup has no more
@@ -43,7 +43,7 @@ def page_cycle(model: ContactModel, path: str | None) -> PageCycle:
         time_s, poses = read_poses_over_time(path)
         even = np.linspace(0.0, 1.0, len(poses))
         return PageCycle(even if time_s is None else time_s, poses, f"{len(poses)} poses of a file")
-    if not scene.motion and not walks(scene):
+    if not scene.motion and not has_gait(scene):
         return PageCycle(np.zeros(1), contact_pose(ElasticFoundation(scene))[None], "a pose in contact")
     cycle = reference_motion_cycles(scene, ())[0]
     poses, report = reference_poses(model, [cycle])

@@ -22,7 +22,7 @@ from casadi_contact.workflow.benchmark.candidates import (
 from casadi_contact.workflow.benchmark.front_file import Point
 from casadi_contact.workflow.benchmark.sizes import Sized, chart_surrogates, on_disk, sized_path, train_sizes
 from casadi_contact.workflow.benchmark.timing import compare, one_thread
-from casadi_contact.workflow.project import Project, motion_at_hand
+from casadi_contact.workflow.project import Project, available_motion
 from casadi_contact.workflow.train import train
 
 TIMED_AGAIN = "timed again for these loads"
@@ -51,7 +51,7 @@ def times_for_loads(project: Project, points: Sequence[Point], loads: Sequence[s
     times = {point.name: _estimate(project, point, loads) for point in points}
     most = _TIMES_THE_CHEAPEST * min(point.value.median_us for point in points if point.value is not None)
     names = {name for name, (time_us, _) in times.items() if time_us <= most}
-    poses = motion_at_hand(project).poses[0]
+    poses = available_motion(project).poses[0]
     stopwatches = {c.name: c.time_value for c in _candidates(project, names, loads) if c.time_value is not None}
     with one_thread():
         timings = compare({name: partial(stopwatch, poses) for name, stopwatch in stopwatches.items()})

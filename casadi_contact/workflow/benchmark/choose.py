@@ -102,7 +102,7 @@ def _front(project: Project) -> tuple[Path, Front]:
                 f"version: run {project.command('chart')}"
             )
         return path, front
-    shipped = None if project.begun else shipped_front(project.scene)
+    shipped = None if project.has_results else shipped_front(project.scene)
     if shipped is None:
         command = project.command("chart")
         raise FileNotFoundError(f"{path} does not exist, so nothing has been measured: run {command} first")

@@ -18,7 +18,7 @@ from casadi_contact.surrogate.load import STRUCTURES, load_surrogate
 from casadi_contact.surrogate.sample_rows import samples_record
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
 from casadi_contact.workflow.presets import ChartEffort, Effort
-from casadi_contact.workflow.project import Project, alone
+from casadi_contact.workflow.project import Project, exclusive
 
 _OF_SAMPLES = ("samples", "pose_range", "load_range")  # what a record tells of those that were learned
 
@@ -77,7 +77,7 @@ def _made(project: Project, path: Path, learned: Samples) -> bool:
     return surrogate is not None and surrogate.scene.tolerances == project.scene.tolerances
 
 
-@alone
+@exclusive
 def train_sizes(
     project: Project,
     wanted: Sequence[Sized] | None = None,

@@ -9,7 +9,7 @@ from pathlib import Path
 from casadi_contact.core.files.writing import replacing
 from casadi_contact.core.machine import machine_record
 from casadi_contact.workflow.benchmark.kernel_speed import kernel_speed
-from casadi_contact.workflow.project import Project, poses_at_hand, surrogates_at_hand
+from casadi_contact.workflow.project import Project, available_poses, available_surrogates
 
 SPEED_FILE = "kernel_speed.json"
 _POSES = 505
@@ -22,8 +22,8 @@ def speed(project: Project) -> Path:
 
     Raises FileNotFoundError without a trained surrogate, CompilerError without a compiler.
     """
-    surrogates = surrogates_at_hand(project)
-    poses = poses_at_hand(project)[:_POSES]
+    surrogates = available_surrogates(project)
+    poses = available_poses(project)[:_POSES]
     measured = {structure: kernel_speed(surrogate, poses) for structure, surrogate in surrogates.items()}
     content = {
         "format": "casadi_contact kernel speed",

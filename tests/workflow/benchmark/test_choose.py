@@ -109,7 +109,7 @@ def machine(monkeypatch):
                 yield SimpleNamespace(name=point.name, time_value=lambda poses, seconds=seconds: seconds)
 
     machine = SimpleNamespace(slower=1.0)
-    monkeypatch.setattr(at_hand, "motion_at_hand", lambda project: SimpleNamespace(poses=np.zeros((1, 1, 6))))
+    monkeypatch.setattr(at_hand, "available_motion", lambda project: SimpleNamespace(poses=np.zeros((1, 1, 6))))
     monkeypatch.setattr(at_hand, "_candidates", candidates)
     return machine
 

@@ -22,7 +22,7 @@ from casadi_contact.workflow.benchmark.kernel_speed import KernelSpeed, MachineL
 from casadi_contact.workflow.benchmark.shipped import shipped_front
 from casadi_contact.workflow.benchmark.timing import Timing
 from casadi_contact.workflow.benchmark.walking import unseen_walking
-from casadi_contact.workflow.project import Project, built_in_motion, motion_at_hand, surrogates_at_hand
+from casadi_contact.workflow.project import Project, available_motion, available_surrogates, built_in_motion
 from tests.support.own_contact import SCENE as SOCKET
 
 speed_module = import_module("casadi_contact.workflow.benchmark.speed")  # in the package its name is the function's
@@ -36,7 +36,7 @@ def project(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def motion(project):
-    return motion_at_hand(project)
+    return available_motion(project)
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def test_no_scene_but_the_very_same_has_the_shipped_front(project):
 @pytest.mark.usefixtures("as_shipped")  # which model is the fastest is what users get told
 @pytest.mark.parametrize("loads", [None, ["Fy_med", "Fy_lat"]])
 def test_a_choice_names_a_model_that_is_at_hand_and_the_machine(project, motion, loads, monkeypatch):
-    monkeypatch.setattr("casadi_contact.workflow.benchmark.at_hand.motion_at_hand", lambda project: motion)
+    monkeypatch.setattr("casadi_contact.workflow.benchmark.at_hand.available_motion", lambda project: motion)
     choice = cc.choose("knee", force_tolerance_n=0.3, torque_tolerance_nmm=10.0, loads=loads, folder=project.folder)
     _, front = shipped_front(project.scene)
     assert choice.model.name.startswith("knee")
@@ -91,7 +91,7 @@ def test_a_choice_names_a_model_that_is_at_hand_and_the_machine(project, motion,
 
 
 def test_the_shipped_surrogates_are_exported_and_their_example_pose_is_in_contact(project, motion, monkeypatch):
-    monkeypatch.setattr(pipeline, "motion_at_hand", lambda project: motion)
+    monkeypatch.setattr(pipeline, "available_motion", lambda project: motion)
     paths = pipeline.export(project)
     function = ca.Function.load(str(project.folder / "export" / "patch" / "knee.casadi"))
     pose = motion.poses[0, 25]
@@ -102,10 +102,10 @@ def test_the_shipped_surrogates_are_exported_and_their_example_pose_is_in_contac
 
 def test_a_folder_with_samples_speaks_for_itself(tmp_path):
     project = Project.open("knee", "quick", tmp_path)
-    assert set(surrogates_at_hand(project)) == {"patch", "two_stage"}
+    assert set(available_surrogates(project)) == {"patch", "two_stage"}
     project.samples_path.write_bytes(b"begun")
     with pytest.raises(FileNotFoundError, match=r"run casadi-contact train knee --preset quick --out .* first"):
-        surrogates_at_hand(project)
+        available_surrogates(project)
     with pytest.raises(FileNotFoundError, match="run casadi-contact chart knee"):
         cc.choose("knee", force_tolerance_n=1.0, torque_tolerance_nmm=50.0, folder=tmp_path)
 
@@ -118,7 +118,7 @@ def test_speed_times_the_shipped_surrogates_on_poses_of_the_built_in_cycles(proj
         return KernelSpeed({"value, kernel": Timing(1.0, 1.0, 1.0)}, MachineLimit(1, 1, 1.0, 1.0))
 
     monkeypatch.setattr(speed_module, "kernel_speed", kernel_speed)
-    monkeypatch.setattr(speed_module, "poses_at_hand", lambda project: motion.poses.reshape(-1, 6))
+    monkeypatch.setattr(speed_module, "available_poses", lambda project: motion.poses.reshape(-1, 6))
     content = read_kernel_speed(speed_module.speed(project))
     assert timed == dict.fromkeys(("patch", "two_stage"), (project.scene.digest, 505))
     assert set(content["surrogates"]) == set(timed)
