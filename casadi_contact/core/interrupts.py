@@ -1,5 +1,4 @@
-"""Ctrl-C on a command line: it ends with its status and no traceback, while modules are still imported too; SIGTERM of
-long work likewise.
+"""Ctrl-C and SIGTERM end a command line with its exit status and no traceback, also while modules are imported.
 
 This file imports nothing that takes time.
 """
@@ -30,10 +29,10 @@ def is_interrupt(error: BaseException) -> bool:
 
 
 def end_on_interrupt() -> None:
-    """From here on an interrupt that nobody catches ends Python with `INTERRUPTED`; all else is told as ever.
+    """From here on an uncaught interrupt ends Python with `INTERRUPTED`.
 
-    Until `raise_interrupts` Ctrl-C ends Python at once. Raised while modules are imported it would be lost now and
-    then: libraries try imports under a bare ``except``, and Python drops what a callback raises.
+    Until `raise_interrupts` Ctrl-C ends Python at once: a KeyboardInterrupt raised during imports may be lost, because
+    libraries try imports under a bare ``except``.
     """
     sys.excepthook = _end
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
@@ -41,8 +40,8 @@ def end_on_interrupt() -> None:
 
 
 def raise_interrupts() -> None:
-    """From here on Ctrl-C raises KeyboardInterrupt again, for work that keeps what is done, and is remembered: C++ that
-    calls Python back may swallow it (`was_interrupted`)."""
+    """From here on Ctrl-C raises KeyboardInterrupt, and is remembered (`was_interrupted`): C++ that calls Python may
+    swallow the exception."""
     if signal.getsignal(signal.SIGINT) is _end_at_once:
         signal.signal(signal.SIGINT, _raise)
 
@@ -60,8 +59,8 @@ def raise_if_interrupted() -> None:
 
 @contextmanager
 def terminated_as_interrupted() -> Iterator[None]:
-    """Within, in the main thread, SIGTERM (`kill`, a batch system's end of time) is as Ctrl-C, so that workers end
-    before their parent; killed under them it would leave their library's warnings on the terminal."""
+    """In the block, SIGTERM (`kill`, a batch system's time limit) acts like Ctrl-C, so that workers end before their
+    parent. For the main thread."""
     before = signal.signal(signal.SIGTERM, _raise)
     try:
         yield

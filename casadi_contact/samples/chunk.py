@@ -26,9 +26,10 @@ _PULL_N = 1e-9
 
 
 class WrenchModel(Protocol):
-    """What samples are evaluated on; gaps(poses) and at_edge(poses), both (n, patches), are used where it has them.
+    """The model that samples are evaluated on.
 
-    A model that tells the parts of patches apart has part_wrenches(poses) (n, parts, 6) and part_gaps(poses) besides.
+    Optional: gaps(poses) and at_edge(poses), both (n, patches); for patches in several parts also
+    part_wrenches(poses) (n, parts, 6) and part_gaps(poses) (n, parts).
     """
 
     def wrenches(self, poses: Array) -> Array:
@@ -37,8 +38,8 @@ class WrenchModel(Protocol):
 
 @dataclass(frozen=True)
 class Chunk:
-    """Static analyses of one domain to be made together: start poses (n, 6) with the pose inputs in place, wanted
-    loads by name (n,), role (n,); lifted as in `Block`."""
+    """Static analyses of one domain: start poses (n, 6) with the pose inputs in place, target loads (n,) by name, role
+    (n,); lifted as in `Block`."""
 
     domain: int
     lifted: int
@@ -50,7 +51,7 @@ class Chunk:
 
 @dataclass(frozen=True)
 class DrawnChunk:
-    """Samples of one chunk, as in `Samples`; dropped_poses (m, 6) that became none, and their number by reason."""
+    """Samples of one chunk, as in `Samples`; rejected poses (m, 6), and their number by reason."""
 
     poses: Array
     wrenches: Array
@@ -86,7 +87,7 @@ def plan_chunks(scene: Scene, motion: ReferenceMotion, settings: SamplingSetting
 
 
 def plan_digest(chunks: list[Chunk]) -> str:
-    """SHA-256 of everything that is asked of the workers."""
+    """SHA-256 of all chunks of a plan."""
     digest = hashlib.sha256()
     for chunk in chunks:
         digest.update(repr((chunk.domain, chunk.lifted, chunk.free, sorted(chunk.loads))).encode())
@@ -97,7 +98,7 @@ def plan_digest(chunks: list[Chunk]) -> str:
 
 @dataclass
 class _Poses:
-    """Poses (n, 6) on their way to samples, their domain and role (n,), and those that were lost, counted by reason."""
+    """Poses (n, 6) not yet evaluated, their domain and role (n,), and the rejected ones, counted by reason."""
 
     poses: Array
     domain: np.ndarray
@@ -106,18 +107,17 @@ class _Poses:
     dropped: Counter[str] = field(default_factory=Counter)
 
     def become(self, poses: Array) -> None:
-        """Take the poses (n·k, 6) that were made of these, k of each."""
+        """Replace the poses by poses (n·k, 6), k made from each."""
         each = len(poses) // max(len(self.role), 1)
         self.poses, self.domain, self.role = poses, np.repeat(self.domain, each), np.repeat(self.role, each)
 
     def drop(self, stage: str, reasons: np.ndarray) -> None:
-        """Lose the poses whose static analysis failed, counted by the kind of its reason (n,): what precedes its
-        numbers; "" where it did not fail."""
+        """Reject poses with a reason (n,), "" for none; counted by the text before the reason's first colon."""
         self.dropped.update(f"{stage}: {reason.partition(':')[0]}" for reason in reasons if reason)
         self.keep(np.asarray(reasons == ""))
 
     def keep(self, good: np.ndarray) -> None:
-        """Lose the poses that are not good (n,)."""
+        """Reject the poses that are not good (n,)."""
         self.lost.append(self.poses[~good])
         self.poses, self.domain, self.role = self.poses[good], self.domain[good], self.role[good]
 
@@ -138,7 +138,7 @@ def evaluate_poses(teacher: WrenchModel, scene: Scene, poses: Array, domain: np.
 
 def _evaluated(teacher: WrenchModel, scene: Scene, drawn: _Poses, lifted: Sequence[int]) -> DrawnChunk:
     """The poses as samples; lifted: numbers of the patches that were lifted off."""
-    edge = reaches_edge(teacher, drawn.poses)  # first: it takes a tenth of the time of loads and gaps
+    edge = reaches_edge(teacher, drawn.poses)  # first: ten times faster than loads and gaps
     drawn.dropped["contact reaches the edge of the elements"] += int(edge.sum())
     drawn.keep(~edge)
     parts = len(scene.parts)
@@ -162,8 +162,8 @@ def _evaluated(teacher: WrenchModel, scene: Scene, drawn: _Poses, lifted: Sequen
 
 
 def _settled(model: ContactModel, chunk: Chunk, settings: SamplingSettings) -> _Poses:
-    """The chunk's poses under their loads; of D4 and D5 lifted off from there, in several steps each."""
-    # Of the whole reach no pose of the reference motion is near.
+    """The chunk's poses settled under their loads; those of D4 and D5 then lifted off in several steps."""
+    # The whole reach has no reference pose nearby to start from.
     starts = advance_to_contact(model, chunk.starts, chunk.loads) if settings.reach else chunk.starts
     poses, report = settle(model, starts, chunk.free, chunk.loads, tolerance=settings.settle_tolerance_n)
     drawn = _Poses(poses, np.full(len(poses), chunk.domain, dtype=np.uint8), chunk.role)
@@ -193,7 +193,7 @@ def _settled(model: ContactModel, chunk: Chunk, settings: SamplingSettings) -> _
 
 
 def _false_contact(scene: Scene, wrenches: Array, lifted: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-    """True (n,) where the fixed body pulls, and where a patch touches though it was lifted off (by its number)."""
+    """True (n,) where the contact pulls, and where a lifted patch still carries a load."""
     pulls = (normal_forces([part.normal for part in scene.parts], wrenches) < -_PULL_N).any(axis=1)
     touching = np.logical_or.reduceat((wrenches != 0.0).any(axis=2), scene.first_parts, axis=1)
     return np.asarray(pulls), np.asarray(touching[:, list(lifted)].any(axis=1) & ~pulls)
@@ -211,24 +211,24 @@ def _raised(model: ContactModel, poses: Array, settings: SamplingSettings) -> Ar
 
 
 def reaches_edge(teacher: WrenchModel, poses: Array) -> np.ndarray:
-    """True (n,) where contact reaches the edge of the elements: it is cut there where the grid happens to end, no part
-    of the joint [EF15 §2.2]. False for a model that cannot tell."""
+    """True (n,) where contact reaches the edge of the element grid, which cuts it off [EF15 §2.2]; False for a model
+    without at_edge."""
     if not hasattr(teacher, "at_edge") or not len(poses):
         return np.zeros(len(poses), dtype=bool)
     return np.asarray(teacher.at_edge(poses).any(axis=1))
 
 
 def part_wrenches(teacher: WrenchModel, poses: Array, parts: int) -> Array:
-    """Wrenches (n, parts, 6); parts are patches for a model that does not tell them apart.
+    """Wrenches (n, parts, 6): the model's part_wrenches, or its wrenches where each patch is one part.
 
-    Raises ValueError for such a model where the scene cuts patches into parts.
+    Raises ValueError for a model without part_wrenches where the scene cuts patches into parts.
     """
     if not len(poses):
-        return np.zeros((0, parts, 6))  # a user's own model need not know what to say of no poses
+        return np.zeros((0, parts, 6))  # a user's own model need not accept no poses
     wrenches: Array = getattr(teacher, "part_wrenches", teacher.wrenches)(poses)
     if wrenches.shape[1] != parts:
         raise ValueError(
-            f"the contact model tells {wrenches.shape[1]} patches apart, the scene {parts} parts: "
+            f"the contact model gives {wrenches.shape[1]} wrenches for {parts} parts of the scene: "
             "give it part_wrenches(poses) and part_gaps(poses), or leave the patches whole (no split_z)"
         )
     return wrenches

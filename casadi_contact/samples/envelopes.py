@@ -1,8 +1,8 @@
 """Reference envelopes: bounds of each input at each time frame, and their expansions [EF15 §2.2, §3.3].
 
-Expansions are measured in the widths of the envelope. An input with the same curve in all cycles (of a single cycle:
-every input) has none. Cycles are then taken to differ by a tenth of the curve's range over the frames, as those of the
-built-in hip, patella and planar knee do; by 1 mm, 0.04 rad (2.3°) or 5 % of the largest load of its kind at least.
+Expansions are multiples of the envelope's width. An input with the same curve in all cycles has no width (a single
+cycle: no input has). Its assumed width is a tenth of the curve's range over the frames, at least 1 mm, 0.04 rad (2.3°)
+or 5 % of the largest load of its kind.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from casadi_contact.core.conventions import Array
 from casadi_contact.core.quantities import ANGLE, LENGTH, quantity
 from casadi_contact.scenes.normal_load import NormalLoad
 
-_ROUNDING = 1e-9  # a frame of exactly mean width is not narrow, whatever the last digit of the mean
-_SAME = 1e-3  # of the width that is assumed: cycles that differ by less differ by what settling leaves
+_ROUNDING = 1e-9  # a frame of exactly mean width is not narrow
+_SAME = 1e-3  # of the assumed width: smaller differences come from the tolerance of settling
 _SHARE_OF_RANGE, _SHARE_OF_LOAD = 0.1, 0.05
 _LEAST_WIDTH = {LENGTH: 1.0, ANGLE: 0.04}  # mm, rad
 
@@ -48,8 +48,8 @@ class Envelopes:
 
     @property
     def assumed_widths(self) -> dict[str, float]:
-        """By how much [mm, rad, N or N·mm] cycles are taken to differ in inputs that have the same curve in all, see
-        above; 0 for a load of a kind of which there is none."""
+        """Assumed widths [mm, rad, N or N·mm] of inputs with the same curve in all cycles, see above; 0 where
+        all loads of the kind are zero."""
         ranges, kinds = self.upper.max(axis=0) - self.lower.min(axis=0), [quantity(name).kind for name in self.names]
         largest = np.maximum(np.abs(self.lower), np.abs(self.upper)).max(axis=0)
         found = {}

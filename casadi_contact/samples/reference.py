@@ -44,10 +44,10 @@ class Cycle(Protocol):
 
 @dataclass(frozen=True)
 class ReferenceReport:
-    """What became of each frame (cycles, frames): converged, residual [N, torques over 25 mm], reason.
+    """Convergence of each frame (cycles, frames): converged, residual [N, torques over 25 mm], reason.
 
-    The pose of a frame that did not converge is interpolated between its neighbours that did. assumed: by how much the
-    cycles are taken to differ in inputs that have the same curve in all (see `envelopes`).
+    Frames that did not converge are interpolated between neighbours that did. assumed: assumed widths of inputs with
+    the same curve in all cycles (see `envelopes`).
     """
 
     names: tuple[str, ...]
@@ -162,15 +162,13 @@ def reference_poses(
 ) -> tuple[Array, ReferenceReport]:
     """Pose estimation of each cycle: the pose parameters that are not measured carry the measured loads [EF15 §3.3].
 
-    Cycles are resampled to `frames` frames on the percentage of the cycle. All frames are settled at once, from the
-    first touch with all that is not measured at zero, or in the scene's start pose (or from a start pose (6,), needed
-    for a model without gaps). Frames left over begin once more between the frames that converged, then in that start
-    pose, turned about the patches' anchors to what is measured, between frames again, and last in the pose of the
-    nearest one, from where a trust region goes on (`settle`). Where frames then leap to another pose that carries their
-    loads, they are followed from their neighbours (`Motion.without_leaps`).
+    Cycles are resampled to `frames` frames on the percentage of the cycle. All frames are settled at once, starting in
+    first contact from the scene's start pose (or from `start` (6,), needed for a model without gaps). Frames that fail
+    start again: interpolated between converged frames; from the start pose rotated about the patches' anchors;
+    interpolated again; and from the nearest converged frame with a trust region. Frames that converged to another
+    equilibrium than their neighbours are followed from these (`Motion.without_leaps`).
 
-    What the scene locks or ties is as the scene says, whatever a cycle measures of it: the motion is one of this joint.
-    progress(done, all) is called with the frames, as `settle` calls it.
+    Locked and tied pose parameters are the scene's, whatever a cycle measures. progress(done, all): frames settled.
 
     Returns poses (cycles, frames, 6) and a report. Frames that do not converge are interpolated and reported; raises
     ValueError for no cycles, cycles that measure different pose parameters or loads, a model that cannot be settled
@@ -222,7 +220,7 @@ def reference_poses(
 
 
 def found_sensitive_pose(model: ContactModel, cycles: Sequence[Cycle]) -> tuple[str, ...]:
-    """As many pose parameters as the scene's normal loads are made of loads, the most sensitive ones, in pose order.
+    """The most sensitive pose parameters, one for each sensitive load of the scene, in pose order.
 
     The reference pose is the first cycle's most loaded one. Raises ValueError like `reference_poses`.
     """
@@ -235,7 +233,7 @@ def found_sensitive_pose(model: ContactModel, cycles: Sequence[Cycle]) -> tuple[
 
 
 def _pressed(loads: Mapping[str, Array]) -> np.ndarray:
-    """True (n,) for frames in which some load (n,) is wanted: of the others any pose out of contact is one."""
+    """True (n,) for frames with a load; without one, any pose out of contact is an equilibrium."""
     return np.asarray(np.any([curve != 0.0 for curve in loads.values()], axis=0))
 
 
