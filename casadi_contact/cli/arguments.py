@@ -16,6 +16,10 @@ from casadi_contact.workflow.project import Project, shipped_surrogates
 
 console = PlainConsole()
 
+SceneOrSurrogate = Annotated[
+    str,
+    typer.Argument(help="a ready scene, the path of a .toml, or a surrogate: a ready name or the path of a .h5 file"),
+]
 SceneName = Annotated[str, typer.Argument(help=f"a ready scene ({', '.join(ready_scenes())}) or the path of a .toml")]
 DEFAULT_PRESET = "quick"
 _HOW_MUCH = f"how much to sample and train: {', '.join(PRESETS)}"
@@ -50,5 +54,5 @@ def check_html(out: Path) -> None:
 
 def say_shipped(project: Project, doing: str) -> None:
     """That a folder holds nothing yet, so that the scene's shipped surrogates are taken."""
-    if not project.has_results and shipped_surrogates(project.scene):
+    if not project.has_results and project.surrogate is None and shipped_surrogates(project.scene):
         console.print(f"nothing built in {project.folder}: {doing} the shipped surrogates", highlight=False)

@@ -20,6 +20,7 @@ from casadi_contact.cli.arguments import (
     PresetName,
     PresetOrNone,
     SceneName,
+    SceneOrSurrogate,
     Scheduler,
     Table,
     console,
@@ -134,13 +135,13 @@ def calibrate(scene: SceneName, preset: PresetName = DEFAULT_PRESET, out: Out = 
         console.print(f"calibrated {path}", highlight=False)
 
 
-def evaluate(scene: SceneName, preset: PresetName = DEFAULT_PRESET, out: Out = None) -> None:
+def evaluate(scene: SceneOrSurrogate, preset: PresetName = DEFAULT_PRESET, out: Out = None) -> None:
     """Print and write the errors per domain and the speed on unseen poses of the scene's motion."""
     _evaluate(Project.open(scene, preset, out))
 
 
 def export(
-    scene: SceneName,
+    scene: SceneOrSurrogate,
     preset: PresetName = DEFAULT_PRESET,
     out: Out = None,
     kernel: Annotated[bool, typer.Option("--kernel", help="the C kernel alone, without the CasADi file")] = False,

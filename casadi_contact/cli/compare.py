@@ -7,7 +7,15 @@ from typing import Annotated
 import typer
 
 from casadi_contact.cli import pipeline
-from casadi_contact.cli.arguments import DEFAULT_PRESET, Out, PresetName, SceneName, Scheduler, console, say_shipped
+from casadi_contact.cli.arguments import (
+    DEFAULT_PRESET,
+    Out,
+    PresetName,
+    SceneOrSurrogate,
+    Scheduler,
+    console,
+    say_shipped,
+)
 from casadi_contact.core.terminal import progress_bars
 from casadi_contact.core.workers import cluster_workers
 from casadi_contact.pictures.report.choice_table import choice_table
@@ -18,7 +26,7 @@ from casadi_contact.workflow.project import Project
 
 
 def chart(
-    scene: SceneName,
+    scene: SceneOrSurrogate,
     preset: PresetName = DEFAULT_PRESET,
     peers: Annotated[
         bool, typer.Option("--peers", help="measure the peers too (pip install casadi_contact[peers])")
@@ -40,7 +48,7 @@ def chart(
         console.print(f"written {path}", highlight=False)
 
 
-def speed(scene: SceneName, preset: PresetName = DEFAULT_PRESET, out: Out = None) -> None:
+def speed(scene: SceneOrSurrogate, preset: PresetName = DEFAULT_PRESET, out: Out = None) -> None:
     """Time compiled kernels against CasADi graphs, elastic foundations and the machine's limit.
 
     Where nothing has been built in the folder, the shipped surrogates of the scene are timed.
@@ -54,7 +62,7 @@ def speed(scene: SceneName, preset: PresetName = DEFAULT_PRESET, out: Out = None
 
 
 def choose(
-    scene: SceneName,
+    scene: SceneOrSurrogate,
     force_tol: Annotated[float | None, typer.Option(help="RMS error wanted over the forces [N]")] = None,
     torque_tol: Annotated[float | None, typer.Option(help="RMS error wanted over the torques [N·mm]")] = None,
     loads: Annotated[str | None, typer.Option(help="only these, as Fy_med,Fy_lat; all if left out")] = None,

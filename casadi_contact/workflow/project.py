@@ -25,6 +25,7 @@ from casadi_contact.scenes.columns import TextColumns
 from casadi_contact.scenes.joint_cycle import JointCycle, column_names, driving_loads, read_joint_cycle, scene_cycles
 from casadi_contact.scenes.load_cycle import COLUMNS, KNEE_POSE_COLUMNS, LoadCycle, read_cycle
 from casadi_contact.scenes.loading import load_scene
+from casadi_contact.scenes.ready_files import ready_scenes
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.walking import reference_cycles
 from casadi_contact.surrogate.base import Surrogate
@@ -35,29 +36,33 @@ from casadi_contact.workflow.presets import PRESETS, Preset
 @dataclass(frozen=True)
 class Project:
     """A scene, a preset and the folder that holds everything made from them; own: a preset that has no name; given: the
-    scene's name or path as it was asked for."""
+    name or path as the user gave it; surrogate: the one that was given instead of a scene."""
 
     scene: Scene
     preset_name: str
     folder: Path
     own: Preset | None = None
     given: str = ""
+    surrogate: Surrogate | None = None
 
     @classmethod
     def open(cls, scene: str | Path, preset: str, folder: Path | None = None) -> Project:
         """Check the names and make the folder (results/SCENE-PRESET if left out).
 
+        scene: name of a ready scene or path of a .toml, or a surrogate by its name or .h5 file, which stands for its
+        scene and for what was trained on it.
         The sensitive pose parameters of a scene that leaves them out are found, and kept in the folder's scene.toml.
 
         Raises ValueError for an unknown scene or preset, OSError for a folder that cannot be made or written.
         """
-        loaded = load_scene(scene)
+        surrogate = surrogate_named(scene)
+        loaded = load_scene(scene) if surrogate is None else surrogate.scene
         if preset not in PRESETS:
             raise ValueError(f"unknown preset {preset!r}, expected one of {', '.join(PRESETS)}")
         folder = _folder_of(loaded, preset) if folder is None else Path(folder)
         writable_folder(folder)
         completed = loaded if loaded.sensitive_pose else _completed(loaded, folder / "scene.toml")
-        return cls(completed, preset, folder, given=str(scene))
+        return cls(completed, preset, folder, given=str(scene), surrogate=surrogate)
 
     def command(self, name: str, *options: str, preset: bool = True) -> str:
         """The command line NAME for this scene, preset and folder, as messages and records give it to run."""
@@ -113,6 +118,15 @@ class Project:
                 f"{made_for} another scene than {self.scene.name} as it is now: choose another --out, or remove that "
                 "folder"
             )
+
+
+def surrogate_named(name: str | Path) -> Surrogate | None:
+    """The surrogate of a .h5 file or a ready name; None for what names a scene, as "knee" does, which is both.
+
+    Raises FileNotFoundError for a file that is not there, ValueError for one that is no surrogate.
+    """
+    named = Path(name).suffix == ".h5" or (str(name) in ready_surrogates() and str(name) not in ready_scenes())
+    return load_surrogate(name) if named else None
 
 
 Given = ParamSpec("Given")
@@ -218,6 +232,8 @@ def project_surrogates(project: Project) -> dict[str, Surrogate]:
 def trained_surrogates(project: Project) -> dict[str, Surrogate]:
     """The surrogates in the project's folder by structure, perhaps none; ValueError for one of another scene, which may
     have had other tolerances."""
+    if project.surrogate is not None:
+        return {project.surrogate.structure: project.surrogate}
     paths = {s: project.surrogate_path(s) for s in STRUCTURES if project.surrogate_path(s).is_file()}
     made = {structure: load_surrogate(path) for structure, path in paths.items()}
     for structure, surrogate in made.items():
@@ -238,11 +254,11 @@ def shipped_surrogate(scene: Scene) -> Surrogate | None:
 
 
 def available_surrogates(project: Project) -> dict[str, Surrogate]:
-    """The project's surrogates by structure, or its scene's shipped ones where nothing was built.
+    """The given surrogate, or the project's by structure, or its scene's shipped ones where nothing was built.
 
     Raises FileNotFoundError if there are neither.
     """
-    shipped = () if project.has_results else shipped_surrogates(project.scene).values()
+    shipped = () if project.has_results or project.surrogate is not None else shipped_surrogates(project.scene).values()
     return {surrogate.structure: surrogate for surrogate in shipped} or project_surrogates(project)
 
 

@@ -88,7 +88,14 @@ def choose(
     file = make_surrogate(project, model.name, None if set(names) == set(front.loads) else names, update)
     machine = ", ".join(front.header[key] for key in ("processor", "system") if key in front.header)
     measured = f"measured on {machine or 'an unnamed machine'}, {front.header.get('threads', '?')} thread: {path}"
-    return Choice(model, better, names, file, python_line(str(scene), model.name, names, file), measured)
+    return Choice(
+        model,
+        better,
+        names,
+        file,
+        python_line(project.scene.name if project.surrogate else str(scene), model.name, names, file),
+        measured,
+    )
 
 
 def _front(project: Project) -> tuple[Path, Front]:

@@ -56,6 +56,7 @@ def measure_project(
     """
     # Before an hour of training, not after it:
     refuse_without_elements(project)
+    project.samples()
     motion = read_motion(project)[0]
     own = project_surrogates(project)
     train_sizes(project, update=update, executor=executor)
