@@ -1,8 +1,7 @@
-"""What a first evaluation waits for: numba compiles the loops of the contact models, and keeps them on disk.
+"""Numba compiles the loops of the contact models at the first evaluation, and keeps them on disk.
 
-Compiled loops lie beside the source (``__pycache__``), or in numba's folder of the user's cache where that cannot be
-written, or in ``$NUMBA_CACHE_DIR``. Where the disc cannot take them, or no folder can be written, they serve the
-process that compiled them.
+Compiled loops lie beside the source (``__pycache__``), in numba's folder of the user's cache, or in
+``$NUMBA_CACHE_DIR``; where none can be written, they serve the process that compiled them.
 """
 
 from __future__ import annotations
@@ -25,19 +24,8 @@ _POSES_OF_A_THREAD = 8
 class _Cache(FunctionCache):
     """Compiled loops on disk."""
 
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Called before a compilation; numba itself fails on files that a power failure or a full disc damaged."""
-        try:
-            return super().load_overload(sig, target_context)
-        except Exception:  # pickle raises many kinds
-            try:
-                self.flush()
-            except OSError:
-                self.disable()
-            return None
-
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Called after a compilation; numba itself fails on a full disc."""
+        """Called after a compilation; on a full disc the loops serve this process alone."""
         with suppress(OSError):
             super().save_overload(sig, data)
 

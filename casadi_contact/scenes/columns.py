@@ -14,8 +14,6 @@ from casadi_contact.core.conventions import Array
 from casadi_contact.core.files.reading import MOST_TEXT, checked_size, existing_file, finite_number, short
 from casadi_contact.core.files.writing import replacing
 
-MOST_VALUES = 1 << 24  # of a table: each takes up to 200 bytes of memory
-
 
 @dataclass(frozen=True)
 class TextColumns:
@@ -31,12 +29,12 @@ class TextColumns:
 
         Lines without any text are skipped, as other readers do, and so are rows of empty cells at the end. Raises
         FileNotFoundError for no file, and ValueError, naming file and line, for what is no CSV text, ragged rows, a row
-        of empty cells before a full one, a file without rows and one of more than MOST_VALUES values.
+        of empty cells before a full one, and a file without rows.
         """
         path = existing_file(path, what, "a CSV file")
         checked_size(path, MOST_TEXT)
         rows: list[tuple[int, list[str]]] = []
-        values = lost = 0
+        lost = 0
         try:
             with path.open(newline="", encoding="utf-8-sig") as file:
                 lines = csv.reader(file)
@@ -48,9 +46,6 @@ class TextColumns:
                     if lost:
                         raise ValueError(f"{path} line {lost} has empty cells, expected numbers: is a frame missing?")
                     rows.append((number, row))
-                    values += len(row)
-                    if values > MOST_VALUES:
-                        raise ValueError(f"{path} holds more than {MOST_VALUES} values, expected fewer: leave out rows")
         except UnicodeDecodeError as error:
             raise ValueError(f"{path} is not a CSV text file in UTF-8 ({error}): save it as CSV UTF-8") from None
         except csv.Error as error:

@@ -1,22 +1,16 @@
 """Work on a Dask cluster: the same results as on one machine, whatever dies on the way."""
 
-import json
 import multiprocessing
 import os
 import signal
 import time
 from concurrent.futures import ThreadPoolExecutor
 
-import numpy as np
 import pytest
 
 from casadi_contact.core.workers import cluster_workers
-from casadi_contact.networks.training.parallel import fit_all
-from casadi_contact.networks.training.settings import TrainingSettings
-from casadi_contact.networks.training.weights import flatten
 from casadi_contact.samples.samples import partial_folder
 from tests.support.drawn_spheres import draw
-from tests.support.regressions import smooth
 
 distributed = pytest.importorskip("distributed", reason="extra cluster is not installed")
 WORKERS = 4
@@ -81,18 +75,6 @@ class Killer:
         raise TimeoutError("no worker was started in the place of those killed, or none is at work")
 
 
-class KillingExecutor:
-    """An executor whose workers are killed at the work that they are given."""
-
-    def __init__(self, executor, killer):
-        self.executor, self.killer = executor, killer
-
-    def submit(self, *task):
-        future = self.executor.submit(*task)
-        self.killer.kill(lambda: [worker for worker, tasks in self.killer.client.processing().items() if tasks])
-        return future
-
-
 class HeldExecutor:
     """An executor whose workers finish the first tasks, and begin no other while the file `gate` is missing."""
 
@@ -120,20 +102,6 @@ def test_ten_killed_workers_do_not_change_a_sample(cluster, tmp_path):
         draw(tmp_path / "there.h5", executor, progress=killer)
     assert len(set(killer.killed)) == 10
     assert (tmp_path / "there.h5").read_bytes() == (tmp_path / "here.h5").read_bytes()
-
-
-def test_networks_trained_on_a_cluster_that_loses_a_worker_are_those_of_one_machine(cluster, tmp_path):
-    data = [smooth(seed=seed, name=name) for seed, name in enumerate(("root_med", "Fx/lat"))]
-    settings = TrainingSettings(sizes=((6, 5),), max_gflop=300.0, max_iterations=1000)
-    scheduler_file = tmp_path / "scheduler.json"
-    scheduler_file.write_text(json.dumps({"address": cluster.scheduler_address}))
-    killer = Killer(cluster.scheduler_address, 1)
-    with killer.client, cluster_workers(str(scheduler_file)) as executor:
-        there = fit_all(data, lambda r: settings, KillingExecutor(executor, killer), tmp_path / "checkpoints")
-    here = fit_all(data, lambda r: settings)
-    assert killer.left == 0
-    for name, fit in here.items():
-        np.testing.assert_array_equal(flatten(there[name].network), flatten(fit.network))
 
 
 def test_a_scheduler_without_workers_says_how_to_start_some(monkeypatch):

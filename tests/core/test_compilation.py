@@ -43,24 +43,6 @@ def test_a_compilation_is_announced_once_with_its_folder_and_only_where_there_is
     assert second.stderr == ""
 
 
-@pytest.mark.parametrize(("kind", "share"), [("nbi", 0.0), ("nbc", 0.5)])
-def test_damaged_loops_are_compiled_again_once(tmp_path, kind, share):
-    (tmp_path / "example.py").write_text(MODULE)
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-
-    def run():
-        command = [sys.executable, "-c", SCRIPT.format(folder=str(tmp_path))]
-        return subprocess.run(command, capture_output=True, text=True, env=environment)
-
-    assert run().returncode == 0
-    for path in (tmp_path / "cache").rglob(f"*.{kind}"):
-        os.truncate(path, int(share * path.stat().st_size))
-    again, after = run(), run()
-    assert (again.stdout, again.returncode) == ("2.0 2.0\n", 0), again.stderr
-    assert "compiling the contact model" in again.stderr
-    assert (after.stdout, after.stderr) == ("2.0 2.0\n", "")
-
-
 def test_threads_that_have_no_work_do_not_make_others_wait():
     threads = numba.get_num_threads()
     with threads_for(1):

@@ -71,14 +71,6 @@ def test_a_locked_pose_that_leaves_fewer_parameters_than_loads_is_named():
         reference_poses(locked, made, frames=21)
 
 
-def test_cycles_with_different_loads_are_refused():
-    made, _ = cycles(MODEL, count=2)
-    fewer = replace(made[1], loads={name: load for name, load in made[1].loads.items() if name != "Fy_lat"})
-    for pair in ([made[0], fewer], [fewer, made[0]]):
-        with pytest.raises(ValueError, match="expected the same of all cycles"):
-            reference_poses(MODEL, pair)
-
-
 def test_motion_holds_estimated_poses_and_measured_loads():
     made, wanted = cycles(MODEL)
     motion, _ = reference_motion(MODEL, made, SamplingSettings(frames=21))
@@ -129,24 +121,6 @@ def test_a_pose_that_no_cycle_moves_is_sampled_about_as_well():
     assert report.assumed == {"tz": 1.0}
     (d3,) = plan_domains(motion.envelopes, MODEL.scene.normal_loads, 5.0, SamplingSettings(counts={"D3": 500}))
     assert np.ptp(d3.inputs[:, 2]) == pytest.approx(4.0, rel=0.02)
-
-
-class NeverSettled(TwoSpheres):
-    def jacobian(self, poses):
-        pytest.fail("poses are sought before the cycles are known to be of use")
-
-
-def test_what_cannot_be_sampled_is_named_before_poses_are_sought():
-    made, _ = cycles(MODEL)
-    model = NeverSettled(knee())
-    without = [replace(cycle, loads={"Tx": cycle.loads["Tx"]}) for cycle in made]
-    with pytest.raises(ValueError, match="the cycles hold no load Fy_med, Fy_lat, only Tx"):
-        reference_motion(model, without, SamplingSettings(frames=21))
-    unloaded = [replace(cycle, loads={name: 0.0 * load for name, load in cycle.loads.items()}) for cycle in made]
-    with pytest.raises(
-        ValueError, match=r"Fy_med, Fy_lat without any load .*fixed_offsets an entry for Fy_med, Fy_lat"
-    ):
-        reference_motion(model, unloaded, SamplingSettings(frames=21))
 
 
 def test_the_reference_motion_is_the_same_whichever_loads_are_learned():

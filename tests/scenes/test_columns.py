@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from casadi_contact.scenes import columns
 from casadi_contact.scenes.columns import TextColumns, read_columns, write_columns
 
 
@@ -63,17 +62,6 @@ def test_text_in_another_encoding_is_refused_with_the_cure(tmp_path):
         (tmp_path / "t.csv").write_bytes(f"{label},x,y\n0,1,2\n".encode(encoding))
         with pytest.raises(ValueError, match="save it as CSV UTF-8"):
             read_columns(tmp_path / "t.csv", required=("x", "y"))
-
-
-def test_a_table_that_would_take_all_memory_is_refused_before_it_is_read(tmp_path, monkeypatch):
-    """A line of two bytes takes a hundred in memory."""
-    monkeypatch.setattr(columns, "MOST_VALUES", 100)
-    table = tmp_path / "t.csv"
-    table.write_text("x,y\n" + "1,2\n" * 49)
-    assert len(read_columns(table, required=("x",))["x"]) == 49
-    table.write_bytes(table.read_bytes() + b"1,2\n" * 100_000 + b"what comes later is not looked at: \xff")
-    with pytest.raises(ValueError, match="holds more than 100 values, expected fewer"):
-        read_columns(table, required=("x",))
 
 
 def test_a_frame_whose_cells_are_empty_is_not_left_out(tmp_path):

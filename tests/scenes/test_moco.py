@@ -79,21 +79,6 @@ def test_maps_that_cannot_be_written_are_refused(maps, said):
         renamed_table(CURVES, maps, "poses")
 
 
-@pytest.mark.parametrize(
-    ("written", "said"),
-    [
-        ({"ty": 1000.0}, "ty reaches 2.* mm, expected a joint's: is the file in mm"),
-        ({"rz": 180.0 / np.pi}, "rz reaches .*, expected radians: is it in degrees?"),
-    ],
-)
-def test_a_file_in_other_units_than_the_map_says_is_refused_with_the_reason(tmp_path, written, said):
-    curves = {name: curve * written.get(name, 1.0) for name, curve in CURVES.items()}
-    curves["ty"] = np.full(4, 27.0) * written.get("ty", 1.0)
-    read = through_file(renamed_table(curves, MAPS, "states"), tmp_path / "states.sto", MAPS)
-    with pytest.raises(ValueError, match=said):
-        poses_from_curves(read)
-
-
 @needs_opensim
 def test_opensim_reads_what_is_written_and_what_it_writes_is_read(tmp_path):
     """In a process of its own, which has no casadi_contact."""

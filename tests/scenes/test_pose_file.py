@@ -5,10 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from casadi_contact.core.conventions import POSE_NAMES
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.opensim.mapping import poses_table
-from casadi_contact.scenes.opensim.table import Table, write_table
+from casadi_contact.scenes.opensim.table import write_table
 from casadi_contact.scenes.pose_file import read_poses, read_poses_over_time, write_poses
 from problems.common.records import pose_columns
 
@@ -64,18 +63,3 @@ def test_files_without_poses_are_refused(tmp_path, text, said):
     (tmp_path / "poses.csv").write_text(text)
     with pytest.raises(ValueError, match=re.escape(said)):
         read_poses(tmp_path / "poses.csv")
-
-
-def test_a_file_without_rows_holds_no_pose(tmp_path):
-    write_table(Table("walk", {name: [] for name in ("time", *POSE_NAMES)}), tmp_path / "walk.sto")
-    with pytest.raises(ValueError, match=r"walk\.sto: there is no row, expected a pose in each"):
-        read_poses(tmp_path / "walk.sto")
-
-
-def test_missing_files_and_columns_of_opensim_are_named(tmp_path):
-    for name in ("none.csv", "none.sto"):
-        with pytest.raises(FileNotFoundError, match="does not exist"):
-            read_poses(tmp_path / name)
-    write_table(Table("walk", {"time": [0.0], "tx": [0.0]}), tmp_path / "walk.sto")
-    with pytest.raises(ValueError, match=r"walk.sto lacks the columns ty, tz, rx, ry, rz; it has time, tx: name them"):
-        read_poses(tmp_path / "walk.sto")
