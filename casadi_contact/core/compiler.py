@@ -111,18 +111,13 @@ def shared_library(source: str, waited_for: str = "", data: bytes = b"") -> Path
     includes into the library as the file DATA_FILE (`.incbin`), large tables for instance.
     Where the cache folder cannot be written, the library lies in a folder that is removed when Python ends.
     Raises CompilerError without a compiler, where it fails or compiles for another machine, for flags in
-    $CASADI_CONTACT_CFLAGS that it refuses, and for a cache that is not the user's alone, whose name is no text, or
+    $CASADI_CONTACT_CFLAGS that it refuses, and for a cache that is not the user's alone or
     whose disc may hold no programs.
     """
     command, chosen = compiler_command(), machine_flags()
     made_from = "\0".join([source, _compiler_version(tuple(command)), *command, *FLAGS, *chosen, _processor()])
     key = hashlib.sha256(made_from.encode() + (b"\0" + data if data else b"")).hexdigest()[:32]
     folder = Path(os.path.realpath(cache_folder()))
-    if any("\ud800" <= letter <= "\udfff" for letter in str(folder)):  # CasADi could not be told of it
-        raise CompilerError(
-            f"the kernel cache {str(folder)!a} has a name that is no text in this locale, expected letters that it "
-            f"knows: choose another folder by ${CACHE_VARIABLE}, or a locale of UTF-8"
-        )
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError:

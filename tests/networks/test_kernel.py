@@ -1,4 +1,4 @@
-"""Compiled kernels: torch = NumPy = kernel in values and both derivatives, everywhere a pose may go."""
+"""torch = NumPy = CasADi graph = compiled kernel in values and both derivatives, everywhere a pose may go."""
 
 import casadi as ca
 import numpy as np
@@ -22,10 +22,8 @@ from tests.support.random_surrogates import (
 from tests.support.second_derivatives import by_hessians, by_jacobian_of_jacobian, evaluated
 
 torch_oracle = pytest.importorskip("tests.support.torch_oracle", reason="torch is not installed", exc_type=ImportError)
-pytestmark = needs_compiler
-
-CASES = [(scene, structure) for scene in ("knee", "sphere_on_plane") for structure in ("patch", "two_stage")]
-CASES += [("hip", "patch"), ("patellofemoral", "patch"), (IN_PARTS, "patch")]  # N as a magnitude, N = +Fx
+CASES = [("knee", structure, activation) for structure in ("patch", "two_stage") for activation in ACTIVATIONS]
+CASES += [(scene, "patch", "algebraic") for scene in ("hip", "patellofemoral", IN_PARTS)]  # N as a magnitude, N = +Fx
 
 
 def far_poses(count: int) -> np.ndarray:
@@ -47,52 +45,38 @@ def at_liftoff(surrogate, poses: np.ndarray) -> np.ndarray:
     return np.vstack([low, high, low - hair, high + hair])
 
 
-@pytest.mark.parametrize("activation", ACTIVATIONS)
-@pytest.mark.parametrize(("scene", "structure"), CASES)
-def test_kernel_equals_numpy_and_torch(scene, structure, activation):
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=needs_compiler)], ids=["graph", "kernel"])
+@pytest.mark.parametrize(("scene", "structure", "activation"), CASES)
+def test_graph_and_kernel_equal_numpy_and_torch(scene, structure, activation, compiled):
+    """Loads and root loads, their Jacobians and Hessians, near and far and on both sides of liftoff."""
     surrogate = random_surrogate(scene_called(scene), structure, activation, seed=3)
     touching = at_liftoff(surrogate, random_poses(1, seed=2))
     if scene == IN_PARTS:  # in the very kink rounding decides which bears, and so the curvature
         touching = touching[2:]
-    poses = np.vstack([random_poses(6, seed=1), far_poses(5), touching])
-    function = surrogate.load_and_root_function(compiled=True)
-    called = [function, *(function.get_function(name) for name in function.get_function())]
-    assert called[-1].class_name() == "External"  # the parts' root loads are put together around it
-    pose = ca.MX.sym("pose", 6)
+    poses, pose = np.vstack([random_poses(6, seed=1), far_poses(5), touching]), ca.MX.sym("pose", 6)
+    function = surrogate.load_and_root_function(compiled=compiled)
     # The root of two_stage turns by a right angle within 0.05 N, where rounding errors of the forces count for more.
     stiff = 1e3 if structure == "two_stage" else 1.0
+    alone = {"loads": surrogate.function(compiled=compiled), "roots": surrogate.root_function(compiled=compiled)}
     for what, in_numpy, amplified in (
-        ("loads", surrogate(poses), 1.0),
-        ("roots", surrogate.root_loads(poses)[0], stiff),
+        ("loads", surrogate.jacobian(poses), 1.0),
+        ("roots", surrogate.root_loads(poses), stiff),
     ):
         single = ca.Function(what, [pose], [function(pose)[what == "roots"]])
-        weights = np.random.default_rng(5).normal(size=in_numpy.shape)
-        found = evaluated(single, poses, weights)
-        agree(found[0], in_numpy, amplified=amplified)
+        weights = np.random.default_rng(5).normal(size=in_numpy[0].shape)
         wanted = torch_oracle.oracles(surrogate, poses, weights, loads=what == "loads")
-        for order, (got, want) in enumerate(zip(found, wanted, strict=True)):
+        for order, (got, want) in enumerate(zip(evaluated(single, poses, weights), wanted, strict=True)):
             agree(got, want, order, amplified=amplified)
+            if order < 2:
+                agree(in_numpy[order], want, order, amplified=amplified)
+                zero = want[:6] == 0.0  # out of contact
+                np.testing.assert_array_equal(in_numpy[order][:6] == 0.0, zero)
+                np.testing.assert_array_equal(got[:6] == 0.0, zero)
+        agree([alone[what](each).full().ravel() for each in poses], in_numpy[0], amplified=amplified)
+    np.testing.assert_array_equal(surrogate(poses), surrogate.jacobian(poses)[0])
 
 
-@pytest.mark.usefixtures("as_shipped")
-@pytest.mark.parametrize("structure", ["patch", "two_stage"])
-def test_loads_and_roots_together_and_single_loads(structure):
-    surrogate, pose, poses = (
-        random_surrogate(load_scene("knee"), structure, seed=8),
-        ca.MX.sym("pose", 6),
-        random_poses(8),
-    )
-    for loads in (["Fy_lat"], ["Tx", "Fy_med"]):
-        kernel, graph = (
-            ca.Function("f", [pose], [ca.vertcat(*surrogate.load_and_root_function(loads, compiled=compiled)(pose))])
-            for compiled in (True, False)
-        )
-        weights = np.random.default_rng(2).normal(size=(len(poses), graph.numel_out(0)))
-        wanted = evaluated(graph, poses, weights)
-        for order, (got, want) in enumerate(zip(evaluated(kernel, poses, weights), wanted, strict=True)):
-            agree(got, want, order)
-
-
+@needs_compiler
 @pytest.mark.usefixtures("as_shipped")
 @pytest.mark.parametrize("structure", ["patch", "two_stage"])
 @pytest.mark.parametrize("batch", [33])
@@ -119,7 +103,8 @@ def test_batches_equal_single_calls(structure, batch):
     agree(got.full()[None, None], want.full()[None, None], 2)
 
 
-@pytest.mark.parametrize(("scene", "structure"), [*CASES[:3], (IN_PARTS, "patch")])
+@needs_compiler
+@pytest.mark.parametrize(("scene", "structure"), [("knee", "two_stage"), (IN_PARTS, "patch")])
 def test_the_jacobian_of_the_jacobian_is_the_hessian_of_every_output(scene, structure):
     """Loads and roots together, and either alone, against the graph."""
     surrogate, poses = random_surrogate(scene_called(scene), structure, seed=3), random_poses(4, seed=1)
@@ -133,16 +118,7 @@ def test_the_jacobian_of_the_jacobian_is_the_hessian_of_every_output(scene, stru
         agree(got[1], want[1], 2, amplified=stiff)
 
 
-@pytest.mark.usefixtures("as_shipped")
-def test_the_jacobian_of_the_jacobian_of_a_shipped_kernel_is_every_load_s_hessian():
-    knee = load_surrogate("knee")
-    low, high = np.array(list(knee.record["pose_range"].values())).T
-    poses = low + (high - low) * np.random.default_rng(1).random((10, 6))
-    (got,) = by_jacobian_of_jacobian(knee.function(compiled=True), poses)
-    (want,) = by_hessians(knee.function(), poses)
-    agree(got, want, 2)
-
-
+@needs_compiler
 def test_second_derivatives_of_a_batch_are_each_pose_s_own():
     surrogate, batch = random_surrogate(load_scene("knee"), "patch", seed=9), 3
     poses, pose = random_poses(batch, seed=6), ca.MX.sym("pose", 6, batch)
@@ -157,12 +133,14 @@ def test_second_derivatives_of_a_batch_are_each_pose_s_own():
         agree(by_pose[i, :, i, :, i].swapaxes(1, 2), by_jacobian_of_jacobian(single, poses)[0], 2)
 
 
+@needs_compiler
 def test_second_derivatives_are_nan_where_the_pose_is_not_a_number():
     function = random_surrogate(load_scene("knee"), "patch", seed=9).function(compiled=True)
     (tensor,) = by_jacobian_of_jacobian(function, [[0.0, np.nan, 0.0, 0.0, 0.0, 0.0]])
     assert np.isnan(tensor).all()
 
 
+@needs_compiler
 def test_batches_map_over_threads():
     surrogate = random_surrogate(load_scene("knee"), "patch", seed=9)
     poses = random_poses(4 * 40, seed=6)
@@ -170,6 +148,7 @@ def test_batches_map_over_threads():
     agree(mapped(poses.T).full().T, surrogate(poses))
 
 
+@needs_compiler
 @pytest.mark.usefixtures("as_shipped")
 @pytest.mark.parametrize("name", ["knee", "knee_two_stage"])
 def test_ready_surrogates_agree_in_and_beyond_their_range(name):
@@ -190,6 +169,7 @@ def test_ready_surrogates_agree_in_and_beyond_their_range(name):
     agree([jacobian(pose, 0).full() for pose in few], jacobians[::9], 1, usual_size(jacobians), amplified)
 
 
+@needs_compiler
 @pytest.mark.usefixtures("as_shipped")
 def test_no_pose_however_far_gives_nan():
     surrogate = load_surrogate("knee")
@@ -212,6 +192,7 @@ def pressed_parts(surrogate, poses: np.ndarray) -> np.ndarray:
     return (np.column_stack(roots) > 0.0).sum(axis=1)
 
 
+@needs_compiler
 @pytest.mark.usefixtures("as_shipped")
 def test_however_many_parts_are_pressed_the_kernel_equals_numpy():
     """Networks of parts are evaluated four or two at a time, and those that are left over one by one."""
@@ -227,6 +208,7 @@ def test_however_many_parts_are_pressed_the_kernel_equals_numpy():
     agree([jacobian(each, 0).full() for each in poses], [slopes(each).full() for each in poses], 1)
 
 
+@needs_compiler
 @pytest.mark.parametrize("name", ["kernel", "guarded", "roots", "which"])
 def test_a_patch_may_be_called_as_the_kernel_calls_its_own(name, tmp_path):
     scene = scene_of(tmp_path, ball_mesh(8.0, 2.0), sheet_mesh(8.0, 4.0), extra=f"[geometry.patches.{name}]\n")
@@ -234,3 +216,17 @@ def test_a_patch_may_be_called_as_the_kernel_calls_its_own(name, tmp_path):
     function = surrogate.function(compiled=True)
     assert function.class_name() == "External", "a graph takes the place of a kernel that does not compile"
     agree([function(each).full().ravel() for each in poses], surrogate(poses))
+
+
+def test_third_derivatives_exist():
+    """A user may differentiate once more; CasADi does that automatically on the Hessian's graph."""
+    surrogate = random_surrogate(load_scene("knee"), "patch")
+    pose = ca.MX.sym("pose", 6)
+    second = ca.hessian(ca.sum1(surrogate.function()(pose)), pose)[0]
+    entry = ca.Function("entry", [pose], [second[3, 1], ca.jacobian(second[3, 1], pose)])
+    x = random_poses(40)[int(np.argmax(surrogate.root_loads(random_poses(40))[0].min(axis=1)))]
+    step = 1e-6
+    by_difference = [float(entry(x + step * e)[0] - entry(x - step * e)[0]) / (2 * step) for e in np.eye(6)]
+    np.testing.assert_allclose(
+        entry(x)[1].full().ravel(), by_difference, rtol=1e-5, atol=1e-5 * np.abs(by_difference).max()
+    )
