@@ -1,9 +1,10 @@
-"""The drop by OpenSim's equations of motion, on the exported C kernel: ``python by_opensim.py KERNEL SETTINGS RESULT``.
+"""A drop by OpenSim's equations of motion, on an exported contact kernel (see `problems/opensim_drop.py`).
 
-A script of its own, without casadi_contact: the wheels of OpenSim and CasADi cannot live in one process.
+    python opensim_force.py KERNEL SETTINGS RESULT
 
-OpenSim's lengths are m, the kernel's mm. The kernel's wrench acts on the fixed body about the fixed origin; a
-BodyActuator puts its opposite on the falling one, about that body's origin, as controls that follow the state.
+A script without casadi_contact: the packages of OpenSim and CasADi must not share a process. OpenSim's lengths are m,
+the kernel's mm. The kernel's wrench acts on the fixed body about the fixed origin; a BodyActuator puts its opposite on
+the falling body, about that body's origin, as controls that follow the state.
 """
 
 from __future__ import annotations
@@ -19,19 +20,16 @@ import numpy as np
 import opensim
 from scipy.integrate import solve_ivp
 
-_NOT_FINITE = 2  # status of the kernel
-
 
 def contact_wrench(library: Path, total: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """Function pose (6) [mm, rad] -> wrench (6) [N, N·mm] on the fixed body, by the exported function contact_loads,
-    whose loads a matrix (6, loads) adds up."""
+    """Function pose (6) [mm, rad] -> wrench (6) [N, N·mm] on the fixed body; total (6, loads) adds up the loads."""
     kernel = ctypes.CDLL(str(library.resolve())).contact_loads
     vector = np.ctypeslib.ndpointer(dtype=float, flags="C_CONTIGUOUS")
     kernel.argtypes, kernel.restype = (vector, vector), ctypes.c_int
 
     def wrench(pose: np.ndarray) -> np.ndarray:
         loads = np.empty(total.shape[1])
-        if kernel(np.ascontiguousarray(pose), loads) == _NOT_FINITE:
+        if kernel(np.ascontiguousarray(pose), loads) == 2:
             raise ValueError(f"the pose {pose} is not finite")
         return np.asarray(total @ loads)
 
@@ -69,23 +67,21 @@ class FallingBody:
         return np.array([q_dot[i] for i in range(6)] + [u_dot[i] for i in range(6)])
 
 
-def simulate(library: Path, settings: Mapping[str, Any]) -> np.ndarray:
+def simulate(library: Path, drop: Mapping[str, Any]) -> np.ndarray:
     """Poses (points, 6) [mm, rad] of the drop."""
-    body = FallingBody(settings["mass_kg"], settings["inertia_kgm2"])
-    wrench_of = contact_wrench(library, np.array(settings["total"]))
-    push = np.array(settings["push_n"])
+    body = FallingBody(drop["mass_kg"], drop["inertia_kgm2"])
+    wrench_of = contact_wrench(library, np.array(drop["total"]))
 
     def rates(time: float, state: np.ndarray) -> np.ndarray:
         q, u = state[:6], state[6:]
         pose = np.concatenate([1e3 * q[3:], q[:3]])
         wrench = wrench_of(pose)
         torque_nmm = -wrench[3:] + np.cross(pose[:3], wrench[:3])
-        force = -wrench[:3] + push - settings["damping_ns_per_m"] * u[3:]
-        return body.rates(q, u, 1e-3 * torque_nmm - settings["damping_nms_per_rad"] * u[:3], force)
+        force = -wrench[:3] + np.array([0.0, drop["push_n"], 0.0]) - drop["damping_ns_per_m"] * u[3:]
+        return body.rates(q, u, 1e-3 * torque_nmm - drop["damping_nms_per_rad"] * u[:3], force)
 
-    pose = np.array(settings["start_pose"])
+    pose, times = np.array(drop["start_pose"]), drop["times_s"]
     start = np.concatenate([pose[3:], 1e-3 * pose[:3], np.zeros(6)])
-    times = settings["times_s"]
     solved = solve_ivp(rates, (times[0], times[-1]), start, "LSODA", times, rtol=1e-9, atol=1e-12)
     if not solved.success:
         raise ValueError(f"the integrator gave up: {solved.message}")
