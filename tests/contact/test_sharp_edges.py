@@ -5,7 +5,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact.elements.foundation import share_at_sharp_edges
-from casadi_contact.optimisation.verification.uncertain_load import uncertain_load_words
+from casadi_contact.optimisation.verification.unmodelled_load import unmodelled_load_words
 from tests.support.meshes import STIFFNESS, ball_mesh, mesh_scene_text, sheet_mesh, wheel_mesh, write_obj
 
 RADIUS, HALF_WIDTH = 12.0, 3.0
@@ -54,14 +54,14 @@ def test_where_an_edge_alone_bears_the_error_is_within_the_share_that_is_told_an
     assert (errors[1] < 0.3 * errors[0] + 0.01).all()
     assert (
         "in 3 of 3 frames up to 100% of the load lies at sharp edges"
-        in uncertain_load_words({"at_sharp_edges": shares[0]})["at_sharp_edges"]
+        in unmodelled_load_words({"at_sharp_edges": shares[0]})["at_sharp_edges"]
     )
 
 
 def test_a_ball_has_no_edges(folder):
     share = share_at_sharp_edges(model_of(folder, "ball", 0.75), [[0.0, RADIUS - 0.2, 0.0, 0.3, 0.2, 0.1]])
     np.testing.assert_array_equal(share, 0.0)
-    assert uncertain_load_words({"at_sharp_edges": share}) == {}
+    assert unmodelled_load_words({"at_sharp_edges": share}) == {}
 
 
 def test_of_edges_that_are_noise_a_finer_field_mends_nothing(folder):
@@ -78,7 +78,7 @@ def test_of_edges_that_are_noise_a_finer_field_mends_nothing(folder):
     assert share[0] > 0.1
     assert (
         "a smoother mesh where they are a scan's noise"
-        in uncertain_load_words({"at_sharp_edges": share})["at_sharp_edges"]
+        in unmodelled_load_words({"at_sharp_edges": share})["at_sharp_edges"]
     )
 
 

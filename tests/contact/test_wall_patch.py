@@ -6,7 +6,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.optimisation.contact_frames import ContactFrames
-from casadi_contact.optimisation.verification.walls import share_on_walls
+from casadi_contact.optimisation.verification.unmodelled_load import share_on_walls
 from tests.support.ball_in_corner import RADIUS_MM, force_n, write_corner
 from tests.support.meshes import mesh_scene_text
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.optimisation.verification.open_edges import share_beyond_open_edges
-from casadi_contact.optimisation.verification.uncertain_load import uncertain_load_words
+from casadi_contact.optimisation.verification.unmodelled_load import share_beyond_open_edges, unmodelled_load_words
 from tests.support.meshes import ball_mesh, cap_mesh, mesh_scene_text, sheet_mesh, write_obj
 
 
@@ -32,7 +31,7 @@ def test_a_cap_that_stands_upright_bears_within_itself_and_one_that_is_turned_on
     share = share_beyond_open_edges(model, np.array([upright, tilted, apart]))
     assert share[0] == share[2] == 0.0
     assert 0.2 < share[1] < 0.8, "half of the spot lies beyond, where the cap rounds off"
-    assert "in 1 of 3 frames up to" in uncertain_load_words({"beyond_open_edges": share})["beyond_open_edges"]
+    assert "in 1 of 3 frames up to" in unmodelled_load_words({"beyond_open_edges": share})["beyond_open_edges"]
 
     many = np.tile([upright, tilted, apart], (150, 1))  # more than are looked up at once
     np.testing.assert_allclose(share_beyond_open_edges(model, many), np.tile(share, 150), rtol=1e-12)
@@ -41,7 +40,7 @@ def test_a_cap_that_stands_upright_bears_within_itself_and_one_that_is_turned_on
 def test_a_closed_body_has_no_open_edges(folder):
     share = share_beyond_open_edges(model_of(folder, "ball"), np.array([[0.0, 19.9, 0.0, 0.5, 0.0, 0.0]]))
     np.testing.assert_array_equal(share, 0.0)
-    assert uncertain_load_words({"beyond_open_edges": share}) == {}
+    assert unmodelled_load_words({"beyond_open_edges": share}) == {}
 
 
 def test_a_parametric_body_has_none():

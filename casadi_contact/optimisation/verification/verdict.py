@@ -15,7 +15,7 @@ from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import Array, as_poses, load_unit
 from casadi_contact.core.quantities import beside, three_digits
 from casadi_contact.optimisation.verification.coarse_elements import off_finer
-from casadi_contact.optimisation.verification.uncertain_load import uncounted_share
+from casadi_contact.optimisation.verification.unmodelled_load import unmodelled_fraction
 from casadi_contact.optimisation.verification.verify import loads_on, true_of_each
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.tolerance import Tolerance
@@ -45,7 +45,7 @@ class Verdict:
     model: its name, or why there is none; on_model (n,): frames that were solved on that model itself, which have no
     error; expected (n, L): what a surrogate itself says of its errors (`Surrogate.expected_error`) where there was no
     model to ask, None where it says nothing; uncounted (n,): share of the load that lies where no model of the scene
-    counts any (`uncounted_share`); off_finer (n, L): what the model differs by from a finer one (`off_finer`), both
+    counts any (`unmodelled_fraction`); off_finer (n, L): what the model differs by from a finer one (`off_finer`), both
     None where nothing tells, as of a model other than the scene's elements; leaps (n,): frames whose pose lies apart
     from a neighbour's, None where nobody looked; without_load (n,): frames that bear none, which any pose out of
     contact carries: they count for nothing.
@@ -243,7 +243,7 @@ def judge(
         errors[np.isnan(errors)] = np.inf
         errors[alone], name = 0.0, type(model).__name__
         if isinstance(model, ElasticFoundation):
-            name, uncounted = model.label, uncounted_share(model, poses)
+            name, uncounted = model.label, unmodelled_fraction(model, poses)
             off = off_finer(model, poses[ended], names, allowed)
             if off is not None:
                 finer = np.zeros((len(poses), len(names)))

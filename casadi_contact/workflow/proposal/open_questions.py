@@ -11,7 +11,7 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.mesh import MM_PER_UNIT
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
-from casadi_contact.optimisation.verification.uncertain_load import uncertain_load_shares, uncertain_load_words
+from casadi_contact.optimisation.verification.unmodelled_load import unmodelled_load_shares, unmodelled_load_words
 from casadi_contact.samples.reference import ReferenceReport
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.mesh_bodies import body_mesh
@@ -53,7 +53,7 @@ def beyond_elements(model: ElasticFoundation, poses: Array) -> list[str]:
             f"what carries load beyond the elements: in {reached} of {len(poses)} frames contact reaches an edge where "
             "the surface goes on or is cut; such poses are no samples to learn from"
         )
-    told = uncertain_load_words(uncertain_load_shares(model, poses))
+    told = unmodelled_load_words(unmodelled_load_shares(model, poses))
     return questions + [f"{_ASKED[where]}: {words}" for where, words in told.items()]
 
 

@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.optimisation.verification.uncertain_load import uncertain_load_words, uncounted_share
+from casadi_contact.optimisation.verification.unmodelled_load import (
+    share_on_walls,
+    share_outside_patches,
+    unmodelled_fraction,
+    unmodelled_load_words,
+)
 from casadi_contact.optimisation.verification.verdict import UNCOUNTED, judge
-from casadi_contact.optimisation.verification.walls import share_on_walls, share_outside_patches
 from tests.support.ball_in_corner import RADIUS_MM, force_n, write_corner
 from tests.support.meshes import STIFFNESS, ball_mesh, mesh_scene_text, sheet_mesh, wheel_mesh, write_obj
 
@@ -23,7 +27,7 @@ def model_of(folder, elements="grid", extra=""):
 
 
 def words_of(where, share):
-    return uncertain_load_words({where: share}).get(where)
+    return unmodelled_load_words({where: share}).get(where)
 
 
 def test_a_ball_pressed_into_the_corner_of_floor_and_wall_bears_on_both_as_on_two_planes(folder):
@@ -89,7 +93,7 @@ def test_what_walls_and_the_rest_of_the_mesh_carry_counts_together(folder):
     assert max(walls, outside) < UNCOUNTED
     lost = counted * (walls / (1.0 - walls) + outside / (1.0 - outside))
     assert lost / (lost + counted) > UNCOUNTED
-    assert uncounted_share(model, pose) == pytest.approx(lost / (lost + counted))
+    assert unmodelled_fraction(model, pose) == pytest.approx(lost / (lost + counted))
     assert not judge(model, pose, np.array([True]), model).verified.any()
 
 

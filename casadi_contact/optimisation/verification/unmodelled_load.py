@@ -1,0 +1,148 @@
+"""Load that all models of a scene treat alike, so that comparing them does not show its error, by where it lies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from casadi_contact.contact.elements.foundation import (
+    TELLING_SHARE,
+    ElasticFoundation,
+    pressed_elements,
+    share_at_sharp_edges,
+)
+from casadi_contact.contact.pressure_law import law_of, pressures
+from casadi_contact.core.conventions import Array, as_poses, rotation
+from casadi_contact.scenes.shapes.mesh_bodies import body_field, body_mesh, body_surface
+from casadi_contact.scenes.shapes.mesh_patches import bare_mesh
+
+
+def share_on_walls(model: ElasticFoundation, poses: Array) -> Array:
+    """Share (n,) of the pressing force Σ p·A on walls of the fixed mesh: triangles within the patches' boxes that are
+    steeper than 78 degrees against the rays that lay out elements, or undercut. 0 out of contact and without a mesh."""
+    return _share_on_bare(model, poses, within=True)
+
+
+def share_outside_patches(model: ElasticFoundation, poses: Array) -> Array:
+    """Share (n,) of the pressing force Σ p·A outside of all patches' boxes, as of a femur's neck that strikes the rim
+    of a cup: `share_on_walls` of the rest of the fixed mesh."""
+    return _share_on_bare(model, poses, within=False)
+
+
+def _share_on_bare(
+    model: ElasticFoundation, poses: Array, *, within: bool, longest_mm: float = 1.0, facing: float = 0.5
+) -> Array:
+    """longest_mm: edges of the triangles, each of which is pressed or not. facing: cosine of the angle between normal
+    and direction to the body, above which a triangle is pressed; the side of a rim is not. Depths are minus the moving
+    mesh's distance from the triangles' centres; beyond its open edges they are unknown and count as none."""
+    poses, geometry = as_poses(poses), model.scene.geometry
+    share = np.zeros(len(poses))
+    if model.scene.shape != "mesh":
+        return share
+    bare = bare_mesh(geometry, longest_mm, within=within)
+    if not len(bare.faces) or not len(poses):
+        return share
+    centres, normals, areas = bare.corners_mm.mean(axis=1), bare.normals, bare.areas_mm2
+    law, field = law_of(model.scene.material), body_field(geometry, "moving")
+    moving = body_mesh(geometry, "moving")
+    low, high = moving.vertices_mm.min(axis=0), moving.vertices_mm.max(axis=0)
+    pressed: list[tuple[np.ndarray, Array, Array]] = []  # pose, point of the moving body [mm] and force [N] of each
+    for k, (R, t) in enumerate(zip(rotation(poses[:, 3:]), poses[:, :3], strict=True)):
+        local = (centres - t) @ R
+        near = np.flatnonzero(((local > low) & (local < high)).all(axis=1))
+        distance, gradient = field(local[near])
+        towards = np.einsum("nk,nk->n", gradient, normals[near] @ R) < -facing
+        deep, near = -distance[towards & (distance < 0.0)], near[towards & (distance < 0.0)]
+        pressed.append((np.full(len(near), k), local[near], pressures(*law, deep) * areas[near]))
+    pose, points, forces = (np.concatenate(each) for each in zip(*pressed, strict=True))
+    if len(forces) and len(moving.boundary_edges):
+        forces = forces * ~body_surface(geometry, "moving").beyond_open_edges(points)
+    on_bare = np.bincount(pose, forces, len(poses))
+    for k in np.flatnonzero(on_bare).tolist():
+        counted = sum(float(each.forces_n.sum()) for each in model.pressure_maps(poses[k]))
+        share[k] = on_bare[k] / (on_bare[k] + counted)
+    return share
+
+
+def share_beyond_open_edges(model: ElasticFoundation, poses: Array, chunk: int = 200) -> Array:
+    """Share (n,) of the pressing force Σ p·A on elements nearest to an open edge of the moving mesh, where the surface
+    is taken to round off (`geometry.smooth_surface`) and the part may have ended. 0 out of contact and for closed
+    meshes. chunk: poses looked up at once, because the mesh's tree is built anew by each look."""
+    poses = as_poses(poses)
+    share = np.zeros(len(poses))
+    if model.scene.shape != "mesh" or not len(body_mesh(model.scene.geometry, "moving").boundary_edges):
+        return share
+    surface, turned = body_surface(model.scene.geometry, "moving"), rotation(poses[:, 3:])
+    for rows in np.array_split(np.arange(len(poses)), max(1, -(-len(poses) // chunk))):
+        pressed = [pressed_elements(model, poses[k]) for k in rows]
+        at = np.repeat(rows, [len(force) for _, force in pressed])
+        if not len(at):
+            continue
+        points, force = (np.concatenate(each) for each in zip(*pressed, strict=True))
+        beyond = surface.beyond_open_edges(np.einsum("ni,nij->nj", points - poses[at, :3], turned[at]))
+        total, lost = (np.bincount(at - rows[0], f, len(rows)) for f in (force, force * beyond))
+        share[rows] = np.divide(lost, total, where=total > 0.0, out=np.zeros(len(rows)))
+    return share
+
+
+class _Place(NamedTuple):
+    """Share (n,) of the load that lies there, a description, and the least share that is reported."""
+
+    share: Callable[[ElasticFoundation, Array], Array]
+    words: str
+    least: float = 0.01
+
+
+_PLACES = {
+    "beyond_open_edges": _Place(
+        share_beyond_open_edges,
+        "beyond open edges of the moving mesh, where its surface is taken to round off: a part that ends there carries "
+        "less",
+    ),
+    "on_walls": _Place(
+        share_on_walls,
+        "on walls of the fixed mesh steeper than 78 degrees, such as a post's, or on faces turned away from "
+        "geometry.pressing, where there are no elements: it is not counted; geometry.cup_centre on the axis of a notch "
+        "or in the middle of a cup counts it, elsewhere a patch of its own there, with its own "
+        "geometry.patches.NAME.pressing",
+    ),
+    "outside_patches": _Place(
+        share_outside_patches,
+        "on the fixed mesh outside of all patches, where there are no elements: it is not counted; wider bounds in "
+        "geometry.patches.NAME count it, as does a patch of its own there",
+    ),
+    "at_sharp_edges": _Place(
+        share_at_sharp_edges,
+        "at sharp edges of the moving mesh, which its distance field rounds off: up to that share of the load may be "
+        "wrong; a finer geometry.spacing.moving mends it, and a smoother mesh where they are a scan's noise",
+        least=TELLING_SHARE,
+    ),
+}
+
+
+def unmodelled_load_shares(model: ElasticFoundation, poses: Array) -> dict[str, Array]:
+    """Shares (n,) of the load in poses (n, 6): beyond_open_edges and at_sharp_edges of the moving mesh, on_walls and
+    outside_patches of the fixed one. Raises ValueError for bad poses."""
+    return {where: place.share(model, poses) for where, place in _PLACES.items()}
+
+
+def unmodelled_fraction(model: ElasticFoundation, poses: Array) -> Array:
+    """Share of the load (n,) in poses (n, 6) where the scene has no elements, on walls and outside of all patches:
+    a/(a + c) and b/(b + c) combined into (a + b)/(a + b + c). Raises ValueError for bad poses."""
+    with np.errstate(divide="ignore"):  # where nothing is counted, c = 0, a share is 1
+        shares = (share_on_walls(model, poses), share_outside_patches(model, poses))
+        to_counted = sum(share / (1.0 - share) for share in shares)
+    return np.asarray(1.0 - 1.0 / (1.0 + to_counted))
+
+
+def unmodelled_load_words(shares: Mapping[str, Array]) -> dict[str, str]:
+    """For `unmodelled_load_shares` above the least that is reported: in how many frames, and the largest share."""
+    words = {}
+    for where, share in shares.items():
+        if count := int((share > _PLACES[where].least).sum()):
+            words[where] = (
+                f"in {count} of {len(share)} frames up to {share.max():.0%} of the load lies {_PLACES[where].words}"
+            )
+    return words
