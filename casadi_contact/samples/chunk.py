@@ -235,6 +235,8 @@ def part_wrenches(teacher: WrenchModel, poses: Array, parts: int) -> Array:
 
 
 def part_gaps(teacher: WrenchModel, poses: Array, parts: int) -> Array:
-    """Gaps (n, parts), NaN where unknown."""
+    """Gaps (n, parts), NaN for a model without gaps."""
     gaps = getattr(teacher, "part_gaps", getattr(teacher, "gaps", None))
-    return np.full((len(poses), parts), np.nan) if gaps is None or not len(poses) else np.asarray(gaps(poses))
+    if gaps is None or not getattr(teacher, "has_gaps", True) or not len(poses):
+        return np.full((len(poses), parts), np.nan)
+    return np.asarray(gaps(poses))

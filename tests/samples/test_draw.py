@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from casadi_contact.contact.callable_model import CallableModel
+from casadi_contact.contact.model import ContactModel
 from casadi_contact.samples.draw import draw_samples
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, partial_folder, read_samples
@@ -188,14 +189,16 @@ def users_models(scene, settings):
     return model, model
 
 
-class Gapless:
-    """The spheres without gaps(poses), which a contact model may lack."""
+class Gapless(ContactModel):
+    """The spheres without gaps, which a contact model may lack."""
+
+    has_wrenches = True
 
     def __init__(self, scene):
         spheres = TwoSpheres(scene)
         self.scene, self.load_names, self.patch_names = scene, spheres.load_names, spheres.patch_names
         self.wrenches, self.jacobian, self.root_loads = spheres.wrenches, spheres.jacobian, spheres.root_loads
-        self._loads = spheres.__call__
+        self.wrench_jacobian, self._loads = spheres.wrench_jacobian, spheres.__call__
 
     def __call__(self, poses):
         return self._loads(poses)
