@@ -89,40 +89,40 @@ class ContactFrames:
             raise ValueError(f"unknown load {name!r}, expected one of {', '.join(self.load_names)}")
         return self.loads[self.load_names.index(name), :]
 
-    def misfit(self, wanted: Mapping[str, Any]) -> ca.MX:
-        """How far the frames are from wanted loads, (m, n) [N], a row for each of them: 0 where they are carried.
+    def misfit(self, targets: Mapping[str, Any]) -> ca.MX:
+        """Misfit of the frames from target loads, (m, n) [N], a row for each target: 0 where it is carried.
 
-        wanted: by name a number, (n,) values or an expression (1, n): loads of ``load_names``, or the centre of
+        targets: by name a number, (n,) values or an expression (1, n): loads of ``load_names``, or the centre of
         pressure, such as cop_ap_mm = Tz/Fy and cop_ml_mm = -Tx/Fy (`centre_of_pressure`). A normal load is compared as
         a root load, ``2·√(N0·N*)·(s - s*)`` with ``s* = √(N*/N0)``: near the solution that is the error in N, and out
         of contact it keeps its slope, which a load does not; so is the total of patches that one pose parameter sets
-        together, with s as in `total_root`. Where a patch's normal load is the magnitude of three wanted forces, its
-        three rows are this less |F| - F·v, which only the direction v of the wanted one makes zero, and the two forces
-        across v. Centres of pressure are (T ∓ c·F)/10 mm, other torques over 25 mm.
+        together, with s as in `total_root`. Where a patch's normal load is the magnitude of three target forces, its
+        three rows are this less |F| - F·v, which only the target's direction v makes zero, and the two forces across v.
+        Centres of pressure are (T ∓ c·F)/10 mm, other torques over 25 mm.
 
         Raises ValueError for unknown names, wrong shapes, numbers that are not finite, and normal loads that pull.
         """
-        if not wanted:
-            raise ValueError("no loads are wanted, expected some by name, for example {'Fy_med': -600.0}")
+        if not targets:
+            raise ValueError("got no target loads, expected some by name, for example {'Fy_med': -600.0}")
         rows: dict[str, ca.MX] = {}
         normals = self._scene.normal_loads
         roots = dict(zip(normals, ca.vertsplit(self.roots), strict=True))
         roots |= {normal: total_root(self.roots) for normal in self._scene.pressed if normal not in roots}
         for normal, root in roots.items():
-            if set(normal.loads) <= set(wanted):
-                rows |= self._normal_rows(root, normal, [self._row(name, wanted[name]) for name in normal.loads])
-        for name, value in wanted.items():
+            if set(normal.loads) <= set(targets):
+                rows |= self._normal_rows(root, normal, [self._row(name, targets[name]) for name in normal.loads])
+        for name, value in targets.items():
             if (centre := centre_of_pressure(name, normals)) is not None:
                 moment = self._row(name, value) * self._total(centre.force)
                 rows[name] = (self._total(centre.torque) - centre.sign * moment) / COP_LEVER_MM
             elif name not in rows:
                 rows[name] = (self.load(name) - self._row(name, value)) / newton_scales([name], LEVER_MM)[0]
-        return ca.vertcat(*(rows[name] for name in wanted))
+        return ca.vertcat(*(rows[name] for name in targets))
 
-    def start_poses(self, wanted: Mapping[str, ArrayLike] | None = None, poses: ArrayLike | None = None) -> Array:
+    def start_poses(self, targets: Mapping[str, ArrayLike] | None = None, poses: ArrayLike | None = None) -> Array:
         """Poses (n, 6) in the learned range and in contact, to begin from: settled from given ones (n, 6) or (6,), the
         middle of the range if left out, turned about the anchors to the locked rotations, along the scene's sensitive
-        pose parameters under the wanted normal loads.
+        pose parameters under the target normal loads.
 
         Wanted loads other than normal ones are left to the optimiser. Raises ValueError for locked expressions, unknown
         loads, and another number of poses.
@@ -139,13 +139,13 @@ class ContactFrames:
         if not np.isfinite(self.lower).any():  # nothing learned: the middle touches in one orientation only
             rest = touching(self.model, rest, self.free, {})
         begin = rest if poses is None else self.each_frame(poses)
-        wanted = wanted or {}
+        targets = targets or {}
         normals = self._scene.normal_loads
-        self.model.check_loads([name for name in wanted if centre_of_pressure(name, normals) is None] or None)
+        self.model.check_loads([name for name in targets if centre_of_pressure(name, normals) is None] or None)
         pressing: dict[str, Array] = {}
         for normal in self._scene.pressed:
-            if set(normal.loads) <= set(wanted):
-                forces = np.stack([_numbers(name, wanted[name], self.frames) for name in normal.loads], axis=1)
+            if set(normal.loads) <= set(targets):
+                forces = np.stack([_numbers(name, targets[name], self.frames) for name in normal.loads], axis=1)
                 pressing |= dict(zip(normal.loads, normal.at_least(forces, LEAST_START_N).T, strict=True))
         return settle_in_range(self.model, begin, rest, self.free, pressing)
 
@@ -186,36 +186,36 @@ class ContactFrames:
         first, *others = (self.load(name) for name in names)
         return sum(others, first)
 
-    def _normal_rows(self, got: ca.MX, normal: NormalLoad, wanted: list[Any]) -> dict[str, ca.MX]:
+    def _normal_rows(self, got: ca.MX, normal: NormalLoad, target: list[Any]) -> dict[str, ca.MX]:
         """Misfit of the named loads that a normal load is made of, from the root load (1, n) that there is."""
         n0, least = self._scene.reference_load, self._scene.boundary_load
         if normal.component is not None:
-            size = normal.sign * wanted[0]
+            size = normal.sign * target[0]
             if isinstance(size, ca.DM) and (least_n := np.asarray(size).min()) < 0.0:
                 at = f" in frame {np.asarray(size).argmin()}" if self.frames > 1 else ""
                 raise ValueError(
-                    f"{normal.loads[0]} is wanted to pull by {-least_n:.4g} N{at}, contact only pushes: check its sign"
+                    f"target {normal.loads[0]} pulls by {-least_n:.4g} N{at}, contact only pushes: check its sign"
                 )
         else:
-            size = ca.sqrt(sum((part**2 for part in wanted[1:]), wanted[0] ** 2))
+            size = ca.sqrt(sum((part**2 for part in target[1:]), target[0] ** 2))
         root = ca.sqrt(size / n0)
         rows = {normal.loads[0]: 2.0 * n0 * ca.fmax(root, np.sqrt(least / n0)) * (got - root)}
         if normal.component is None:
-            along = [part / ca.fmax(size, 1e-9) for part in wanted]
-            # Size and what is across are those of the opposite force too; with this none but the wanted one has rows of
-            # zero. Below least/8 the floor above would let it add roots of its own.
+            along = [part / ca.fmax(size, 1e-9) for part in target]
+            # The opposite force has the same size and no part across, so subtract what only the target's direction
+            # makes zero. Skipped for targets below least/8, where the floor above would add zeros of its own.
             turned = n0 * ca.fmax(got, 0.0) ** 2 - self._along(normal, along)
             rows[normal.loads[0]] -= (size > least / 8.0) * turned
             rows |= self._across(normal, along)
         return rows
 
     def _along(self, normal: NormalLoad, along: list[Any]) -> ca.MX:
-        """The part of the force (1, n) along a wanted direction (x, y, z)."""
+        """The part of the force (1, n) along the target's direction (x, y, z)."""
         return sum(part * self.load(name) for part, name in zip(along, normal.loads, strict=True))
 
     def _across(self, normal: NormalLoad, along: list[Any]) -> dict[str, ca.MX]:
-        """The parts of the force across a wanted direction (x, y, z): two of the columns of I - 2·vvᵀ that turns the
-        first axis into it, so that they are smooth in the force and never both along the wanted one."""
+        """The parts of the force across the target's direction (x, y, z): two columns of the reflection I - 2·vvᵀ that
+        turns the first axis into it, so that they are smooth in the force and never both along the target's."""
         force = [self.load(name) for name in normal.loads]
         x, y, z = along
         turn = ca.if_else(x >= 0.0, 1.0, -1.0)

@@ -16,8 +16,6 @@ from casadi_contact.optimisation.contact_frames import ContactFrames, checked_lo
 from casadi_contact.optimisation.ipopt import ipopt_options
 from casadi_contact.optimisation.starts import pose_bounds
 
-_CONSTRAINT_N = 100.0  # misfits over this are of the size of the scaled variables
-
 
 class ContactInOpti(ContactFrames):
     """`ContactFrames` whose variables, bounds and start stand in an Opti.
@@ -52,20 +50,19 @@ class ContactInOpti(ContactFrames):
         if not any(isinstance(value, ca.MX) for value in (locked or {}).values()):
             self.begin()
 
-    def carry(self, wanted: Mapping[str, Any]) -> None:
+    def carry(self, targets: Mapping[str, Any]) -> None:
         """Ask for loads (as for `misfit`) as constraints, and begin where the contact carries the normal ones.
 
-        A load that need not be met exactly goes into the objective as ``ca.sumsqr(contact.misfit(wanted))``; the forces
-        that press the joint together had better be constraints. Expressions among the wanted loads leave the start as
-        it is.
+        A load that need not be met exactly goes into the objective as ``ca.sumsqr(contact.misfit(targets))``; forces
+        that press the joint together had better be constraints. Expressions among the targets leave the start alone.
         """
-        self._opti.subject_to(ca.vec(self.misfit(wanted)) / _CONSTRAINT_N == 0.0)
-        if not any(isinstance(value, ca.MX) for value in (*wanted.values(), *self._locked.values())):
-            self.begin(wanted)
+        self._opti.subject_to(ca.vec(self.misfit(targets)) / 100.0 == 0.0)
+        if not any(isinstance(value, ca.MX) for value in (*targets.values(), *self._locked.values())):
+            self.begin(targets)
 
-    def begin(self, wanted: Mapping[str, ArrayLike] | None = None, poses: ArrayLike | None = None) -> None:
+    def begin(self, targets: Mapping[str, ArrayLike] | None = None, poses: ArrayLike | None = None) -> None:
         """Set the start: poses (n, 6) or (6,), or the middle of the learned range, settled as `start_poses` does."""
-        self.begin_at(self.start_poses(wanted, poses))
+        self.begin_at(self.start_poses(targets, poses))
 
     def begin_at(self, poses: ArrayLike) -> None:
         """Set the start to poses (n, 6) or (6,) as they are, but for the learned range."""

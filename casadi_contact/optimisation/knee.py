@@ -99,12 +99,12 @@ def shear_free_poses(model: SymbolicContact, ry: Array, rz: Array) -> Array:
     model.scene.pose_space.check_whole("a pose without shear")
     low, high = pose_bounds(model)
     poses = np.tile(middle_pose(model), (len(rz), 1))
-    for name, wanted in (("ry", ry), ("rz", rz)):
+    for name, angle in (("ry", ry), ("rz", rz)):
         column = POSE_NAMES.index(name)
-        poses[:, column] = wanted
-        if wanted.min() < low[column] or wanted.max() > high[column]:
+        poses[:, column] = angle
+        if angle.min() < low[column] or angle.max() > high[column]:
             raise ValueError(
-                f"{name} reaches from {wanted.min():.3g} to {wanted.max():.3g} rad, the surrogate learned "
+                f"{name} reaches from {angle.min():.3g} to {angle.max():.3g} rad, the surrogate learned "
                 f"{low[column]:.3g} to {high[column]:.3g}: train one around your own cycles"
             )
     alone, without = _without_shear(model, poses)

@@ -183,14 +183,15 @@ class PoseEstimation:
         return FrameSolver(solver, values, lower, upper)
 
     def _solve_from_neighbours(self, x: Array, solved: np.ndarray) -> int:
-        """Solve loaded frames (rows of x (n, f), in place) alone, outwards from solved ones; returns IPOPT iterations.
+        """Solve loaded frames (rows of x (n, f), in place) alone, solved ones from where they are, the others outwards
+        from these; returns IPOPT iterations.
 
         All frames in one problem share step lengths and regularisation, so that a few hard ones use up the iterations
-        of all. A frame beside a solved one begins near its own solution.
+        of all, and solved ones may be left short of IPOPT's tolerance.
         """
         frame_solver, loaded, iterations = self.frame_solver(), self.targets.loaded, 0
-        done = solved.copy()
-        waiting = deque((k, to) for k in np.flatnonzero(solved) for to in (k - 1, k + 1))
+        done = np.zeros(len(x), dtype=bool)
+        waiting = deque((k, k) for k in np.flatnonzero(solved))
         while waiting:
             begin, frame = waiting.popleft()
             if not 0 <= frame < len(x) or done[frame] or not loaded[frame]:

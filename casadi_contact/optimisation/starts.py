@@ -17,7 +17,7 @@ from casadi_contact.core.conventions import LEVER_MM, POSE_NAMES, WRENCH_NAMES, 
 from casadi_contact.scenes.scene import Scene
 
 LEAST_START_N = 20.0  # of each patch, so that a start is in contact
-_SETTLED_N = 1.0  # how near a start comes to the wanted normal loads
+_SETTLED_N = 1.0  # how near a start comes to the target normal loads
 _LEAST_SHARE_N = 10.0 * _SETTLED_N  # of a patch under a light load: out of contact is never that near
 
 
@@ -69,7 +69,7 @@ def settle_in_range(
     model: SymbolicContact, poses: Array, rest: Array, free: Sequence[str], pressing: Mapping[str, Array]
 ) -> Array:
     """Poses (n, 6) brought into the learned range, locked parameters as at rest (n, 6) and as the scene says, the
-    sensitive ones settled under wanted normal loads (n,) by name, as far as they are free.
+    sensitive ones settled under target normal loads (n,) by name, as far as they are free.
 
     Settling compares root loads, which keep their slope out of contact; where it leads out of the learned range, it
     begins again at rest, then at the first touch of a model that knows its gaps, and where that fails too, the pose is
@@ -87,7 +87,7 @@ def settle_in_range(
         return poses
     left = np.arange(len(poses))
     for begin in _begins(model, poses, rest, free, pressing):
-        forces = {name: wanted[left] for name, wanted in pressing.items()}
+        forces = {name: target[left] for name, target in pressing.items()}
         tried, report = settle(model, begin[left], moved, forces, tolerance=_SETTLED_N, max_iterations=30)
         good = report.converged & ((tried >= low) & (tried <= high))[:, columns].all(axis=1)
         poses[left[good]] = tried[good]
@@ -145,14 +145,14 @@ def press_together(model: SymbolicContact, poses: Array, rest: Array, loads: Arr
 def shares(scene: Scene, loads: Array) -> tuple[Array, Array]:
     """Normal loads (n,), (n,) of two patches, pressed at their anchors a along d, that make up total loads (n, 6):
     F = N₁·d₁ + N₂·d₂, and where both are pressed along one line, T·w = (N₁·a₁×d₁ + N₂·a₂×d₂)·w with
-    w = a₁×d₁ - a₂×d₂; of a knee the two vertical forces at the condyles' centres with the wanted Fy and Tx."""
+    w = a₁×d₁ - a₂×d₂; of a knee the two vertical forces at the condyles' centres with the given Fy and Tx."""
     along = np.array([normal.direction for normal in scene.pressed])
     arms = np.cross(scene.anchors_mm, along)
     apart = arms[0] - arms[1]
     rows = np.column_stack([along[0], along[1]])
-    wanted = loads[:, :3]
+    given = loads[:, :3]
     if np.linalg.matrix_rank(rows) < 2:
         rows = np.vstack([rows, apart @ arms.T])
-        wanted = np.column_stack([wanted, loads[:, 3:] @ apart])
-    first, second = np.linalg.pinv(rows) @ wanted.T
+        given = np.column_stack([given, loads[:, 3:] @ apart])
+    first, second = np.linalg.pinv(rows) @ given.T
     return first, second

@@ -100,7 +100,7 @@ class StaticEquilibrium:
             raise ValueError(f"rest has {len(self.rest)} poses, expected one, or one for each of {count} loads")
         space.free_curves(dict(zip(POSE_NAMES, self.rest.T, strict=True)), "rest")
 
-        locked = {name: self.rest[:, pose_index(name)] for name in POSE_NAMES if name not in free}
+        locked = {name: self.rest[:, pose_index(name)] for name in space.free_names if name not in free}
         self.contact = ContactFrames(model, count, locked=locked, compiled=True)
         self._total = total_selection(self.contact.load_names, model.patch_names)
         balance = self._balance().map(count)

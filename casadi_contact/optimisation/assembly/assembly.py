@@ -17,8 +17,6 @@ from casadi_contact.optimisation.assembly.connections import Contact, Ligament, 
 from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection
 from casadi_contact.scenes.shapes.checks import identifier
 
-_NO_LENGTH_MM = 1e-9  # of a line whose ends coincide: it has no direction, and pulls nowhere
-
 
 @dataclass(frozen=True)
 class Assembly:
@@ -174,5 +172,5 @@ class Assembly:
             self._pose(body, poses)[:3] + ca.mtimes(rotation(self._pose(body, poses)[3:]), ca.DM(point))
             for body, point in zip(line.bodies, line.points_mm, strict=True)
         )
-        length = ca.sqrt(ca.sumsqr(second - first) + _NO_LENGTH_MM**2)
+        length = ca.sqrt(ca.sumsqr(second - first) + 1e-18)  # 1e-9 mm where ends coincide: such a line pulls nowhere
         return length, (first, second), (second - first) / length

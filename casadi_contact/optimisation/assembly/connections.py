@@ -16,8 +16,6 @@ from casadi_contact.core.conventions import Array, check_above_zero, finite_numb
 from casadi_contact.core.files.reading import short
 from casadi_contact.networks.names import check_name
 
-_TOE = 0.03  # strain at which fibres are straight
-
 
 def finite_vector(what: str, value: Any, count: int, expected: str = "") -> Array:
     """A vector (count,) of finite numbers; ValueError saying what is got and what is expected for anything else."""
@@ -84,6 +82,7 @@ class Ligament(Line):
 
     stiffness_n: float
     slack_length_mm: float
+    toe_strain: float = 0.03  # ε_l
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -94,8 +93,8 @@ class Ligament(Line):
     def tension(self, length: Any) -> Any:
         """Tension [N] at a length [mm], once continuously differentiable, as a CasADi expression."""
         strain = ca.fmax(length / self.slack_length_mm - 1.0, 0.0)
-        toe, straight = 0.25 * strain**2 / _TOE, strain - _TOE
-        return self.stiffness_n * ca.if_else(strain < 2.0 * _TOE, toe, straight)
+        toe, straight = 0.25 * strain**2 / self.toe_strain, strain - self.toe_strain
+        return self.stiffness_n * ca.if_else(strain < 2.0 * self.toe_strain, toe, straight)
 
 
 @dataclass(frozen=True)
@@ -106,7 +105,7 @@ class Pull(Line):
 @dataclass(frozen=True)
 class Spring:
     """Linear springs on the pose of one body in the ground: generalised forces -stiffness·(pose - rest), each (6,).
-    Raises ValueError for other sizes."""
+    Raises ValueError for other sizes and a negative stiffness."""
 
     name: str
     body: str
@@ -114,5 +113,6 @@ class Spring:
     rest: Array
 
     def __post_init__(self) -> None:
-        finite_vector(f"{self.name}: stiffness is", self.stiffness, 6)
+        if (finite_vector(f"{self.name}: stiffness is", self.stiffness, 6) < 0.0).any():
+            raise ValueError(f"{self.name}: stiffness is {list(self.stiffness)}, expected 0 or more")
         finite_vector(f"{self.name}: rest is", self.rest, 6)
