@@ -12,9 +12,8 @@ from casadi_contact.core.conventions import rotation
 from casadi_contact.geometry.projection import grid_frame
 from tests.support.derivative_checks import check_jacobian
 from tests.support.meshes import cap_mesh, scene_of, sheet_mesh
-from tests.support.ready_poses import CASES, at
+from tests.support.ready_poses import at
 
-ON_PLANE = [case for case in CASES if case[0].endswith("on_plane")]
 RADIUS_MM = 30.0
 TWO_BUMPS_MM = 6.0  # of each from the middle
 
@@ -62,15 +61,6 @@ def test_few_boxes_that_are_looked_at_together_are_empty(ball_mesh, size_mm):
     sizes = np.diff(patch.patch.blocks)
     assert sizes.sum() == len(patch.patch.corners)
     assert sizes.sum() >= 0.4 * (BOXES * -(-sizes // BOXES)).sum()
-
-
-@pytest.mark.parametrize(("name", "overrides", "overlap", "force"), ON_PLANE)
-def test_closed_form_forces_hold_to_a_hundredth(name, overrides, overlap, force):
-    model = cells(name, Cells(0.6, 0.6), **overrides)
-    height = model.scene.geometry.get("radius", 0.0) - overlap
-    wrench = model.wrenches(at(height))[0, 0]
-    assert wrench[1] == pytest.approx(-force, rel=1e-2)
-    np.testing.assert_allclose(wrench[[0, 2, 3, 4, 5]], 0.0, atol=1e-6 * force)
 
 
 def test_no_overlap_gives_exactly_zero_and_the_distance():
@@ -143,13 +133,6 @@ def test_whichever_way_it_is_pressed_a_mesh_carries_the_same(ball_mesh, tmp_path
     np.testing.assert_allclose(found[0], force @ frame, atol=0.01 * np.linalg.norm(force))
     np.testing.assert_allclose(found[1], torque @ frame, atol=0.02 * np.linalg.norm(force) * TWO_BUMPS_MM)
     check_jacobian(turned, np.array([[*(translation @ frame), 0.01, 0.02, 0.0]]), 1e-4)
-
-
-@pytest.mark.parametrize("law", ["linear", "log"])
-def test_jacobians_are_the_derivatives_of_the_values_on_a_mesh(ball_mesh, law):
-    model = cc.CellFoundation(ball_mesh.with_overrides(law=law), Cells(0.8, 0.8), compiled=False)
-    pose = np.array([[0.3, RADIUS_MM, 0.2, 0.02, 0.1, -0.02]])
-    check_jacobian(model, pose, 1e-4)
 
 
 def test_a_cell_s_cubic_keeps_the_values_and_slopes_of_a_quadratic():

@@ -8,7 +8,6 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact import choice
-from casadi_contact.contact import choice as choice_cache
 
 
 @pytest.fixture
@@ -34,7 +33,7 @@ def tests_run(monkeypatch):
     return ran
 
 
-@pytest.mark.parametrize("name", ["cylinder_on_plane", "patellofemoral", "hip"])
+@pytest.mark.parametrize("name", ["patellofemoral", "hip"])
 def test_a_second_model_of_a_scene_is_the_first_without_a_test(folder, tests_run, name):
     first, again = (cc.foundation(name, compiled=False) for _ in range(2))
     assert len(tests_run) == 1
@@ -60,23 +59,15 @@ def another_size(content):
     return json.dumps(json.loads(content) | {"record": {"model": "cubic cells", "cells_mm": [9.0, 9.0]}}).encode()
 
 
-def too_deep(content):
-    return b"[" * 50_000
-
-
 def too_long(content):
-    return content + b" " * choice_cache._MOST_BYTES
+    return content + b" " * choice._MOST_BYTES
 
 
 def signed(record):
-    return json.dumps({"sha256": choice_cache._digest(record), "record": record}).encode()
+    return json.dumps({"sha256": choice._digest(record), "record": record}).encode()
 
 
-def too_little(content):
-    return signed({"model": "of nothing"})
-
-
-@pytest.mark.parametrize("damage", [no_json, another_size, too_deep, too_long, too_little])
+@pytest.mark.parametrize("damage", [no_json, another_size, too_long])
 def test_a_file_that_is_not_as_written_is_replaced(folder, tests_run, damage):
     first = cc.foundation("sphere_on_plane", compiled=False)
     (path,) = folder.glob("choice-*.json")
@@ -104,12 +95,12 @@ def test_what_another_user_could_have_written_is_not_taken(folder, tests_run):
 
 
 def test_other_code_in_python_or_c_makes_another_choice(tmp_path, monkeypatch):
-    monkeypatch.setattr(choice_cache, "_PACKAGE", tmp_path)
+    monkeypatch.setattr(choice, "_PACKAGE", tmp_path)
     (tmp_path / "folder").mkdir()
     digests = set()
     for name, text in (("law.py", "p = 1"), ("law.py", "p = 2"), ("folder/rays.h", "1"), ("folder/rays.h", "2")):
         (tmp_path / name).write_text(text)
-        digests.add(choice_cache._code_digest.__wrapped__())
+        digests.add(choice._code_digest.__wrapped__())
     assert len(digests) == 4
 
 

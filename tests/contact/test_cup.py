@@ -6,7 +6,7 @@ import pytest
 
 import casadi_contact as cc
 from tests.support.compiler import needs_compiler
-from tests.support.derivative_checks import check_hessians, check_jacobian, check_same_formulas
+from tests.support.derivative_checks import check_jacobian
 from tests.support.ready_poses import PLACES, in_cup, placed, pole
 
 
@@ -77,18 +77,6 @@ def test_another_shape_and_another_number_of_points_are_refused():
         cc.CupFoundation(cc.load_scene("knee"))
     with pytest.raises(ValueError, match="multiple of 4"):
         cc.CupFoundation(cc.load_scene("hip"), 10)
-
-
-@needs_compiler
-@pytest.mark.usefixtures("as_shipped")
-@pytest.mark.parametrize(("name", "law"), [("hip", "linear"), ("glenohumeral", "log")])
-def test_the_kernel_in_c_is_the_same_formulas_and_its_hessian_the_derivative_of_its_jacobian(name, law):
-    scene = cc.load_scene(name, law=law)
-    compiled, plain = (cc.CupFoundation(scene, 32, compiled=c) for c in (True, False))
-    assert compiled._library is not None, "else NumPy is compared with itself"
-    poses = placed(scene, PLACES[name])
-    check_same_formulas(compiled, plain, poses)
-    check_hessians(compiled, poses)
 
 
 @needs_compiler

@@ -4,15 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from tests.support.ready_poses import CASES, at, walking
-
-
-@pytest.mark.parametrize(("name", "overrides", "overlap", "force"), CASES)
-def test_closed_form_forces_hold_to_a_thousandth(name, overrides, overlap, force):
-    scene = cc.load_scene(name, **overrides)
-    model = cc.ElasticFoundation(scene, grid=(400, 400))
-    fy = model(at(scene.geometry["radius"] - overlap))[0, model.load_names.index("Fy")]
-    assert fy == pytest.approx(-force, rel=1e-3)
+from tests.support.ready_poses import at, walking
 
 
 def test_force_errors_fall_as_the_square_of_the_element_size():
@@ -43,12 +35,6 @@ def test_no_overlap_gives_exactly_zero_and_the_gap():
     assert not model(poses).any()
     assert not model.jacobian(poses)[1].any()
     np.testing.assert_allclose(model.gaps(poses)[:, 0], [1e-6, 0.1, 7.0], atol=2e-4)
-
-
-def test_doubling_the_overlap_of_a_sphere_gives_four_times_the_force():
-    model = cc.ElasticFoundation(cc.load_scene("sphere_on_plane"), (400, 400))
-    small, large = model(np.vstack([at(30.0 - 0.1), at(30.0 - 0.2)]))[:, 1]
-    assert large / small == pytest.approx(4.0, rel=2e-3)
 
 
 def test_resultant_of_a_sphere_in_a_dish_passes_through_the_dish_centre():
@@ -111,12 +97,6 @@ def test_moving_both_bodies_together_leaves_loads_in_the_fixed_frame():
     np.testing.assert_allclose(b[3:], a[3:] + np.cross([shift, 0, 0], a[:3]), atol=1e-8)
 
 
-def test_turning_a_sphere_about_its_centre_changes_nothing():
-    model = cc.ElasticFoundation(cc.load_scene("sphere_on_plane"))
-    a, b = model(np.vstack([at(29.8), at(29.8, rx=0.3, ry=-1.0, rz=2.0)]))
-    np.testing.assert_allclose(a, b, atol=1e-7)
-
-
 def test_analytic_jacobian_agrees_with_differences():
     """Loads of a fixed set of loaded elements are smooth: steps small enough not to load another one."""
     scene, poses = knee_poses(40)
@@ -163,13 +143,6 @@ def test_contact_at_the_edge_of_the_elements_is_seen():
     scene = cc.load_scene("sphere_on_plane")
     poses = np.vstack([at(29.9), at(29.9, tx=11.9), at(30.1, tx=12.0), at(29.9, tz=-11.95)])
     assert cc.ElasticFoundation(scene).at_edge(poses)[:, 0].tolist() == [False, True, False, True]
-
-
-def test_deep_poses_stay_finite_under_the_logarithmic_law():
-    model = cc.ElasticFoundation(cc.load_scene("sphere_on_plane", law="log"))
-    forces = -model(np.vstack([at(30.0 - d) for d in (7.0, 7.9, 8.5, 12.0)]))[:, 1]
-    assert np.isfinite(forces).all()
-    assert np.all(np.diff(forces) > 0)
 
 
 def test_a_users_own_callable_is_a_contact_model():

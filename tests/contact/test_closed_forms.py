@@ -1,0 +1,49 @@
+"""Elements, polar quadrature and cells against forces in closed form, and what no ball on a plane may do."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.contact.cells.basis import Cells
+from casadi_contact.contact.polar.lines import Rays
+from tests.support.ready_poses import CASES, at
+
+MODELS = {  # made of a scene, scenes that it covers, relative error of the force
+    "elements": (lambda scene: cc.ElasticFoundation(scene, (400, 400)), ("sphere", "cylinder"), 1e-3),
+    "polar": (lambda scene: cc.PolarFoundation(scene, Rays(12, 3), compiled=False), ("sphere",), 1e-3),
+    "cells": (lambda scene: cc.CellFoundation(scene, Cells(0.6, 0.6), compiled=False), ("sphere_on", "cylinder"), 1e-2),
+}
+FORCES = [(kind, *case) for kind, (_, covered, _) in MODELS.items() for case in CASES if case[0].startswith(covered)]
+
+
+@pytest.fixture(scope="module", params=MODELS)
+def ball(request):
+    """A ball of 30 mm on a plane."""
+    return MODELS[request.param][0](cc.load_scene("sphere_on_plane"))
+
+
+@pytest.mark.parametrize(("kind", "name", "overrides", "overlap", "force"), FORCES)
+def test_forces_are_those_in_closed_form(kind, name, overrides, overlap, force):
+    made, _, tolerance = MODELS[kind]
+    scene = cc.load_scene(name, **overrides)
+    wrench = made(scene).wrenches(at(scene.geometry["radius"] - overlap))[0, 0]
+    assert wrench[1] == pytest.approx(-force, rel=tolerance)
+    np.testing.assert_allclose(wrench[[0, 2, 3, 4, 5]], 0.0, atol=1e-6 * force)
+
+
+def test_doubling_the_overlap_of_a_ball_gives_four_times_the_force(ball):
+    single, double = ball(np.vstack([at(30.0 - 0.1), at(30.0 - 0.2)]))[:, 1]
+    assert double / single == pytest.approx(4.0, rel=0.015)
+
+
+def test_turning_a_ball_about_its_centre_changes_nothing(ball):
+    still, turned = ball.wrenches(np.vstack([at(29.8, tx=1.0), at(29.8, tx=1.0, rx=0.4, ry=-1.1, rz=2.0)]))
+    np.testing.assert_allclose(turned, still, rtol=1e-9, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_deep_poses_stay_finite_under_the_logarithmic_law(kind):
+    model = MODELS[kind][0](cc.load_scene("sphere_on_plane", law="log"))
+    forces = -model(np.vstack([at(30.0 - depth) for depth in (7.0, 7.9, 8.5, 12.0)]))[:, 1]
+    assert np.isfinite(forces).all()
+    assert (np.diff(forces) > 0.0).all()

@@ -1,0 +1,243 @@
+"""Kernels of foundations in C: against NumPy, derivatives against differences, inside CasADi and IPOPT."""
+
+import subprocess
+import sys
+from contextlib import nullcontext
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+from casadi_contact.contact.cells.basis import Cells
+from casadi_contact.contact.polar.lines import Rays
+from casadi_contact.core.compiler import CACHE_VARIABLE
+from tests.support.compiler import flags_of_the_library, needs_compiler
+from tests.support.derivative_checks import (
+    check_hessians,
+    check_jacobian,
+    check_same_formulas,
+    check_second_derivatives,
+)
+from tests.support.meshes import cap_mesh, scene_of, sheet_mesh
+from tests.support.ready_poses import KNEE, PLACES, placed
+
+RAYS, SIZE, RADIUS_MM = Rays(16, 3), Cells(1.1, 0.9), 30.0
+LIFTED = [2.0, 27.4, 0.3, 0.01, 0.02, -0.9]  # off laterally
+BALL = [0.3, RADIUS_MM - 0.35, 0.2, 0.02, 0.1, -0.02]
+ON_MESH = [
+    BALL,
+    [9.0, RADIUS_MM - 0.4, *BALL[2:]],
+    [0.3, RADIUS_MM + 0.282, *BALL[2:]],
+    [0.3, RADIUS_MM + 0.4, *BALL[2:]],
+]
+CUP_POSES = [[1.0, -0.5, -23.8, 0.1, 0.2, 0.3], [1.0, -0.5, -24.5, 0.1, 0.2, 0.3]]
+KINDS = {  # scene, overrides, class and resolution, poses in contact, at the rim and out of it, Jacobian's tolerance
+    "knee": ("knee", {}, cc.PolarFoundation, RAYS, [KNEE, LIFTED, [4.0, 27.48, -0.5, -0.004, 0.05, -0.45]]),
+    "knee, log law": ("knee", {"law": "log"}, cc.PolarFoundation, RAYS, [KNEE, LIFTED]),
+    "groove": ("patellofemoral", {}, cc.PolarFoundation, RAYS, [[-49.7, 1.0, 0.3, 0.02, 0.05, 0.1]]),
+    "sphere": ("sphere_on_plane", {}, cc.PolarFoundation, RAYS, [[0.5, 29.8, 0.2, 0.1, 0.2, 0.3]]),
+    "hip": ("hip", {}, cc.CupFoundation, 32, None),
+    "shoulder, log law": ("glenohumeral", {"law": "log"}, cc.CupFoundation, 32, None),
+    "mesh in cells": (None, {}, cc.CellFoundation, SIZE, ON_MESH),
+    "mesh in cells, log law": (None, {"law": "log"}, cc.CellFoundation, SIZE, ON_MESH),
+    "shoulder in cells": ("glenohumeral", {}, cc.CellFoundation, SIZE, CUP_POSES),
+    "punch in cells": ("punch_on_plane", {}, cc.CellFoundation, SIZE, [[0.3, -0.2, 0.1, 0.01, 0.3, -0.02]]),
+}
+pytestmark = needs_compiler
+
+
+@pytest.fixture(scope="module", params=KINDS)
+def pair(request, tmp_path_factory):
+    """Compiled and NumPy model of a scene, and poses; one of each kind as users have it."""
+    name, overrides, kind, size, poses = KINDS[request.param]
+    if name is None:
+        plate = sheet_mesh(20.0, 0.8, lambda x, z: 0.3 * np.exp(-((x - 2.0) ** 2 + z**2) / 20.0))
+        scene = scene_of(tmp_path_factory.mktemp("ball"), cap_mesh(RADIUS_MM, 1.5, 0.5), plate)
+        scene = scene.with_overrides(**overrides) if overrides else scene
+    else:
+        scene = cc.load_scene(name, **overrides)
+    compiled, plain = (kind(scene, size, compiled=c) for c in (True, False))
+    poses = placed(scene, PLACES[scene.name]) if poses is None else np.array(poses)
+    with flags_of_the_library() if request.param in ("knee", "hip", "mesh in cells") else nullcontext():
+        assert compiled._library is not None, "else NumPy is compared with itself"
+        yield compiled, plain, poses
+
+
+def test_c_and_numpy_are_the_same_formulas(pair):
+    check_same_formulas(*pair)
+
+
+def test_derivatives_are_those_of_the_values(pair):
+    compiled, _, poses = pair
+    check_jacobian(compiled, poses, 1e-4)
+    check_hessians(compiled, poses)
+    check_second_derivatives(compiled, poses[:2])
+
+
+def test_the_casadi_function_gives_the_model_s_values_and_derivatives(pair):
+    model, _, poses = pair
+    both, x = model.load_and_root_function(), ca.MX.sym("pose", 6)
+    jacobians = ca.Function("jacobians", [x], [ca.jacobian(output, x) for output in both(x)])
+    for pose, loads, jacobian, roots, by_pose in zip(
+        poses, *model.jacobian(poses), *model.root_loads(poses), strict=True
+    ):
+        rounding = 1e-14 * np.abs(jacobian).max()
+        np.testing.assert_allclose(np.array(both(pose)[0])[:, 0], loads, rtol=1e-12, atol=rounding)
+        np.testing.assert_allclose(np.array(both(pose)[1])[:, 0], roots, rtol=1e-12)
+        np.testing.assert_allclose(np.array(jacobians(pose)[0]), jacobian, rtol=1e-12, atol=rounding)
+        np.testing.assert_allclose(np.array(jacobians(pose)[1]), by_pose, rtol=1e-9, atol=1e-9)
+
+
+def test_hessians_of_some_loads_are_those_of_all_with_the_others_weighted_by_nothing(pair):
+    for model, poses in ((pair[0], pair[2]), (pair[1], pair[2][:1])):
+        weights = np.zeros(len(model.load_names))
+        weights[[-1, 0]] = 2.0, -0.5
+        some = model.hessian(poses, [2.0, -0.5], [model.load_names[-1], model.load_names[0]])
+        np.testing.assert_array_equal(some, model.hessian(poses, weights))
+
+
+def test_loads_do_not_depend_on_what_was_evaluated_before(pair):
+    """The kernel keeps what it found in a pose, for the Jacobian and the Hessian there."""
+    compiled, _, poses = pair
+    weights = np.ones(len(compiled.load_names))
+    for pose, other in zip(poses, np.roll(poses, 1, axis=0), strict=True):
+        compiled.hessian(other, weights)
+        first = compiled(pose), *compiled.jacobian(pose), compiled.hessian(pose, weights)
+        compiled.hessian(other, weights)
+        hessian, jacobian, value = compiled.hessian(pose, weights), compiled.jacobian(pose), compiled(pose)
+        for one, two in zip(first, (value, *jacobian, hessian), strict=True):
+            np.testing.assert_array_equal(one, two)
+
+
+def test_a_batch_gives_each_pose_s_loads_and_a_pose_that_is_not_a_number_gives_none(pair):
+    model, _, poses = pair
+    three = np.array([poses[0], poses[-1], [*poses[0][:5], np.nan]])
+    loads = np.array(model.function(model.load_names[:2], batch=3)(three.T)).T
+    np.testing.assert_allclose(loads[:2], model(three[:2])[:, :2], rtol=1e-12, atol=1e-12)
+    assert np.isnan(loads[2]).all()
+
+
+@pytest.mark.parametrize("pair", ["mesh in cells", "shoulder in cells"], indirect=True)
+def test_no_contact_is_lost_to_culling(pair):
+    """Over the reach, and deep at the edge of the body, where the grid of its distances ends and an open mesh jumps."""
+    compiled, plain, poses = pair
+    random = np.random.default_rng(0)
+    many = poses[0] + np.array([3.0, 0.3, 3.0, 0.1, 0.3, 0.1]) * random.uniform(-1.0, 1.0, (60, 6))
+    deep = np.repeat(poses[:1], 30, axis=0)
+    if compiled.scene.shape == "mesh":
+        deep[:, 5] = np.linspace(-0.6, 0.6, 30)
+        deep[:, 1] -= random.permutation(np.geomspace(0.2, 4.0, 30))
+    else:
+        deep[:, 2] += np.linspace(0.0, 3.0, 30)
+    assert np.abs(plain(deep)).max() > 5000.0
+    for at in (many, deep):
+        np.testing.assert_allclose(compiled(at), plain(at), atol=1e-9 * np.abs(plain(at)).max())
+
+
+@pytest.fixture(scope="module")
+def bending():
+    """Poses of the knee pressed at flexions at which junctions of its arcs lie off, across and amid its contact."""
+    model = cc.PolarFoundation(cc.load_scene("knee"), Rays(8, 3))
+    start = [[0.5, 27.23, 0.1, 0.0, -0.05, angle] for angle in -np.deg2rad(np.linspace(-5.0, 85.0, 19))]
+    poses, found = cc.settle(model, start, free=("ty", "rx"), targets={"Fy_med": -900.0, "Fy_lat": -500.0})
+    assert found.converged.all()
+    return poses
+
+
+def test_eight_rays_are_enough_wherever_arcs_meet(bending):
+    few, many = (cc.PolarFoundation(cc.load_scene("knee"), rays) for rays in (Rays(8, 3), Rays(96, 6)))
+    scales = [900.0 if name.startswith("F") else 20e3 for name in few.load_names]
+    np.testing.assert_allclose(few(bending) / scales, many(bending) / scales, rtol=0.0, atol=1e-5)
+
+
+@pytest.mark.parametrize(("rays", "tolerance"), [(8, 5e-6), (16, 5e-7)])
+def test_second_derivatives_are_those_of_the_first_wherever_arcs_meet(bending, rays, tolerance):
+    """Differences of fourth order; an angle counts 25 mm to the radian."""
+    model = cc.PolarFoundation(cc.load_scene("knee"), Rays(rays, 3))
+    x, scales = ca.MX.sym("pose", 6), np.repeat([1.0, 25.0], 3)
+    total = ca.dot(ca.DM([1.0] * 4 + [0.04] * 3), model.function()(x))
+    gradient, hessian = (ca.Function("f", [x], [f]) for f in (ca.gradient(total, x), ca.hessian(total, x)[0]))
+    for pose in bending:
+        moves = np.diag(3e-5 / scales)
+        ends = [[np.array(gradient(pose + k * move))[:, 0] for k in (-2, -1, 1, 2)] for move in moves]
+        columns = [(a - 8.0 * b + 8.0 * c - d) / (12.0 * 3e-5) / scales for a, b, c, d in ends]
+        exact = np.array(hessian(pose)) / np.outer(scales, scales)
+        np.testing.assert_allclose(exact, np.column_stack(columns), rtol=0.0, atol=tolerance * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("model", ["foundation", "surrogate"])
+def test_sensitivities_of_an_integrator_are_the_derivatives_of_where_it_ends(model):
+    """ty, vy of the knee's femur let go above the insert, damped, after 20 ms. Forward sensitivities take the Jacobian
+    of the Jacobian."""
+    function = cc.foundation("knee").function() if model == "foundation" else cc.load_surrogate("knee").function()
+    state, weight = ca.MX.sym("state", 2), ca.MX.sym("weight")
+    loads = function(ca.vertcat(KNEE[0], state[0], KNEE[2:]))
+    rate = ca.vertcat(state[1], 200.0 * (-loads[0] - loads[1] - weight) - 50.0 * state[1])
+    ode = {"x": state, "p": weight, "ode": rate}
+    integrator = ca.integrator("falling", "cvodes", ode, 0.0, 0.02, {"abstol": 1e-10, "reltol": 1e-10})
+    ends = [integrator(x0=[27.3, 0.0], p=500.0 + side)["xf"].full() for side in (-0.1, 0.1)]
+    end, differences = integrator(x0=[27.3, 0.0], p=weight)["xf"], (ends[1] - ends[0]) / 0.2
+    for derivative, wanted in (
+        (ca.jtimes(end, weight, 1.0), differences),
+        (ca.jtimes(end[0], weight, 1.0, True), differences[:1]),
+    ):
+        np.testing.assert_allclose(ca.Function("s", [weight], [derivative])(500.0).full(), wanted, rtol=1e-4)
+
+
+IN_IPOPT = {  # model, pose, free columns, wanted loads, start of the free ones
+    "knee": (lambda: cc.foundation("knee"), KNEE, [1, 3], {"Fy_med": -700.0, "Fy_lat": -500.0}, [26.8, 0.0]),
+    "shoulder": (
+        lambda: cc.CellFoundation(cc.load_scene("glenohumeral"), SIZE),
+        CUP_POSES[0],
+        [2],
+        {"Fz": 400.0},
+        [-23.9],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", IN_IPOPT)
+def test_ipopt_finds_the_pose_that_carries_wanted_loads(name):
+    made, pose, free, wanted, start = IN_IPOPT[name]
+    model, x = made(), ca.MX.sym("x", len(free))
+    place = ca.MX(ca.DM(pose))
+    place[free] = x
+    loads = model.function(list(wanted))(place)
+    problem = {"x": x, "f": ca.sumsqr(x - ca.DM(start)), "g": loads - ca.DM(list(wanted.values()))}
+    solver = ca.nlpsol("settled", "ipopt", problem, {"ipopt.print_level": 0, "print_time": False})
+    found = np.array(pose)
+    found[free] = np.array(solver(x0=start, lbg=0.0, ubg=0.0)["x"])[:, 0]
+    assert solver.stats()["success"]
+    assert solver.stats()["iter_count"] < 30
+    np.testing.assert_allclose(model(found, list(wanted)), list(wanted.values()), atol=1e-3)
+
+
+def test_a_saved_function_evaluates_alike_in_another_process(tmp_path):
+    """All that it needs, tables included, lies in its library."""
+    model = cc.CellFoundation(cc.load_scene("glenohumeral"), SIZE)
+    model.function().save(str(tmp_path / "loads.casadi"))
+    code = (
+        "import casadi as ca, sys; f = ca.Function.load(sys.argv[1]); "
+        f"print(*[float(x).hex() for x in f({CUP_POSES[0]}).full().ravel()])"
+    )
+    command = [sys.executable, "-c", code, str(tmp_path / "loads.casadi")]
+    out = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert [float.fromhex(word) for word in out.split()] == model(CUP_POSES[:1])[0].tolist()
+
+
+def test_without_a_compiler_it_warns_and_runs_in_numpy(monkeypatch, tmp_path):
+    with_compiler = cc.PolarFoundation(cc.load_scene("knee"), RAYS).load_and_root_function()
+    monkeypatch.setenv("CC", "no-such-compiler")
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    with pytest.warns(RuntimeWarning, match="no-such-compiler"):
+        f = cc.PolarFoundation(cc.load_scene("knee"), RAYS).load_and_root_function()
+    x = ca.MX.sym("pose", 6)
+    found = []
+    for function in (with_compiler, f):
+        loads, roots = function(x)
+        outputs = [loads, roots, ca.jacobian(loads, x), ca.hessian(loads[0], x)[0]]
+        found.append([np.array(part) for part in ca.Function("all", [x], outputs)(KNEE)])
+    for fast, slow, tolerance in zip(*found, (1e-9, 1e-9, 1e-6, 1e-3), strict=True):
+        np.testing.assert_allclose(slow, fast, atol=tolerance * np.abs(fast).max())
+    assert all(np.isnan(np.array(output)).all() for output in f([np.nan] * 6))
