@@ -49,15 +49,6 @@ def test_an_exception_of_a_user_s_own_function_goes_on_with_the_pose_that_raised
     assert "flexion" not in note
 
 
-def test_flexion_is_told_between_a_medial_and_a_lateral_patch():
-    def fails(poses):
-        raise SolverError
-
-    with pytest.raises(SolverError) as error:
-        cc.CallableModel(KNEE, fails).wrenches(np.array([0.0, 30.0, 0.0, 0.0, 0.0, -0.5]))
-    assert "rz -28.65° (flexion 28.65°)" in error.value.__notes__[0]
-
-
 def estimated(scene, wrenches, gaps):
     asked = []
 
