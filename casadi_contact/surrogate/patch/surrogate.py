@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -25,6 +25,7 @@ from casadi_contact.core.conventions import WRENCH_NAMES, Array, pose_or_poses
 from casadi_contact.networks.graph import Expressions
 from casadi_contact.networks.kernel.source import Kernel
 from casadi_contact.networks.network import Network, Regression
+from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.arrays import in_blocks
 from casadi_contact.surrogate.base import Surrogate
@@ -43,6 +44,17 @@ from casadi_contact.surrogate.patch.roots import patch_root_expressions, patch_r
 
 if TYPE_CHECKING:
     from casadi_contact.samples.samples import Samples
+
+
+class _Part(NamedTuple):
+    """What a part's wrench is made of: its anchor [mm]; its networks of a whole local pose, None where it has none; the
+    wrench components (columns) of the ratios, and of the normal load itself: ±1 there, else zero (own, (6,))."""
+
+    anchor_mm: Array
+    root: Any
+    ratios: Any
+    columns: list[int]
+    own: Array
 
 
 class PatchSurrogate(Surrogate):
@@ -112,8 +124,35 @@ class PatchSurrogate(Surrogate):
         free = self.scene.pose_space.free
         return {name: with_all_inputs(network, free) for name, network in self.networks.items()}
 
+    @cached_property
+    def _parts(self) -> list[_Part]:
+        parts, outputs = [], ratio_outputs(self.scene)
+        for part in self.scene.parts:
+            name, own = ratios_name(part.name), np.zeros(6)
+            if part.normal.component is not None:
+                own[WRENCH_NAMES.index(part.normal.component)] = part.normal.sign
+            columns = [WRENCH_NAMES.index(component) for component in outputs.get(name, ())]
+            root, ratios = self._evaluated.get(root_name(part.name)), self._evaluated.get(name)
+            parts.append(_Part(part.anchor_mm, root, ratios, columns, own))
+        return parts
+
+    @cached_property
+    def _selections(self) -> dict[tuple[str, ...], Array]:
+        return {}
+
+    def _selection(self, loads: Sequence[str]) -> Array:
+        """`Scene.part_selection` (L, parts, 6), kept for the next call."""
+        if (key := tuple(loads)) not in self._selections:
+            self._selections[key] = self.scene.part_selection(loads)
+        return self._selections[key]
+
+    @cached_property
+    def _bound(self) -> PoseSpace | None:
+        """The scene's pose space where it locks or ties a parameter."""
+        return None if self.scene.pose_space.whole else self.scene.pose_space
+
     def _loads(self, poses: Array, loads: Sequence[str], *, derivative: bool) -> tuple[Array, Array]:
-        selection = self.scene.part_selection(loads)
+        selection = self._selection(loads)
         values, jacobian = np.zeros((len(poses), len(loads))), np.zeros((len(poses) * derivative, len(loads), 6))
         for p in np.flatnonzero(selection.any(axis=(0, 2))):
             _, _, wrench, d_wrench = self._part(poses, p, selection[:, p].any(axis=0), derivative=derivative)
@@ -127,7 +166,7 @@ class PatchSurrogate(Surrogate):
         return self._of_patches([part[:2] for part in parts])
 
     def _jacobian_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
-        selection = self.scene.part_selection(self.load_names)
+        selection = self._selection(self.load_names)
         values, jacobian = np.zeros((len(poses), len(selection))), np.zeros((len(poses), len(selection), 6))
         roots = []
         for p in range(len(self.scene.parts)):
@@ -161,34 +200,22 @@ class PatchSurrogate(Surrogate):
         used (6,): the wrench components that are needed; all ratios are zero where it needs none of them. Derivatives
         are (0, 6) and (0, 6, 6) if not asked for.
         """
-        part, space, n0 = self.scene.parts[p], self.scene.pose_space, self.scene.reference_load
-        on_space = space.onto(poses)
+        part, space, n0 = self._parts[p], self._bound, self.scene.reference_load
+        on_space = poses if space is None else space.onto(poses)
         x, by_pose = local_poses(on_space, part.anchor_mm), np.empty((0, 6, 6))
         if derivative:
-            by_pose = space.along(local_pose_jacobian(on_space, part.anchor_mm))
-        s, ds = self._network(root_name(part.name), x, by_pose)
-        ratios, d_ratios = np.zeros((len(x), 6)), np.zeros((len(by_pose), 6, 6))
-        if part.normal.component is not None:
-            ratios[:, WRENCH_NAMES.index(part.normal.component)] = part.normal.sign
-        if any(used[k] and name != part.normal.component for k, name in enumerate(WRENCH_NAMES)):
-            name = ratios_name(part.name)
-            columns = [WRENCH_NAMES.index(component) for component in ratio_outputs(self.scene)[name]]
-            values, gradients = self._network(name, x, by_pose)
-            ratios[:, columns] = values.reshape(len(x), len(columns))
-            d_ratios[:, columns] = gradients.reshape(len(by_pose), len(columns), 6)
+            by_pose = local_pose_jacobian(on_space, part.anchor_mm)
+            by_pose = by_pose if space is None else space.along(by_pose)
+        s, ds = _in_pose(part.root, x, by_pose)
+        ratios, d_ratios = np.tile(part.own, (len(x), 1)), np.zeros((len(by_pose), 6, 6))
+        if (used & (part.own == 0.0)).any():
+            values, gradients = _in_pose(part.ratios, x, by_pose)
+            ratios[:, part.columns] = values.reshape(len(x), len(part.columns))
+            d_ratios[:, part.columns] = gradients.reshape(len(by_pose), len(part.columns), 6)
         contact = np.maximum(s, 0.0)
         normal, d_normal = n0 * contact**2, 2.0 * n0 * contact[: len(ds), None] * ds
         d_wrench = ratios[: len(ds), :, None] * d_normal[:, None] + normal[: len(ds), None, None] * d_ratios
         return s, ds, normal[:, None] * ratios, d_wrench
-
-    def _network(self, name: str, x: Array, by_pose: Array) -> tuple[Array, Array]:
-        """Value (n,) of a network at local poses x and its derivative by the pose (n, 6), (n, m) and (n, m, 6) for m
-        outputs; no rows of derivatives where by_pose has none."""
-        network = self._evaluated[name]
-        if len(by_pose) < len(x):
-            return network.value(x), np.empty((0, 6))
-        value, gradient = network.value_and_gradient(x)
-        return value, np.einsum("n...i,nij->n...j", gradient, by_pose)
 
     def _root_count(self) -> int:
         return len(self.scene.parts)
@@ -222,3 +249,12 @@ class PatchSurrogate(Surrogate):
                 PatchNetworks(part.name, part.anchor_mm, normal.component, root, ratios, components, normal.sign)
             )
         return of_parts, self.scene.part_selection(loads)[:, known]
+
+
+def _in_pose(network: Network, x: Array, by_pose: Array) -> tuple[Array, Array]:
+    """Value (n,) of a network at local poses x (n, 6) and its derivative by the pose (n, 6), (n, m) and (n, m, 6) for m
+    outputs; no rows of derivatives where by_pose (n, 6, 6) has none."""
+    if len(by_pose) < len(x):
+        return network.value(x), np.empty((0, 6))
+    value, gradient = network.value_and_gradient(x)
+    return value, np.einsum("n...i,nij->n...j", gradient, by_pose)
