@@ -121,11 +121,11 @@ def test_it_says_where_it_is_out_of_its_depth(project):
             assert np.median(surrogate.validity(samples.poses)) > 0.9
         assert surrogate.validity([high + (high - low)])[0] < 0.01
         assert 0.8 < surrogate.info().coverage["D1"]["Fy_med"] <= 1.0
-    before = cc.load_surrogate(project.surrogate_path("patch")).trust
+    before = cc.load_surrogate(project.surrogate_path("patch")).confidence
     pipeline.calibrate(project)
-    after = cc.load_surrogate(project.surrogate_path("patch")).trust
-    np.testing.assert_array_equal(after.levels, before.levels)
-    np.testing.assert_array_equal(after.shares, before.shares)
+    after = cc.load_surrogate(project.surrogate_path("patch")).confidence
+    np.testing.assert_array_equal(after.centres, before.centres)
+    np.testing.assert_array_equal(after.network.weights[-1], before.network.weights[-1])
 
 
 def test_a_rerun_keeps_what_is_done(project):

@@ -22,7 +22,7 @@ from casadi_contact.pictures.report.charts import draw_charts
 from casadi_contact.pictures.report.surrogate_page import write_report
 from casadi_contact.samples.models import teacher_of
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.calibration import with_trust
+from casadi_contact.surrogate.calibration import calibrate as calibrated
 from casadi_contact.workflow.benchmark.evaluate import evaluate as evaluate_models
 from casadi_contact.workflow.benchmark.front_file import read_front
 from casadi_contact.workflow.benchmark.measure import measure_project
@@ -37,7 +37,7 @@ from casadi_contact.workflow.project import (
     read_motion,
 )
 from casadi_contact.workflow.samples import DrawnModel, check_table, draw, sample, take_table
-from casadi_contact.workflow.train import moved_samples, structures_for_scene, train
+from casadi_contact.workflow.train import structures_for_scene, train
 
 __all__ = [
     "PRESETS",
@@ -101,16 +101,15 @@ def calibrate(project: Project, update: Update | None = None) -> list[Path]:
     """
     samples = project.samples()
     model = teacher_of(samples)
-    around = moved_samples(samples, model, update)
     surrogates = project_surrogates(project)
     for structure, surrogate in surrogates.items():
-        if around is None and "around" in surrogate.record.get("coverage", {}):
+        if model is None and "around" in surrogate.record.get("coverage", {}):
             raise ValueError(
                 f"the {structure} surrogate was calibrated on the contact model that its samples come from, which is "
                 "not here: build again with that model"
             )
     for structure, surrogate in surrogates.items():
-        with_trust(surrogate, samples, around, model, update).save(project.surrogate_path(structure))
+        calibrated(surrogate, samples, model, update).save(project.surrogate_path(structure))
     return [project.surrogate_path(structure) for structure in surrogates]
 
 

@@ -207,7 +207,7 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
             load_names=names,
             patch_names=self.patch_names,
             kernel_roots=patches,
-            trusted=False,
+            calibrated=False,
             made_for="overlap of no more than the thickness of the layer, none from behind",
             reference_load=self.scene.reference_load,
             description=f"Contact loads of the scene {self.scene.name}, elastic foundation {self!r}.",

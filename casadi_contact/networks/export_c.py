@@ -36,7 +36,7 @@ class ExportedModel:
     """C of a contact model, and what a header must say of it.
 
     source: C99 up to guarded_value and its like, for these loads and `kernel_roots` root loads; patch_roots where there
-    are roots; trust_at where it is trusted; outside(pose, parts), which is 1 where the pose is not one that the model
+    are roots; confidence_at where it is calibrated; outside(pose, parts), which is 1 for a pose that the model
     is made for. made_for says in words when it is. pressure_names: where there are any, source defines
     pressures_at(pose, pressures) for them. vectors: source needs the vectors of GCC and clang. data: what
     the source includes as the file DATA_FILE of the folder in which it is compiled. wrench_source: C of a kernel whose
@@ -47,7 +47,7 @@ class ExportedModel:
     load_names: Sequence[str]
     patch_names: Sequence[str]
     kernel_roots: int
-    trusted: bool
+    calibrated: bool
     made_for: str
     reference_load: float
     description: str
@@ -65,7 +65,7 @@ class ExportedModel:
         parts = [
             _written(words),
             self.source,
-            f"#define TRUSTED {int(self.trusted)}",
+            f"#define CALIBRATED_MODEL {int(self.calibrated)}",
             Template(functions).substitute(words),
         ]
         return "\n".join([*parts, casadi_interface(self._casadi_functions(name))])
@@ -115,7 +115,7 @@ class ExportedModel:
             "patches": ", ".join(patches),
             "reference_load": f"{self.reference_load:g}",
             "no_roots": "" if self.kernel_roots else "; NaN: this model lacks their networks",
-            "no_trust": "" if self.trusted else "; NaN: this model has neither",
+            "no_confidence": "" if self.calibrated else "; NaN: this model has neither",
             "learned": comment_text(self.made_for),
             "names": _quoted(loads),
             "unit_names": _quoted(units),

@@ -57,7 +57,7 @@ def variables(model: ExportedModel) -> Iterator[Variable]:
         yield Variable(load, _unit(load), "output", "load on the fixed body, in its frame, about its origin")
     for patch in model.patch_names:
         yield Variable(f"root_{patch}", "1", "output", "signed root load: below zero out of contact")
-    if model.trusted:
+    if model.calibrated:
         yield Variable("validity", "1", "local", "1 well inside what was learned, 0 far outside")
         for load in model.load_names:
             yield Variable(f"expected_error_{load}", _unit(load), "local", "95 % of errors lie below it")

@@ -18,7 +18,7 @@ import numpy as np
 from casadi_contact.core.compiler import CompilerError, call_in_shares, shared_library, warn_once
 from casadi_contact.core.conventions import Array
 from casadi_contact.networks.kernel.source import c_text
-from casadi_contact.surrogate.trusted_kernel import TrustedKernel
+from casadi_contact.surrogate.surrogate_kernel import SurrogateKernel
 
 BATCH_FROM = 1000
 
@@ -55,13 +55,13 @@ class SurrogateArrays:
     def validity(self, poses: Array) -> Array:
         """Validity (n,)."""
         validity = np.empty(len(poses))
-        call_in_shares(self.library, "array_trust", poses, validity, None)
+        call_in_shares(self.library, "array_confidence", poses, validity, None)
         return validity
 
     def expected_error(self, poses: Array) -> Array:
         """Expected error (n, L) of all loads."""
         validity, errors = np.empty(len(poses)), np.empty((len(poses), len(self.load_names)))
-        call_in_shares(self.library, "array_trust", poses, validity, errors)
+        call_in_shares(self.library, "array_confidence", poses, validity, errors)
         return errors
 
     def _picked(self, values: Array, names: Sequence[str]) -> Array:
@@ -70,11 +70,11 @@ class SurrogateArrays:
         return values[:, [self.load_names.index(name) for name in names]]
 
 
-def compiled_arrays(kernel: TrustedKernel, waited_for: str) -> SurrogateArrays | None:
+def compiled_arrays(kernel: SurrogateKernel, waited_for: str) -> SurrogateArrays | None:
     """The compiled kernel; None, with one warning, without a compiler. waited_for: what is announced."""
-    trust = c_text("trust_arrays.h", __package__) if kernel.trust is not None else ""
+    confidence = c_text("confidence_arrays.h", __package__) if kernel.confidence is not None else ""
     try:
-        library = shared_library("\n".join([kernel.source(), c_text("arrays.h"), trust]), waited_for)
+        library = shared_library("\n".join([kernel.source(), c_text("arrays.h"), confidence]), waited_for)
     except CompilerError as error:
         warn_once(f"{error}; arrays of poses go through NumPy, which is slower")
         return None

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.core.conventions import POSE_NAMES, Array, pose_or_poses
+from casadi_contact.core.conventions import POSE_NAMES, Array, pose_index, pose_or_poses
 from casadi_contact.networks.export_c import ExportedModel
 from casadi_contact.networks.exportable import Exportable
 from casadi_contact.networks.functions import as_weights, hessian_function, weighted_hessians
@@ -23,21 +22,19 @@ from casadi_contact.networks.kernel.source import Kernel
 from casadi_contact.networks.network import Network
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.arrays import BATCH_FROM, SurrogateArrays, compiled_arrays, in_blocks
-from casadi_contact.surrogate.distrust import OffSpace
+from casadi_contact.surrogate.confidence import Confidence
 from casadi_contact.surrogate.file import Content, write_file
 from casadi_contact.surrogate.functions import SurrogateFunctions
 from casadi_contact.surrogate.info import SurrogateInfo, describe
 from casadi_contact.surrogate.structure import Structure
-from casadi_contact.surrogate.trust import Trust
-from casadi_contact.surrogate.trust_source import OWN_ROOTS
-from casadi_contact.surrogate.trusted_kernel import TrustedKernel
+from casadi_contact.surrogate.surrogate_kernel import OWN_ROOTS, SurrogateKernel
 
 
 class Surrogate(Structure, SurrogateFunctions, Exportable):
     """Networks and the scene they were trained for.
 
-    networks: by name; record: what trained them (see `casadi_contact.surrogate.info`), plain JSON values; trust: what
-    `validity` and `expected_error` are made of (see `casadi_contact.surrogate.calibration`).
+    networks: by name; record: what trained them (see `casadi_contact.surrogate.info`), plain JSON values; confidence:
+    what `validity` and `expected_error` are made of (see `casadi_contact.surrogate.calibration`).
     ``load_names`` are the scene's loads that the given networks are enough for. compiled: arrays of `BATCH_FROM` poses
     or more go through a C kernel (see `casadi_contact.surrogate.arrays`), as `load_surrogate` wants it.
     """
@@ -50,7 +47,7 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
         scene: Scene,
         networks: Mapping[str, Network],
         record: Mapping[str, Any] | None = None,
-        trust: Trust | None = None,
+        confidence: Confidence | None = None,
         *,
         compiled: bool = False,
     ) -> None:
@@ -59,7 +56,7 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
         self._hessians: dict[tuple[str, ...], ca.Function] = {}
         self.networks = dict(networks)
         self.record = dict(record or {})
-        self.trust = None if trust is None else replace(trust, off_space=OffSpace.of(scene.pose_space))
+        self.confidence = confidence
         self.patch_names = scene.patch_names
         known, outputs = self.network_inputs(scene), self.network_outputs(scene)
         for name, network in self.networks.items():
@@ -160,32 +157,32 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
 
     @cached_property
     def _compiled_arrays(self) -> SurrogateArrays | None:
-        kernel = self.trusted_kernel(self.load_names)
+        kernel = self.whole_kernel(self.load_names)
         return compiled_arrays(kernel, f"the kernel of the surrogate {self.scene.name}, some seconds")
 
-    def trusted_kernel(self, loads: Sequence[str]) -> TrustedKernel:
-        """C of the loads, with all else that the networks and the trust are enough for."""
+    def whole_kernel(self, loads: Sequence[str]) -> SurrogateKernel:
+        """C of the loads, with all else that the networks and the calibration are enough for."""
         roots = all(name in self.networks for name in self._root_networks())
-        kernel, trust = self._kernel(loads, roots=roots), self.trust if roots else None
-        bundles, inputs = self._trust_inputs() if trust is not None else ([], "")
-        classifier = [trust.classifier.bundle()] if trust is not None and trust.classifier is not None else []
-        return TrustedKernel(
-            Kernel([*kernel.bundles, *bundles, *classifier], kernel.code),
+        kernel, confidence = self._kernel(loads, roots=roots), self.confidence if roots else None
+        bundles, roots_source = ([], "") if confidence is None else self._confidence_roots_source()
+        bundles = bundles if confidence is None else [*bundles, confidence.bundle()]
+        return SurrogateKernel(
+            Kernel([*kernel.bundles, *bundles], kernel.code),
             tuple(loads),
             self.load_names,
             self._first_roots() if roots else (),
             self._root_count() if roots else 0,
-            trust,
-            inputs,
+            confidence,
+            roots_source,
         )
+
+    def _confidence_roots_source(self) -> tuple[Sequence[Bundle], str]:
+        """Networks beside the kernel's, and C function confidence_roots (see `surrogate_kernel`)."""
+        return [], OWN_ROOTS
 
     def _first_roots(self) -> Sequence[int]:
         """Where the root loads of each patch begin among those that `_kernel` gives."""
         return range(len(self.patch_names))
-
-    def _trust_inputs(self) -> tuple[Sequence[Bundle], str]:
-        """Networks beside the kernel's, and C function trust_inputs (see `trust_source`)."""
-        return [], OWN_ROOTS
 
     def _missing(self, loads: Sequence[str]) -> list[str]:
         return [name for name in self.needed_networks(loads) if name not in self.networks]
@@ -214,42 +211,44 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
         if missing:
             raise ValueError(f"root loads need the network {', '.join(missing)} that this surrogate lacks")
 
-    def require_trust(self) -> Trust:
+    def require_confidence(self) -> Confidence:
         """The numbers behind validity and expected error; raises ValueError for a surrogate without."""
-        if self.trust is None:
+        if self.confidence is None:
             raise ValueError(
-                "this surrogate has no validity and expected error (it was never calibrated, or written by an older "
-                "version): build it again, or run casadi-contact calibrate on its samples"
+                "this surrogate has no validity and expected error, because it was never calibrated: build it again, "
+                "or run casadi-contact calibrate on its samples"
             )
         self.check_roots()
-        return self.trust
+        return self.confidence
 
-    def trust_roots(self, poses: Array) -> Array:
-        """Signed root loads (n, P) that validity and expected error go by: those of `root_loads`."""
+    @property
+    def confidence_columns(self) -> Sequence[int]:
+        """Columns of the pose that, with the root loads, describe a contact: the insensitive parameters where the root
+        loads stand for the sensitive ones, else (a ball in a cup) all six."""
+        scene = self.scene
+        described = len(scene.sensitive_pose) <= len(scene.patch_names)
+        return [pose_index(name) for name in (scene.insensitive_pose if described else POSE_NAMES)]
+
+    def confidence_roots(self, poses: Array) -> Array:
+        """Signed root loads (n, P) that validity and expected error depend on: those of `root_loads`."""
         self.check_roots()
         return in_blocks(lambda block: self._roots(block, derivative=False)[0], poses)
 
-    def trust_claims(self, poses: Array) -> Array | None:
-        """Normal loads (n, P) [N] that `trust_roots` must confirm; None where the loads come from these roots."""
-        return None
-
     @pose_or_poses
     def validity(self, poses: Array) -> Array:
-        """Validity (n,) of poses (n, 6): 1 well inside the sampled region, 0 far outside; see `trust`."""
-        trust, arrays = self.require_trust(), self._arrays(poses, self.load_names)
+        """Validity (n,) of poses (n, 6): 1 well inside the learned region, 0 far outside; see `confidence`."""
+        confidence, arrays = self.require_confidence(), self._arrays(poses, self.load_names)
         if arrays is not None:
             return arrays.validity(poses)
-        return in_blocks(lambda block: trust.validity(block, self.trust_roots(block), self.trust_claims(block)), poses)
+        return in_blocks(lambda block: confidence.validity(block, self.confidence_roots(block)), poses)
 
     @pose_or_poses
     def expected_error(self, poses: Array) -> Array:
-        """Expected error (n, L) [N, N·mm] of ``load_names``: 95 % of held-back errors lie below it; see `trust`."""
-        trust, arrays = self.require_trust(), self._arrays(poses, self.load_names)
+        """Expected error (n, L) [N, N·mm] of ``load_names``: 95 % of unseen errors lie below it; see `confidence`."""
+        confidence, arrays = self.require_confidence(), self._arrays(poses, self.load_names)
         if arrays is not None:
             return arrays.expected_error(poses)
-        return in_blocks(
-            lambda block: trust.expected_errors(block, self.trust_roots(block), self.trust_claims(block)), poses
-        )
+        return in_blocks(lambda block: confidence.expected_errors(block, self.confidence_roots(block)), poses)
 
     @property
     def export_title(self) -> str:
@@ -270,28 +269,38 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
 
     def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
         """C of the loads, and of all that the surrogate knows of them."""
-        kernel = self.trusted_kernel(self.check_loads(loads))
+        kernel = self.whole_kernel(self.check_loads(loads))
         condition, made_for = kernel.outside(self.record.get("pose_range", {}))
         return ExportedModel(
             f"{kernel.source()}\n{condition}",
             kernel.loads,
             self.patch_names,
             kernel.root_count,
-            kernel.trust is not None,
+            kernel.confidence is not None,
             made_for,
             self.scene.reference_load,
             f"Contact loads of the scene {self.scene.name}, {self.structure} surrogate.",
         )
 
     def learned_pose(self) -> list[float]:
-        """A pose (6) that was learned, pressed if one is at hand; without trust the middle of the sampled ranges, or
-        zeros."""
-        if self.trust is None:
+        """A pose (6) inside the learned region, in contact if possible; without calibration the middle of the sampled
+        ranges, or zeros."""
+        if self.confidence is None:
             ranges = self.record.get("pose_range", {})
             return [float(np.mean(ranges.get(name, 0.0))) for name in POSE_NAMES]
-        poses = np.vstack([self.trust.centres, self.trust.dense_centres]) * self.trust.scales
+        # The centres, and as many poses that Newton's method presses from there with ten boundary loads a patch.
+        poses, target = (
+            self.confidence.centre_poses,
+            np.sqrt(10.0 * self.scene.boundary_load / self.scene.reference_load),
+        )
+        columns, pressed_poses = [pose_index(name) for name in self.scene.sensitive_pose], poses.copy()
+        for _ in range(8):
+            roots, slopes = self.root_loads(pressed_poses)
+            steps = np.einsum("njp,np->nj", np.linalg.pinv(slopes[:, :, columns]), target - roots)
+            pressed_poses[:, columns] += np.clip(steps, -1.0, 1.0)
+        poses = np.vstack([poses, pressed_poses])
         validity = self.validity(poses)
-        pressed = np.where(validity >= min(0.9, validity.max()), self.trust_roots(poses).min(axis=1), -np.inf)
+        pressed = np.where(validity >= min(0.9, validity.max()), self.confidence_roots(poses).min(axis=1), -np.inf)
         return [float(value) for value in poses[np.argmax(pressed)]]
 
     def example_pose(self) -> list[float]:
@@ -304,4 +313,4 @@ class Surrogate(Structure, SurrogateFunctions, Exportable):
 
     def save(self, path: str | Path) -> None:
         """Write an HDF5 file that `load_surrogate` reads; raises OSError where it cannot be written."""
-        write_file(path, Content(self.structure, self.scene, self.networks, self.record, self.trust))
+        write_file(path, Content(self.structure, self.scene, self.networks, self.record, self.confidence))

@@ -1,68 +1,101 @@
-"""Fit a surrogate's `Trust` to samples: centres and ranges on the training rows, limits on the validation rows.
+"""Fit a surrogate's `Confidence` to samples, and to poses around and between them where the contact model is at hand.
 
-Poses around and between the samples take part where a contact model tells their loads. Test rows take none: the
-coverage reported on them, and on an unseen walking sequence, is what a user may expect.
+*Valid* means that the errors of all loads are expected to stay within a few tolerances of the scene. A surrogate that
+misses them everywhere is nowhere valid. Test rows take no part: the coverage reported on them, and on an unseen walking
+sequence, is what a user may expect.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-from functools import reduce
-from typing import Any
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.cluster.vq import kmeans2
 
-from casadi_contact.core.conventions import Array, Update, in_stage
+from casadi_contact.core.conventions import Array, Progress, Update, in_stage
+from casadi_contact.networks.network import Network, Regression
+from casadi_contact.networks.training.fit import fit
+from casadi_contact.networks.training.settings import TrainingSettings
+from casadi_contact.samples.calibration_poses import (
+    label_poses,
+    perturbed_poses,
+    poses_in_range,
+    self_settled_poses,
+)
 from casadi_contact.samples.chunk import WrenchModel
-from casadi_contact.samples.led_to import samples_led_to
-from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples
-from casadi_contact.scenes.normal_load import normal_forces
+from casadi_contact.samples.models import model_name_of
+from casadi_contact.samples.samples import DOMAINS, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.coverage import trust_coverage
-from casadi_contact.surrogate.cubic_logistic import cubic_terms, logistic_coefficients
-from casadi_contact.surrogate.distrust import Border, Box, Confirmation, OffSpace
-from casadi_contact.surrogate.error_bounds import BANDWIDTH, CENTRES, LEAST_LEVEL, LEAST_ROWS, with_error_bounds
-from casadi_contact.surrogate.gaussian_kernels import soft_distance, spread_centres, thinned
-from casadi_contact.surrogate.poses_over_range import poses_over_range
-from casadi_contact.surrogate.states import state_columns
-from casadi_contact.surrogate.trust import KEPT, LIGHT_LOADS, SURE, SURELY_VALID, Trust
-from casadi_contact.surrogate.wrong_poses import right_ones, with_error_classifier
+from casadi_contact.surrogate.confidence import SURE, SURELY_INVALID, SURELY_VALID, VALID, Confidence, growth_outside
 
-INSIDE = 0.995  # share of held-back poses near enough to the samples for a validity above 0.9
-DENSE_CENTRES = 64
-DENSE_BANDWIDTH = 0.4  # of the scales, the deviation of an even spread over the sampled range
-SHARPNESS = 1.8
-MARGIN = 0.2  # of the sampled root loads: so far outside their range validity is below 0.06, half as far 0.5
-_LEAST_RANGE = 1e-3  # [mm, rad] of a pose parameter that the samples never vary
-BOX_MARGIN = 0.015  # of the sampled range of an insensitive pose parameter: twice so far beyond it validity is 0.5
-CLAIM_SHARE = 0.1  # of the boundary load: contact of less than this needs no confirmation
-LEAST_LIGHT_LOADS = 0.2  # boundary loads: of less on the patch that is pressed most all errors are small
-_LEAST_DROPPED = 20  # of fewer no border can be learned
 _OF_THE_MODEL = ("model_errors", "model_errors_against")  # keys of the record
-_LEAST_ROOT = 0.005  # a root load is not known better than this out of contact
 
 
-def with_trust(
+@dataclass(frozen=True)
+class CalibrationSettings:
+    """What a calibration goes by.
+
+    tolerances: a pose is wrong where the error of any load exceeds so many tolerances of the scene.
+    kept: share of accurate validation rows that the classifier leaves a validity above 0.9; wrong_share: at most so
+    many of the poses that it calls valid may be wrong, whatever `kept` asks for.
+    coverage: share of unseen errors below the expected error. inside: share of validation rows near enough to the
+    samples for a validity above 0.9.
+    rows: validation rows, perturbed, drawn and self-settled poses, at most so many of each; of a user's own model,
+    which may be slow, at most own_rows.
+    centres, bandwidth [of the scales], sharpness: of the distance. least_range: of a parameter that never varies
+    [mm, rad]. hidden, iterations, steepness: of the classifier; its output times steepness is u_2.
+    """
+
+    tolerances: float = 5.0
+    kept: float = 0.99
+    wrong_share: float = 0.03
+    coverage: float = 0.95
+    inside: float = 0.995
+    rows: int = 9000
+    own_rows: int = 2000
+    centres: int = 256
+    bandwidth: float = 0.5
+    sharpness: float = 1.8
+    least_range: float = 1e-3
+    hidden: tuple[int, int] = (20, 20)
+    iterations: int = 100
+    steepness: float = 8.0
+    seed: int = 0
+
+
+class _Rows(NamedTuple):
+    """Poses (n, 6) with root loads (n, P), errors (n, L) [N, N·mm], whether a load is carried (n, L) and the number (n)
+    of the group that each belongs to: a domain of the samples, or one of the other kinds of poses."""
+
+    poses: Array
+    roots: Array
+    errors: Array
+    carried: np.ndarray
+    group: np.ndarray
+
+
+def calibrate(
     surrogate: Surrogate,
     samples: Samples,
-    around: Samples | None = None,
     model: WrenchModel | None = None,
     update: Update | None = None,
+    settings: CalibrationSettings | None = None,
 ) -> Surrogate:
     """The surrogate with validity and expected error, and their coverage on test rows in its record.
 
-    around: poses between and beside the sampled ones with the contact model's loads (`sampling.perturbed_samples`), so
-    that the expected error holds off equilibrium too. model: that contact model; it is asked at poses over the whole
-    sampled range (`sampling.perturbed`), so that the expected error holds wherever validity is high, and at those to
-    which the surrogate itself leads (`sampling.led_to`), so that validity is low where it is wrong. update: called
+    model: the contact model that the samples come from. It is evaluated around the samples, over their whole range, and
+    where the surrogate's own loads lead a solver; without it both hold on poses like the samples only. update: called
     as (what, done, all, remark) meanwhile.
 
-    Raises ValueError for samples of another scene or without training or validation rows, and for a surrogate
-    without root loads.
+    Raises ValueError for samples of another scene or without training or validation rows, and for a surrogate without
+    root loads.
     """
-    moved = [] if around is None else [around]
-    if {part.scene.digest for part in (samples, *moved)} != {surrogate.scene.digest}:
+    settings = settings or CalibrationSettings()
+    if samples.scene.digest != surrogate.scene.digest:
         raise ValueError("the samples belong to another scene than the surrogate (digests differ): draw them anew")
     kind = type(surrogate)
     surrogate = kind(surrogate.scene, surrogate.networks, surrogate.record)  # NumPy: the same file by any compiler
@@ -70,188 +103,284 @@ def with_trust(
     for what, part in (("training", training), ("validation", validation)):
         if not len(part):
             raise ValueError(f"samples hold no {what} rows, expected some: draw samples with a validation share")
-    known = samples.select(role=(TRAIN, VALIDATION))
-    tube = _tube(surrogate, training, validation)
-    trust = _distrusting(tube, surrogate, known, moved)
-    in_range = led = None
-    over_range, leading, classifying, expecting = (
-        in_stage(update, f"{surrogate.structure}: {what}")
-        for what in ("poses over the range", "poses it leads to", "where it is wrong", "expected errors")
-    )
+    blank = _distance(surrogate, training, validation, settings)
+    labelling, fitting = (in_stage(update, f"{surrogate.structure}: {w}") for w in ("other poses", "confidence"))
+    others: dict[str, Samples] = {}
     if model is not None:
-        around_and = list(moved)
-        in_range, trust = poses_over_range(
-            kind(surrogate.scene, surrogate.networks, surrogate.record, trust),
-            samples,
-            model,
-            lambda found: _distrusting(tube, surrogate, known, [*around_and, found]),
-            over_range,
-        )
-        moved.append(in_range)
-        first = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
-        led = samples_led_to(surrogate, samples, model, first.validity, progress=leading)
-        others = [part.select(role=VALIDATION) for part in (*moved, led)]
-        trust = with_error_classifier(trust, surrogate, known, others, classifying)
-        # Without a classifier, few gross errors at rims would raise what is expected everywhere.
-        moved.append(led if trust.classifier is not None else right_ones(surrogate, known, led))
-    unknown = [validation, *_by_size(surrogate, [part.select(role=VALIDATION) for part in moved])]
-    trust = with_error_bounds(trust, surrogate, training, unknown, expecting)
-    trusted = kind(surrogate.scene, surrogate.networks, surrogate.record, trust)
-    record = {**surrogate.record, **_on_test_rows(trusted, samples, (around, in_range, led))}
+        others = _other_poses(surrogate, blank, samples, model, settings, labelling)
+    rows = _rows(surrogate, validation, [part.select(role=VALIDATION) for part in others.values()], settings)
+    confidence = _fit(surrogate, blank, rows, settings, fitting)
+    calibrated = kind(surrogate.scene, surrogate.networks, surrogate.record, confidence)
+    test = samples.select(role=TEST)
+    unseen = {name: part.select(role=TEST) for name, part in others.items()}
+    record = {**surrogate.record, "coverage": coverage_by_group(calibrated, test, unseen)}
+    if len(test):
+        record["valid_share"] = float(np.mean(calibrated.validity(test.poses) > SURELY_VALID))
     if model is not None:  # what was known of another model is not known of this one
         record = {key: value for key, value in record.items() if key not in _OF_THE_MODEL} | _model_errors(model)
-    return kind(surrogate.scene, surrogate.networks, record, trust)
+    return kind(surrogate.scene, surrogate.networks, record, confidence)
 
 
-def _by_size(surrogate: Surrogate, others: Sequence[Samples]) -> list[Samples]:
-    """The poses of each kind, and as a kind of its own those of all in light contact: the rest are many more, and tell
-    little of errors there. Few in light contact stay with their kinds, since a kind's errors count however few."""
-    if not others:
-        return []
-    scene = surrogate.scene
-    least, most = np.sqrt(np.array([LEAST_LIGHT_LOADS, LIGHT_LOADS]) * scene.boundary_load / scene.reference_load)
-    largest = [surrogate.trust_roots(part.poses).max(axis=1) for part in others]
-    light = [(least < roots) & (roots <= most) for roots in largest]
-    if sum(rows.sum() for rows in light) < LEAST_ROWS:
-        return list(others)
-    rest = [part.rows(~rows) for part, rows in zip(others, light, strict=True)]
-    return [*rest, reduce(Samples.join_samples, [part.rows(rows) for part, rows in zip(others, light, strict=True)])]
+def spread_centres(points: Array, count: int, cell: float = 0.25) -> Array:
+    """At most `count` centres (K, d) spread evenly over the region of points (n, d), however densely each part of it
+    was sampled: k-means of one point from each cell of a grid. The same for the same points."""
+    _, first = np.unique(np.floor(points / cell).astype(np.int64), axis=0, return_index=True)
+    points = np.unique(points[np.sort(first)], axis=0)
+    if len(points) <= count:
+        return points
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of empty clusters, which are left out
+        centres, member = kmeans2(points, count, iter=20, minit="points", rng=np.random.default_rng(0))
+    return np.asarray(centres[np.bincount(member, minlength=count) > 0])
+
+
+def _distance(
+    surrogate: Surrogate, training: Samples, validation: Samples, settings: CalibrationSettings
+) -> Confidence:
+    """A confidence whose distance is fitted, and whose network is zero."""
+    space, names = surrogate.scene.pose_space, surrogate.load_names
+    bound = [k for k in range(6) if k not in space.free]
+    reduced = np.eye(6)
+    reduced[bound] -= space.matrix[bound]
+    ranges = np.maximum(np.ptp(training.poses @ reduced.T, axis=0), settings.least_range)
+    whitening = np.sqrt(12.0) * reduced / ranges[:, None]
+    columns = [k for k in surrogate.confidence_columns if np.ptp(training.poses[:, k]) > 0.0]
+    inputs, outputs = len(columns) + len(surrogate.patch_names), 1 + len(names)
+    blank = Network(np.zeros(inputs), np.ones(inputs), (np.zeros((outputs, inputs)),), (np.zeros(outputs),))
+    centres = spread_centres(training.poses @ whitening.T, settings.centres, 0.5 * settings.bandwidth)
+    values = (whitening, centres, settings.bandwidth, settings.sharpness)
+    confidence = Confidence(*values, 0.0, np.array(columns, dtype=float), blank, np.zeros(len(names)))
+    edge = float(np.quantile(confidence.distance(validation.poses), settings.inside)) + SURE / settings.sharpness
+    return replace(confidence, edge=edge)
+
+
+def _other_poses(
+    surrogate: Surrogate,
+    confidence: Confidence,
+    samples: Samples,
+    model: WrenchModel,
+    settings: CalibrationSettings,
+    progress: Progress | None,
+) -> dict[str, Samples]:
+    """Poses around the samples, over their range and self-settled ones, near the samples, with the model's loads."""
+
+    def near(poses: Array) -> np.ndarray:
+        """Mask of poses with a distance that leaves validity above about 0.05."""
+        return np.asarray(confidence.sharpness * (confidence.distance(poses) - confidence.edge) < 2.0)
+
+    own = model_name_of(samples) is None
+    # Twice the rows that are fitted to: the others are test rows.
+    count = min(2 * settings.rows, len(samples) // 3, settings.own_rows if own else len(samples))
+    settled = self_settled_poses(surrogate, samples, count)
+    poses = {
+        "around": perturbed_poses(samples, count),
+        "range": poses_in_range(samples, count, near, surrogate.confidence_roots),
+        "settled": settled[near(settled)] if own and len(settled) else settled,
+    }
+    total, done, parts = sum(len(part) for part in poses.values()), 0, {}
+
+    def advanced(before: int, now: int, _: int) -> None:
+        if progress is not None:
+            progress(before + now, total)
+
+    for name, part in poses.items():
+        if len(part):
+            parts[name] = label_poses(model, samples.scene, part, partial(advanced, done))
+        done += len(part)
+    return parts
+
+
+def _rows(surrogate: Surrogate, validation: Samples, others: Sequence[Samples], settings: CalibrationSettings) -> _Rows:
+    """At most `rows` rows of each kind. Poses at which the model gave no loads have infinite errors."""
+    rng, parts = np.random.default_rng(settings.seed), []
+    for k, part in enumerate([validation, *others]):
+        chosen = part.rows(np.sort(rng.permutation(len(part))[: settings.rows]))
+        target = chosen.loads(surrogate.load_names)
+        lost = part.dropped.poses if k else np.empty((0, 6))
+        nowhere = np.full((len(lost), target.shape[1]), np.inf)
+        group = chosen.domain.astype(int) if k == 0 else np.full(len(chosen), len(DOMAINS) + k)
+        poses = np.concatenate([chosen.poses, lost])
+        parts.append(
+            _Rows(
+                poses,
+                surrogate.confidence_roots(poses),
+                np.concatenate([np.abs(surrogate(chosen.poses) - target), nowhere]),
+                np.concatenate([target != 0.0, nowhere < 0.0]),
+                np.concatenate([group, np.zeros(len(lost), dtype=int)]),
+            )
+        )
+    return _Rows(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def _fit(
+    surrogate: Surrogate, confidence: Confidence, rows: _Rows, settings: CalibrationSettings, progress: Progress | None
+) -> Confidence:
+    """The network and the growth.
+
+    Hidden layers are fitted to the classifier's target 2q²/(1 + q²) - 1, with q the largest error over the limit: -1
+    where the surrogate is accurate, 0 at the limit, 1 where it is wrong; accurate and wrong poses weigh alike. The
+    outputs of the loads are linear quantile regressions of log(error) on the last hidden layer, over valid poses that
+    carry the load.
+    """
+    tolerances = surrogate.scene.tolerances_of(surrogate.load_names)
+    q = np.minimum((rows.errors / (settings.tolerances * tolerances)).max(axis=1), 1e3)
+    wrong, x = q > 1.0, confidence.inputs(rows.poses, rows.roots)
+    network = _classifier(x, 2.0 * q**2 / (1.0 + q**2) - 1.0, settings, progress)
+    answer, near = network.value(x), confidence.distance(rows.poses) < confidence.edge
+    from_samples = (rows.group > 0) & (rows.group <= len(DOMAINS))
+    half = _threshold(answer, wrong, near, from_samples, settings)
+    u = np.logaddexp(
+        confidence.sharpness * (confidence.distance(rows.poses) - confidence.edge), settings.steepness * (answer - half)
+    )
+    hidden = np.column_stack([np.ones(len(x)), _last_hidden(network, x)])
+    valid = u < 0.0
+    heads = [_log_bound(hidden, rows, valid, k, tolerances[k], settings) for k in range(len(tolerances))]
+    scale = float(np.ravel(network.output_scale)[0]) * settings.steepness
+    last = np.vstack([scale * network.weights[-1], *(head[None, 1:] for head in heads)])
+    bias = np.r_[scale * network.biases[-1][0] - settings.steepness * half, [head[0] for head in heads]]
+    whole = replace(
+        network,
+        weights=(*network.weights[:-1], last),
+        biases=(*network.biases[:-1], bias),
+        output_scale=1.0,
+    )
+    usual = np.array([_usual(rows, k, tolerances[k]) for k in range(len(tolerances))])
+    outside = growth_outside(np.maximum(u + SURE, 0.0))
+    missing = rows.errors - np.exp(hidden @ np.array(heads).T)
+    growth = np.empty(len(usual))
+    for k, most in enumerate(usual):
+        far = rows.carried[:, k] & (outside > 1e-3)
+        fitted = np.quantile(missing[far, k] / outside[far], settings.coverage) if far.sum() >= 40 else most
+        growth[k] = max(10.0 * tolerances[k], float(fitted))
+    return replace(confidence, network=whole, growth=growth)
+
+
+def _classifier(x: Array, target: Array, settings: CalibrationSettings, progress: Progress | None) -> Network:
+    """Network of one output that is fitted to the target; a tenth of the rows stop the fit."""
+    wrong = target > 0.0
+    share = np.clip(wrong.mean(), 0.5 / len(wrong), 1.0 - 0.5 / len(wrong))
+    weights = np.sqrt(0.5 / np.where(wrong, share, 1.0 - share))
+    regression = Regression("classifier", x, target, weights, np.arange(len(x)) % 10 == 9, tolerance=0.0)
+    effort = TrainingSettings(sizes=(settings.hidden,), max_iterations=settings.iterations, restarts=0)
+    done = iter(range(1, 2 * settings.iterations))
+
+    def advanced(*_: object) -> None:
+        if progress is not None:
+            progress(min(next(done), settings.iterations - 1), settings.iterations)
+
+    network = fit(regression, effort, progress=advanced).network
+    if progress is not None:
+        progress(settings.iterations, settings.iterations)
+    return network
+
+
+def _threshold(
+    answer: Array, wrong: np.ndarray, near: np.ndarray, from_samples: np.ndarray, settings: CalibrationSettings
+) -> float:
+    """The classifier's answer at which validity is a half: the largest at which at most `wrong_share` of the nearby
+    poses with a lower answer are wrong, and not more than `kept` of the accurate samples need (but half of the way from
+    accurate to the limit)."""
+    accurate = from_samples & ~wrong
+    order = np.flatnonzero(near)[np.argsort(answer[near])]
+    shares = np.cumsum(wrong[order]) / np.arange(1, len(order) + 1)
+    # Of the first hundred no share is known so finely.
+    allowed = np.flatnonzero((shares <= settings.wrong_share) & (np.arange(len(order)) >= min(100, len(order) // 10)))
+    if not (len(allowed) and accurate.any()):
+        return float(answer.min()) - 1.0
+    kept = max(float(np.quantile(answer[accurate], settings.kept)) + SURE / settings.steepness, -0.5)
+    return kept if allowed[-1] == len(order) - 1 else min(kept, float(answer[order][allowed[-1]]))
+
+
+def _last_hidden(network: Network, x: Array) -> Array:
+    """Activations (n, m) of the last hidden layer."""
+    m = len(network.biases[-2])
+    return replace(
+        network,
+        weights=(*network.weights[:-1], np.eye(m)),
+        biases=(*network.biases[:-1], np.zeros(m)),
+        output_scale=1.0,
+    ).value(x)
+
+
+def _log_bound(
+    hidden: Array, rows: _Rows, valid: np.ndarray, k: int, tolerance: float, settings: CalibrationSettings
+) -> Array:
+    """Coefficients (1 + m,) of the log of the expected error of load k."""
+    used = valid & rows.carried[:, k]
+    if used.sum() < 3 * hidden.shape[1]:  # too few for a regression: as wrong as the load is large
+        return np.r_[np.log(_usual(rows, k, tolerance)), np.zeros(hidden.shape[1] - 1)]
+    h, errors, group = hidden[used], rows.errors[used, k], rows.group[used]
+    head = _quantile_regression(h, np.log(errors + 1e-3 * tolerance), settings.coverage)
+    ratios = errors / np.exp(h @ head)
+    of_groups = [
+        _unseen_quantile(ratios[group == g], settings.coverage) for g in np.unique(group) if (group == g).sum() >= 40
+    ]
+    head[0] += np.log(max(_unseen_quantile(ratios, settings.coverage), *of_groups, 1e-6))
+    return np.asarray(head)
+
+
+def _quantile_regression(h: Array, target: Array, share: float) -> Array:
+    """Coefficients β with a share of the targets (n,) below h·β: least Σ w·r² with r = target - h·β and
+    w = |share - [r < 0]|/|r| (Koenker and Bassett 1978), by iteratively reweighted least squares, with a small ridge on
+    all but the first."""
+    ridge = 1e-3 * len(h) * np.diag(np.r_[0.0, np.ones(h.shape[1] - 1)])
+    beta, weights = np.zeros(h.shape[1]), np.ones(len(h))
+    for _ in range(60):
+        weighted = h * weights[:, None]
+        beta = np.linalg.solve(h.T @ weighted + ridge, weighted.T @ target)
+        residual = target - h @ beta
+        weights = np.where(residual < 0.0, 1.0 - share, share) / np.maximum(np.abs(residual), 1e-2)
+    return np.asarray(beta)
+
+
+def _usual(rows: _Rows, k: int, tolerance: float) -> float:
+    """Error of load k that is expected where nothing is known [N, N·mm]: the largest finite one, or more."""
+    finite = rows.errors[np.isfinite(rows.errors[:, k]), k]
+    return float(max(10.0 * tolerance, np.quantile(finite, 0.99) if len(finite) else 0.0))
+
+
+def _unseen_quantile(ratios: Array, share: float) -> float:
+    """What a share of further ratios of the same kind lies below: of n ratios the one at share·(n + 1)/n (conformal
+    prediction, Vovk et al. 2005)."""
+    return float(np.quantile(ratios, min(1.0, share * (len(ratios) + 1) / len(ratios))))
 
 
 def _model_errors(model: WrenchModel) -> dict[str, Any]:
-    """What a foundation was found to be off by when it was chosen: no error on samples includes it."""
+    """Errors of a foundation that were found when it was chosen: no error on samples includes them."""
     measured = getattr(model, "record", {})
     if "rms" not in measured or "against" not in measured:
         return {}
     return dict(zip(_OF_THE_MODEL, (dict(measured["rms"]), str(measured["against"])), strict=True))
 
 
-def _on_test_rows(trusted: Surrogate, samples: Samples, others: Sequence[Samples | None]) -> dict[str, Any]:
-    """Coverage on test rows of samples and of other poses, and the share of valid ones among the samples'."""
-    test = samples.select(role=TEST)
-    unseen = (None if part is None else part.select(role=TEST) for part in others)
-    record: dict[str, Any] = {"coverage": trust_coverage(trusted, test, *unseen)}
-    if len(test):
-        record["valid_share"] = float(np.mean(trusted.validity(test.poses) > SURELY_VALID))
-    return record
+def coverage_by_group(
+    surrogate: Surrogate, samples: Samples, others: dict[str, Samples] | None = None
+) -> dict[str, dict[str, float]]:
+    """By domain of the samples: share of poses with validity above 0.9 ("valid") and, by load, share of errors below
+    the expected ones, over the poses that carry the load, where there are ten or more. By name of the others: the same
+    of those with validity above 0.5; "edge" those of all with validity between 0.1 and 0.9."""
+    groups = {domain: samples.select(domain) for domain in DOMAINS}
+    edge = [_between(surrogate, part) for part in (samples, *(others or {}).values()) if len(part)]
+    for name, part in (others or {}).items():
+        groups[name] = part.rows(surrogate.validity(part.poses) > VALID) if len(part) else part
+    result = {name: dict(_coverage(surrogate, part)) for name, part in groups.items() if len(part)}
+    if others and any(len(part) for part in edge):
+        joined = edge[0]
+        for part in edge[1:]:
+            joined = joined.join_samples(part)
+        result["edge"] = dict(_coverage(surrogate, joined))
+    return result
 
 
-def _tube(surrogate: Surrogate, training: Samples, validation: Samples) -> Trust:
-    """What validity needs of the samples themselves; error levels and shares are still zero."""
-    scene, loads = surrogate.scene, training.loads(surrogate.load_names)
-    scales = np.maximum(np.ptp(training.poses, axis=0), _LEAST_RANGE) / np.sqrt(12.0)
-    points = training.poses / scales
-    roots = surrogate.trust_roots(training.poses)
-    # Of the contact model, since a root load that a network gets wrong would let others like it pass; below zero, where
-    # patches are lifted off, there is none.
-    low, high = roots.min(axis=0), np.sqrt(_patch_normals(training).max(axis=0) / scene.reference_load)
-    boundary_root = float(np.sqrt(scene.boundary_load / scene.reference_load))
-    centres, dense = spread_centres(thinned(points, 0.5 * BANDWIDTH), CENTRES), spread_centres(points, DENSE_CENTRES)
-    distance = soft_distance(validation.poses / scales, centres, BANDWIDTH)
-    patches, count = len(surrogate.patch_names), len(surrogate.load_names)
-    free = [column for column in state_columns(scene) if column in scene.pose_space.free]
-    box = training.poses[:, free]
-    # A parameter that never varies is far from both of its bounds, or many of them would cost validity together.
-    constant = np.where(np.ptp(box, axis=0) == 0.0, _LEAST_RANGE, 0.0)
-    return Trust(
-        scales=scales,
-        centres=centres,
-        bandwidth=BANDWIDTH,
-        sharpness=SHARPNESS,
-        edge=float(np.quantile(distance, INSIDE)) + SURE / SHARPNESS,
-        root_low=low,
-        root_high=high,
-        margin_low=np.maximum(MARGIN * np.abs(low), boundary_root) / 4.0,
-        margin_high=np.maximum(MARGIN * np.abs(high), boundary_root) / 4.0,
-        levels=np.zeros((0, count)),
-        dense_centres=dense,
-        dense_bandwidth=DENSE_BANDWIDTH,
-        dense_start=float(np.quantile(soft_distance(validation.poses / scales, dense, DENSE_BANDWIDTH), 0.01)),
-        boundary_root=boundary_root,
-        shares=np.zeros((count, 3 + patches)),
-        usual_loads=np.maximum(np.sqrt(np.mean(loads**2, axis=0)), LEAST_LEVEL * scene.boundary_load),
-        box=Box(
-            columns=np.array(free, dtype=float),
-            low=box.min(axis=0) - constant,
-            high=box.max(axis=0) + constant,
-            margin=np.where(
-                constant > 0.0, 0.25 * _LEAST_RANGE, np.maximum(BOX_MARGIN * np.ptp(box, axis=0), _LEAST_RANGE)
-            ),
-        )
-        if free
-        else None,
-        off_space=OffSpace.of(scene.pose_space),
-        growth=np.ones(count),
-        growth_start=-SURE,
-    )
+def _between(surrogate: Surrogate, part: Samples) -> Samples:
+    validity = surrogate.validity(part.poses)
+    return part.rows((validity > SURELY_INVALID) & (validity <= SURELY_VALID))
 
 
-def _distrusting(trust: Trust, surrogate: Surrogate, known: Samples, moved: Sequence[Samples]) -> Trust:
-    """With the border to poses that no sample stands for, and what confirms contact.
-
-    Lost are dropped poses, and those where a patch that is pressed in no single direction has a force beyond the
-    sampled ones: its root load tells the size of that force alone.
-    """
-    sampled = _undirected_forces(known)
-    margin = 0.5 * MARGIN * np.ptp(sampled, axis=0)
-    low, high = sampled.min(axis=0) - margin, sampled.max(axis=0) + margin
-    kept, lost = [known.poses], [known.dropped.poses]
-    moved = [part.select(role=VALIDATION) for part in moved]
-    for part in moved:
-        forces = _undirected_forces(part)
-        beyond = ((forces < low) | (forces > high)).any(axis=1)
-        kept.append(part.poses[~beyond])
-        lost += [part.poses[beyond], part.dropped.poses]
-    trust = _with_border(trust, surrogate, np.concatenate(kept), np.concatenate(lost))
-    return _confirmed(trust, surrogate, reduce(Samples.join_samples, moved, known))
-
-
-def _undirected_forces(samples: Samples) -> Array:
-    """Forces (n, 3·patches) [N] of the patches whose normal load has no single direction."""
-    scene = samples.scene
-    forces = np.add.reduceat(samples.wrenches[:, :, :3], scene.first_parts, axis=1)
-    undirected = [normal.direction is None for normal in scene.normal_loads]
-    return np.asarray(forces[:, undirected].reshape(len(samples), 3 * sum(undirected)))
-
-
-def _with_border(trust: Trust, surrogate: Surrogate, kept_poses: Array, lost_poses: Array) -> Trust:
-    """The border between kept and lost poses, where enough were lost to tell."""
-    if len(lost_poses) < _LEAST_DROPPED:
-        return trust
-    count, everything = len(kept_poses), np.concatenate([kept_poses, lost_poses])
-    columns = state_columns(surrogate.scene)
-    x = np.column_stack([everything[:, columns], surrogate.trust_roots(everything)])
-    centre, scale = x[:count].mean(axis=0), np.maximum(x[:count].std(axis=0), _LEAST_RANGE)
-    # A pose far off says nothing of the border, and its cube would outweigh all others.
-    near = (np.abs((x - centre) / scale) < 6.0).all(axis=1)
-    terms, kept = cubic_terms((x - centre) / scale)[near], (np.arange(len(x)) < count)[near]
-    if (~kept).sum() < _LEAST_DROPPED:
-        return trust
-    coefficients = logistic_coefficients(terms, kept)
-    coefficients[0] += SURE - float(np.quantile(terms[kept] @ coefficients, 1.0 - KEPT))
-    return replace(trust, border=Border(np.array(columns, dtype=float), centre, scale, coefficients))
-
-
-def _confirmed(trust: Trust, surrogate: Surrogate, known: Samples) -> Trust:
-    """Above which root load contact counts as confirmed, for a structure whose loads come from other networks: well
-    above the largest one where it claimed contact and there was none."""
-    claims = surrogate.trust_claims(known.poses)
-    if claims is None:
-        return trust
-    scene = surrogate.scene
-    tolerance = np.full(claims.shape[1], CLAIM_SHARE * scene.boundary_load)
-    # Elsewhere validity is low anyway, and root loads that extrapolate would let nothing be confirmed.
-    near = trust.excess(known.poses, surrogate.trust_roots(known.poses)) < SURE
-    known, claims = known.rows(near), claims[near]
-    roots = surrogate.trust_roots(known.poses)
-    parts = normal_forces([part.normal for part in scene.parts], known.wrenches)
-    false = (claims > tolerance) & ~np.logical_or.reduceat(parts > 0.0, scene.first_parts, axis=1)
-    largest = np.array([max(s[rows].max(initial=0.0), 0.0) for s, rows in zip(roots.T, false.T, strict=True)])
-    width = np.maximum(largest, _LEAST_ROOT)
-    return replace(trust, confirmation=Confirmation(tolerance, largest + 2.5 * width, width))
-
-
-def _patch_normals(samples: Samples) -> Array:
-    """Sum (n, P) [N] of the normal loads that press of each patch's parts."""
-    parts = normal_forces([part.normal for part in samples.scene.parts], samples.wrenches)
-    return np.asarray(np.add.reduceat(np.maximum(parts, 0.0), samples.scene.first_parts, axis=1))
+def _coverage(surrogate: Surrogate, part: Samples) -> Iterator[tuple[str, float]]:
+    target = part.loads(surrogate.load_names)
+    below = np.abs(surrogate(part.poses) - target) <= surrogate.expected_error(part.poses)
+    yield "valid", float(np.mean(surrogate.validity(part.poses) > SURELY_VALID))
+    for load, column, carried in zip(surrogate.load_names, below.T, (target != 0.0).T, strict=True):
+        if carried.sum() >= 10:
+            yield load, float(np.mean(column[carried]))

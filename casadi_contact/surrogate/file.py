@@ -7,14 +7,14 @@ The bytes are sealed with a digest (`files.containers`).
 /record          JSON text: what trained it, errors per domain, versions, command
 /networks/NAME   attributes activation, output_scale (one number, or one per output); data sets input_shift,
                  input_scale, weight_0, bias_0, ...
-/trust           from format 2, where the surrogate was calibrated: a data set for each field of `Trust`
+/confidence      where the surrogate was calibrated: a data set for each field of `Confidence`, and a group network
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -26,14 +26,10 @@ from casadi_contact.core.files.containers import new_hdf5, open_hdf5
 from casadi_contact.core.files.reading import existing_file, one_line
 from casadi_contact.networks.network import Network
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.surrogate.distrust import Border, Box, Confirmation
-from casadi_contact.surrogate.error_classifier import ErrorClassifier
-from casadi_contact.surrogate.states import States
-from casadi_contact.surrogate.trust import Trust
+from casadi_contact.surrogate.confidence import Confidence
 
 KIND = "casadi_contact surrogate"
-FORMAT = 5  # 1 has no trust, 2 none of its later fields, up to 3 networks have one output, up to 4 no error classifier
-_IN_FILES = {"classifier": "doubt"}  # what files call a part of the trust, where it is not its name
+FORMAT = 6
 
 
 @dataclass(frozen=True)
@@ -44,30 +40,25 @@ class Content:
     scene: Scene
     networks: Mapping[str, Network]
     record: Mapping[str, Any]
-    trust: Trust | None = None
+    confidence: Confidence | None = None
 
 
-def _digest(structure: str, scene: str, record: str, networks: Mapping[str, Network], trust: Trust | None) -> str:
+def _digest(
+    structure: str, scene: str, record: str, networks: Mapping[str, Network], confidence: Confidence | None
+) -> str:
     digest = hashlib.sha256()
     for text in (structure, scene, record):
         digest.update(text.encode() + b"\0")
-    for name, network in sorted(networks.items()):
+    named = dict(networks) if confidence is None else {**networks, "confidence/network": confidence.network}
+    for name, network in sorted(named.items()):
         scale = np.asarray(network.output_scale, dtype=float).tolist()
         digest.update(f"{name} {network.activation} {scale!r} {network.hidden}".encode())
         for array in (network.input_shift, network.input_scale, *network.weights, *network.biases):
             digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
-    if trust is not None:
-        for name, value in _numbers_in_file(trust):
-            array = np.ascontiguousarray(value, dtype="<f8")
-            digest.update(f"{name} {array.shape}".encode() + array.tobytes())
+    for name, value in () if confidence is None else confidence.numbers().items():
+        array = np.ascontiguousarray(value, dtype="<f8")
+        digest.update(f"{name} {array.shape}".encode() + array.tobytes())
     return digest.hexdigest()
-
-
-def _numbers_in_file(trust: Trust) -> Iterator[tuple[str, np.ndarray]]:
-    """The trust's numbers by their names in files."""
-    for name, value in trust.numbers().items():
-        part, *rest = name.split("/")
-        yield "/".join([_IN_FILES.get(part, part), *rest]), value
 
 
 def write_file(path: str | Path, content: Content) -> None:
@@ -84,23 +75,27 @@ def write_file(path: str | Path, content: Content) -> None:
         file.attrs["kind"] = KIND
         file.attrs["format"] = FORMAT
         file.attrs["structure"] = content.structure
-        file.attrs["digest"] = _digest(content.structure, scene, record, content.networks, content.trust)
+        file.attrs["digest"] = _digest(content.structure, scene, record, content.networks, content.confidence)
         file["scene"] = scene
         file["record"] = record
         networks = file.create_group("networks", track_order=True)
         for name, network in content.networks.items():
-            group = networks.create_group(name)
-            group.attrs["activation"] = network.activation
-            group.attrs["output_scale"] = network.output_scale
-            group["input_shift"] = np.asarray(network.input_shift, dtype="<f8")
-            group["input_scale"] = np.asarray(network.input_scale, dtype="<f8")
-            for layer, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
-                group[f"weight_{layer}"] = np.asarray(weight, dtype="<f8")
-                group[f"bias_{layer}"] = np.asarray(bias, dtype="<f8")
-        if content.trust is not None:
-            group = file.create_group("trust")
-            for name, value in _numbers_in_file(content.trust):
+            _write_network(networks.create_group(name), network)
+        if content.confidence is not None:
+            group = file.create_group("confidence")
+            for name, value in content.confidence.numbers().items():
                 group[name] = np.asarray(value, dtype="<f8")
+            _write_network(group.create_group("network"), content.confidence.network)
+
+
+def _write_network(group: h5py.Group, network: Network) -> None:
+    group.attrs["activation"] = network.activation
+    group.attrs["output_scale"] = network.output_scale
+    group["input_shift"] = np.asarray(network.input_shift, dtype="<f8")
+    group["input_scale"] = np.asarray(network.input_scale, dtype="<f8")
+    for layer, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
+        group[f"weight_{layer}"] = np.asarray(weight, dtype="<f8")
+        group[f"bias_{layer}"] = np.asarray(bias, dtype="<f8")
 
 
 def read_file(path: str | Path) -> Content:
@@ -117,10 +112,9 @@ def read_file(path: str | Path) -> Content:
     with open_hdf5(path) as file:
         if file.attrs.get("kind") != KIND:
             raise ValueError(f"{path} is not a surrogate file, expected one written by casadi_contact")
-        if not 1 <= file.attrs.get("format", 0) <= FORMAT:
+        if (found := file.attrs.get("format")) != FORMAT:
             raise ValueError(
-                f"{path} has surrogate format {file.attrs.get('format')}, this version reads up to {FORMAT}: "
-                "update casadi_contact, or build the surrogate again"
+                f"{path} has surrogate format {found}, expected {FORMAT}: build the surrogate again with this version"
             )
         try:
             content, digest = _read_content(file), file.attrs["digest"]
@@ -128,20 +122,20 @@ def read_file(path: str | Path) -> Content:
             raise ValueError(f"{path} is damaged ({one_line(error)}): delete and build it, or copy it again") from None
     if _digest(*content) != digest:
         raise ValueError(f"{path} is damaged (its check sum does not match): delete and build it, or copy it again")
-    structure, scene, record, networks, trust = content
+    structure, scene, record, networks, confidence = content
     try:
-        return Content(structure, Scene.from_toml(scene), networks, checked_record(json.loads(record)), trust)
+        return Content(structure, Scene.from_toml(scene), networks, checked_record(json.loads(record)), confidence)
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: {one_line(error)}") from None
 
 
-def _read_content(file: h5py.File) -> tuple[str, str, str, dict[str, Network], Trust | None]:
+def _read_content(file: h5py.File) -> tuple[str, str, str, dict[str, Network], Confidence | None]:
     return (
         str(file.attrs["structure"]),
         file["scene"][()].decode(),
         file["record"][()].decode(),
         {name: _read_network(group) for name, group in file["networks"].items()},
-        _read_trust(file["trust"]) if "trust" in file else None,
+        _read_confidence(file["confidence"]) if "confidence" in file else None,
     )
 
 
@@ -157,17 +151,10 @@ def _read_network(group: h5py.Group) -> Network:
     )
 
 
-_PARTS = {"box": Box, "border": Border, "confirmation": Confirmation, "states": States, "classifier": ErrorClassifier}
-
-
-def _read_trust(group: h5py.Group) -> Trust:
-    arrays = {field.name: group[field.name][()] for field in fields(Trust) if field.name in group.keys() - _PARTS}
+def _read_confidence(group: h5py.Group) -> Confidence:
+    arrays = {field.name: group[field.name][()] for field in fields(Confidence) if field.name != "network"}
     values: dict[str, Any] = {name: array if array.ndim else float(array) for name, array in arrays.items()}
-    for name, kind in _PARTS.items():
-        if (stored := _IN_FILES.get(name, name)) in group:
-            parts = {field.name: group[stored][field.name][()] for field in fields(kind)}
-            values[name] = kind(**{key: array if array.ndim else float(array) for key, array in parts.items()})
-    return Trust(**values)
+    return Confidence(**values, network=_read_network(group["network"]))
 
 
 _LARGEST = 1e300  # JSON holds whole numbers that no float does

@@ -14,7 +14,7 @@ from casadi_contact.networks.graph import Expressions, nan_if_not_finite, nan_ma
 from casadi_contact.networks.kernel.casadi_interface import compiled_function
 from casadi_contact.networks.kernel.source import Kernel
 from casadi_contact.networks.names import name_of_parts
-from casadi_contact.surrogate.trust import Trust
+from casadi_contact.surrogate.confidence import Confidence
 
 _CALLED = {"never_inline": True}  # an SX expression calls them whole: CasADi has no logsumexp of SX
 
@@ -28,7 +28,7 @@ class SurrogateFunctions(ContactFunctions):
     patch_names: tuple[str, ...]
 
     @abstractmethod
-    def require_trust(self) -> Trust:
+    def require_confidence(self) -> Confidence:
         """The numbers behind validity and expected error; raises ValueError for a surrogate without."""
 
     @abstractmethod
@@ -47,9 +47,9 @@ class SurrogateFunctions(ContactFunctions):
         """Root loads of the patches (P x n) from those (`_root_count` x n) that `_expressions` and `_kernel` give."""
         return roots
 
-    def _trust_expressions(self, pose: ca.MX) -> tuple[ca.MX, ca.MX]:
+    def _confidence_expressions(self, pose: ca.MX) -> tuple[ca.MX, ca.MX]:
         """Validity (1) and expected errors (L) of a pose (6)."""
-        return self.require_trust().expressions(pose, self.root_function()(pose))
+        return self.require_confidence().expressions(pose, self.root_function()(pose))
 
     def validity_function(self, name: str = "contact_validity") -> ca.Function:
         """casadi.Function pose (6) -> validity (1), twice continuously differentiable.
@@ -57,12 +57,12 @@ class SurrogateFunctions(ContactFunctions):
         As a constraint for IPOPT write 1/validity <= 2, whose slope does not fade far outside.
         """
         pose = ca.MX.sym("pose", 6)
-        return ca.Function(name, [pose], [self._trust_expressions(pose)[0]], ["pose"], ["validity"], _CALLED)
+        return ca.Function(name, [pose], [self._confidence_expressions(pose)[0]], ["pose"], ["validity"], _CALLED)
 
     def expected_error_function(self, name: str = "contact_expected_error") -> ca.Function:
         """casadi.Function pose (6) -> expected error (L) of ``load_names``, twice continuously differentiable."""
         pose = ca.MX.sym("pose", 6)
-        return ca.Function(name, [pose], [self._trust_expressions(pose)[1]], ["pose"], ["expected_error"], _CALLED)
+        return ca.Function(name, [pose], [self._confidence_expressions(pose)[1]], ["pose"], ["expected_error"], _CALLED)
 
     def _function(
         self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None

@@ -13,7 +13,7 @@ all others are kept and printed as they are:
     test_samples     {"D1": 900, ...}                               how many those held-back samples are
     coverage         {"D1": {"valid": 1.0, "Fy_med": 0.95}}         held-back samples, and other poses: share with
                                                                     validity above 0.9, and of errors below the
-                                                                    expected error (see `coverage`)
+                                                                    expected error (see `calibration`)
     model_errors     {"Fy": 0.9, ...}                               RMS of the contact model's own loads, which no error
                                                                     above includes; model_errors_against: "EF 320×320"
     stop_reasons     {"root_med": "stalled", ...}                   why each fit ended (see `training.stopping`)
@@ -48,12 +48,11 @@ _TABLES = (
     "model_errors_against",
     "convergence",
 )
-_COVERAGE_ROWS = {  # see `trust_coverage`
+_COVERAGE_ROWS = {  # see `calibration.coverage_by_group`
+    "around": "poses of validity above 0.5, perturbed from the samples",
     "range": "poses of validity above 0.5, drawn evenly over the sampled ranges",
-    "led": "poses of validity above 0.5, settled on the surrogate from anywhere in these ranges, at a rim too",
-    "around": "poses of validity above 0.5, moved from the samples",
-    "edge": "moved poses and samples with validity from 0.1 to 0.9",
-    "outside": "moved poses with validity below 0.1",
+    "settled": "poses of validity above 0.5 at which the static solver ends on the surrogate, at a rim too",
+    "edge": "all poses with validity from 0.1 to 0.9",
 }
 
 

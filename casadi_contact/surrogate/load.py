@@ -54,6 +54,6 @@ def _load(path: Path, compiled: bool) -> Surrogate:
         raise ValueError(f"{path} holds a {content.structure!r} surrogate, expected one of {', '.join(STRUCTURES)}")
     try:
         kind = STRUCTURES[content.structure]
-        return kind(content.scene, content.networks, content.record, content.trust, compiled=compiled)
+        return kind(content.scene, content.networks, content.record, content.confidence, compiled=compiled)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None

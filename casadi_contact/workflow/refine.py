@@ -17,15 +17,14 @@ from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.optimisation.verification.verify import Verification, verify
 from casadi_contact.samples.chunk import Chunk, WrenchModel, draw_chunk
 from casadi_contact.samples.errors import domain_errors
-from casadi_contact.samples.perturbed import perturbed_samples
 from casadi_contact.samples.samples import COLUMNS, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.samples.settings import SamplePoint, SamplingSettings
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.calibration import with_trust
+from casadi_contact.surrogate.calibration import calibrate
 from casadi_contact.surrogate.sample_rows import samples_record
 from casadi_contact.workflow.fitting import fits_record, summed_work
 
-SPREAD = 0.3  # of the trust's scales: how far around a failing frame its pose inputs are drawn
+SPREAD = 0.3  # of the scales of the sampled range: how far around a failing frame its pose inputs are drawn
 LOAD_SHARES = (0.2, 1.3)  # of a frame's own loads: between which its load inputs are drawn
 LIFTED_SHARE = 0.1  # new static analyses that are lifted off (as in D5) besides those in contact
 KNOWN_PER_NEW = 3  # samples of before that are trained on again for each new one, so that they are not forgotten
@@ -87,7 +86,7 @@ def refine(
     `TrainingSettings`.
     progress(text) is told each step. Nothing given is changed.
 
-    Raises ValueError like `verify` and `with_trust`, for another answer of solve than a tuple of two, and where no new
+    Raises ValueError like `verify` and `calibrate`, for another answer of solve than a tuple of two, and where no new
     sample could be drawn.
     """
     if rounds < 0 or per_frame < 1:
@@ -135,11 +134,11 @@ def _drawn_around(
 ) -> Samples:
     """Samples whose pose inputs lie around those of failing frames, settled on the model under shares of the loads
     that the surrogate gives there, some of them lifted off: as D1 and D5 lie around a motion, and counted as these."""
-    scene, trust = surrogate.scene, surrogate.require_trust()
+    scene, scales = surrogate.scene, surrogate.require_confidence().scales
     frames = check.poses[np.repeat(np.flatnonzero(check.failing), per_frame)]
     columns = [pose_index(name) for name in point.pose_inputs]
     starts = frames.copy()
-    starts[:, columns] += SPREAD * trust.scales[columns] * rng.uniform(-1.0, 1.0, (len(frames), len(columns)))
+    starts[:, columns] += SPREAD * scales[columns] * rng.uniform(-1.0, 1.0, (len(frames), len(columns)))
     starts = scene.pose_space.onto(starts)
     loads = surrogate(frames, point.load_inputs) * rng.uniform(*LOAD_SHARES, (len(frames), len(point.load_inputs)))
     role = rng.choice([TRAIN, VALIDATION, TEST], len(frames), p=[0.8, 0.1, 0.1]).astype(np.uint8)
@@ -189,5 +188,4 @@ def _trained_on(
     if not before.get("refined"):
         record["command"] = f"cc.refine in Python, of what this makes: {before.get('command', 'not known')}"
     record["test_errors"] = domain_errors(kind(surrogate.scene, networks, record), everything)
-    around = perturbed_samples(everything, model, count=len(everything) // 3)
-    return with_trust(kind(surrogate.scene, networks, record), everything, around, model)
+    return calibrate(kind(surrogate.scene, networks, record), everything, model)

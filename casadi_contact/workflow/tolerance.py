@@ -27,13 +27,13 @@ from casadi_contact.samples.samples import TEST, VALIDATION, Samples, partial_fo
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.tolerance import Tolerance
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.calibration import with_trust
+from casadi_contact.surrogate.calibration import calibrate
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from casadi_contact.workflow.fitting import Fitting, exchange_record, fit_surrogate
 from casadi_contact.workflow.presets import Effort, Preset, effort_for
 from casadi_contact.workflow.project import Project, exclusive, trained_surrogates
 from casadi_contact.workflow.samples import sample
-from casadi_contact.workflow.train import build_command, moved_samples
+from casadi_contact.workflow.train import build_command
 
 _log = logging.getLogger(__name__)
 
@@ -170,14 +170,14 @@ def train_to_tolerance(
         with replacing(project.folder / name) as beside:
             shutil.copyfile(this.folder / name, beside)
     teacher = teacher_of(samples)
-    trusted = with_trust(surrogate, samples, moved_samples(samples, teacher, update), teacher, update)
-    trusted.save(project.surrogate_path(structure))
+    calibrated = calibrate(surrogate, samples, teacher, update)
+    calibrated.save(project.surrogate_path(structure))
     if missed:
         raise ValueError(
             f"after {number} rounds, {len(samples)} samples, the tolerance is missed: {'; '.join(missed[:3])}; "
             "loosen it, or ask for fewer loads or a smaller range"
         )
-    return trusted
+    return calibrated
 
 
 def _smallest(

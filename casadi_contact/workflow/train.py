@@ -21,10 +21,9 @@ from casadi_contact.samples.chunk import WrenchModel
 from casadi_contact.samples.draw import draw_samples
 from casadi_contact.samples.errors import LoadModel
 from casadi_contact.samples.models import ModelPair, model_name_of, models_of, settings_of, teacher_of
-from casadi_contact.samples.perturbed import perturbed_samples
 from casadi_contact.samples.samples import TRAIN, Samples
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.calibration import with_trust
+from casadi_contact.surrogate.calibration import calibrate
 from casadi_contact.surrogate.load import STRUCTURES
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
 from casadi_contact.workflow.project import Project, cycle_files, exclusive, read_motion, trained_surrogates
@@ -46,7 +45,7 @@ def train(
 ) -> list[Path]:
     """Train the preset's structures, or this one alone, on all cores, and write a surrogate file for each.
 
-    teacher: the user's own contact model that the samples come from, for `with_trust`. Goes on from checkpoints where
+    teacher: the user's own contact model that the samples come from, for `calibrate`. Goes on from checkpoints where
     an earlier run stopped. Raises ValueError for a structure that the preset does not train or that cannot stand for
     the scene's loads, and for active rounds on samples of another model than the library's.
     """
@@ -60,7 +59,6 @@ def train(
     if project.preset.active:
         known_models(project, samples)  # refused here, not after hours of training
     model = teacher_of(samples) if teacher is None else teacher
-    around = moved_samples(samples, model, update)
     command = build_command(project, samples, cycle_files(project))
     samples = replace(samples, scene=project.scene)  # its tolerances are those of now
     trained_surrogates(project)  # refuses those of another scene, which would be replaced
@@ -71,7 +69,7 @@ def train(
         with worker_pool(executor) as workers:
             surrogate = fit_surrogate(project, samples, first, update, workers)
             surrogate = _active_rounds(project, samples, surrogate, first, update, workers)
-        with_trust(surrogate, samples, around, model, update).save(path)
+        calibrate(surrogate, samples, model, update).save(path)
         paths.append(path)
     return paths
 
@@ -161,12 +159,3 @@ def worst_samples(model: LoadModel, samples: Samples, share: float) -> Samples:
     chosen[np.argsort(-errors, kind="stable")[: round(share * len(samples))]] = True
     worst = samples.rows(chosen)
     return replace(worst, role=np.full(len(worst), TRAIN, dtype=np.uint8))
-
-
-def moved_samples(samples: Samples, model: WrenchModel | None, update: Update | None = None) -> Samples | None:
-    """`perturbed_samples` on the model that the samples were evaluated on, None without one: a surrogate's trust is
-    calibrated on them as well. Of a user's own model, which may be slow, a third as many poses as there are samples."""
-    if model is None:
-        return None
-    count = len(samples) // 3 if model_name_of(samples) is None else None
-    return perturbed_samples(samples, model, count=count, progress=in_stage(update, "poses around the samples"))

@@ -8,12 +8,12 @@ import numpy as np
 
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.symbolic import SymbolicContact
-from casadi_contact.core.conventions import POSE_NAMES, POSE_UNITS, Array
+from casadi_contact.core.conventions import POSE_NAMES, POSE_UNITS, Array, load_unit
 from casadi_contact.core.quantities import two_digits
 from casadi_contact.optimisation.starts import pose_bounds
 from casadi_contact.optimisation.verification.verdict import Verdict
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.trust import VALID
+from casadi_contact.surrogate.confidence import VALID
 
 _ROUNDED = 1e-6  # mm, rad: IPOPT lets bounds slip by a hundredth of that
 
@@ -53,12 +53,13 @@ def _parameters_beyond(excess: Array) -> list[str]:
 
 
 def _loads_beyond(model: Surrogate, pose: Array) -> list[str]:
-    """The patches that press harder at a pose (6,) than any sample, and by how much [N]."""
-    if model.trust is None:
-        return []
-    pressed, learned = np.maximum(model.trust_roots(pose[None])[0], 0.0), np.maximum(model.trust.root_high, 0.0)
-    excess = model.scene.reference_load * (pressed**2 - learned**2)
-    return [f"{model.patch_names[p]} load by {two_digits(excess[p])} N" for p in np.flatnonzero(excess > 0.0)]
+    """The loads at a pose (6,) beyond those of all samples, and by how much [N, N·mm]."""
+    ranges = model.record.get("load_range", {})
+    beyond = {}
+    for name, load in zip(model.load_names, model(pose), strict=True):
+        low, high = ranges.get(name, (-np.inf, np.inf))
+        beyond[name] = max(low - load, load - high)
+    return [f"{name} by {two_digits(by)} {load_unit(name)}" for name, by in beyond.items() if by > 0.0]
 
 
 def reasons(model: ContactModel, poses: Array, verdict: Verdict, known: np.ndarray | None = None) -> np.ndarray:

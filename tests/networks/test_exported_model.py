@@ -14,8 +14,8 @@ from casadi_contact.core.compiler import compiler_command
 from casadi_contact.core.quantities import quantity
 from tests.support.agreement import close
 from tests.support.compiler import needs_compiler
+from tests.support.random_confidence import random_confidence
 from tests.support.random_surrogates import IN_PARTS, random_poses, random_surrogate, scene_called
-from tests.support.random_trust import random_trust
 
 OK, OUTSIDE, NOT_FINITE = range(3)
 pytestmark = [needs_compiler, pytest.mark.skipif(shutil.which("make") is None, reason="no make found")]
@@ -44,7 +44,7 @@ class Exported:
         status, loads = self("loads", pose, (self.loads,))
         same, again, jacobian = self("jacobian", pose, (self.loads,), (self.loads, 6))
         other, roots, slopes = self("roots", pose, (self.patches,), (self.patches, 6))
-        last, validity, errors = self("trust", pose, (1,), (self.loads,))
+        last, validity, errors = self("confidence", pose, (1,), (self.loads,))
         assert status == same == other == last
         np.testing.assert_allclose(again, loads, rtol=1e-9)
         return status, loads, jacobian, roots, slopes, validity[0], errors
@@ -56,11 +56,11 @@ def test_an_exported_surrogate_gives_loads_roots_validity_and_expected_error_and
 ):
     made = random_surrogate(scene_called(scene), structure)
     size = 800.0 if structure == "two_stage" else 1.0
-    trust = random_trust(len(made.patch_names), len(made.load_names), confirmation=size > 1.0, root_size=size)
-    surrogate = type(made)(made.scene, made.networks, made.record, trust)
+    confidence = random_confidence(len(made.patch_names), len(made.load_names), root_size=size)
+    surrogate = type(made)(made.scene, made.networks, made.record, confidence)
     exported = Exported(surrogate, tmp_path)
     poses, weights = random_poses(30), np.linspace(1.0, 2.0, len(surrogate.load_names))
-    poses[0] = trust.centres[0] * trust.scales
+    poses[0] = confidence.centre_poses[0]
     for pose in poses:
         status, *got = exported.all_of(pose)
         wanted = (*surrogate.jacobian(pose), *surrogate.root_loads(pose))
@@ -68,6 +68,9 @@ def test_an_exported_surrogate_gives_loads_roots_validity_and_expected_error_and
             close(number, want, 8)
         assert status == (OK if surrogate.validity(pose) >= 0.5 else OUTSIDE)
         close(exported("hessian", pose, weights, (6, 6))[2], surrogate.hessian(pose, weights), 8)
+    validity = surrogate.validity(poses)
+    assert ((validity >= 0.5) & (validity < 0.9)).any(), "the limit is a half"
+    assert (validity < 0.5).any()
     assert exported.all_of(poses[0] * [1e-3, 1e-3, 1e-3, 1.0, 1.0, 1.0])[0] == OUTSIDE, "a pose in metres"
     status, *numbers = exported.all_of([0.0, np.nan, 0.0, 0.0, 0.0, 0.0])
     assert status == NOT_FINITE
@@ -82,7 +85,7 @@ def test_loads_that_were_not_calibrated_have_no_expected_error(tmp_path):
     status, loads = exported("loads", pose, (2,))
     assert status == OK
     close(loads, surrogate(pose, names), 8)
-    errors = exported("trust", pose, (1,), (2,))[2]
+    errors = exported("confidence", pose, (1,), (2,))[2]
     close(errors[0], surrogate.expected_error(pose)[0], 8)
     assert np.isnan(errors[1])
 

@@ -19,8 +19,8 @@ import casadi_contact as cc  # noqa: E402
 from casadi_contact.core.conventions import POSE_NAMES  # noqa: E402
 from tests.support.agreement import close  # noqa: E402
 from tests.support.compiler import flags_of_the_library, needs_compiler  # noqa: E402
+from tests.support.random_confidence import random_confidence  # noqa: E402
 from tests.support.random_surrogates import random_poses, random_surrogate, scene_called  # noqa: E402
-from tests.support.random_trust import random_trust  # noqa: E402
 
 pytestmark = needs_compiler
 
@@ -28,7 +28,7 @@ pytestmark = needs_compiler
 @pytest.fixture(scope="module")
 def knee():
     made = random_surrogate(scene_called("knee"), "patch", seed=3)
-    return type(made)(made.scene, made.networks, {}, random_trust(2, 7))
+    return type(made)(made.scene, made.networks, {}, random_confidence(2, 7))
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import casadi_contact as cc
 from casadi_contact.networks.training.fit import fit
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples
-from casadi_contact.surrogate.calibration import with_trust
+from casadi_contact.surrogate.calibration import calibrate
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from casadi_contact.surrogate.sample_rows import samples_record
 from casadi_contact.workflow.refine import SPREAD
@@ -37,7 +37,7 @@ def start():
     samples = sampled(2.0)
     settings = TrainingSettings(sizes=((6, 6),), max_iterations=150)
     networks = {r.name: fit(r, settings).network for r in PatchSurrogate.regressions(samples)}
-    return with_trust(PatchSurrogate(SCENE, networks, samples_record(samples)), samples), samples
+    return calibrate(PatchSurrogate(SCENE, networks, samples_record(samples)), samples), samples
 
 
 def solve(surrogate):
@@ -58,7 +58,7 @@ def test_a_case_outside_the_learned_region_is_brought_to_tolerance(start):
     surrogate, samples = start
     of_another = {"model_errors": {"Fy": 0.1}, "model_errors_against": "rays", "gflop": {"root_contact": 7.0}}
     record = {**surrogate.record, **of_another, "command": "casadi-contact build sphere_on_plane"}
-    surrogate = type(surrogate)(SCENE, surrogate.networks, record, surrogate.trust)
+    surrogate = type(surrogate)(SCENE, surrogate.networks, record, surrogate.confidence)
     before = {name: network.weights[0].copy() for name, network in surrogate.networks.items()}
     told = []
     result = cc.refine(surrogate, samples, solve, MODEL, rounds=5, gflop=5.0, progress=told.append)
@@ -95,7 +95,7 @@ def test_what_passes_is_returned_as_it_is_and_rounds_may_be_used_up(start):
 
 
 def test_new_samples_lie_evenly_around_the_failing_frames(start):
-    """Pose inputs up to SPREAD of the trust's scales to either side, and about a tenth lifted off."""
+    """Pose inputs up to SPREAD of the scales to either side, and about a tenth lifted off."""
     surrogate, samples = start
     frames, _ = cc.settle(MODEL, [[FAR_MM, 29.95, 0.0, 0.0, 0.0, 0.0]], ("ty",), {"Fy": -500.0})
     result = cc.refine(
@@ -104,7 +104,7 @@ def test_new_samples_lie_evenly_around_the_failing_frames(start):
     new = result.samples.rows(np.arange(len(samples), len(result.samples)))
     assert len(new) > 250
     for column in (0, 2, 3, 4, 5):
-        off = (new.poses[:, column] - frames[0, column]) / (SPREAD * surrogate.trust.scales[column])
+        off = (new.poses[:, column] - frames[0, column]) / (SPREAD * surrogate.confidence.scales[column])
         assert 0.95 < off.max() <= 1.0 + 1e-9
         assert -1.0 - 1e-9 <= off.min() < -0.95
         assert abs(off.mean()) < 0.15

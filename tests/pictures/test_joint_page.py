@@ -115,8 +115,8 @@ def test_loads_and_root_loads_in_the_page_are_those_of_python(live):
 
 def test_validity_and_expected_error_in_the_page_are_those_of_python(knee):
     poses = np.array([*POSES["knee"], [40.0, 27.0, 9.0, 1.0, 1.0, 1.0]])
-    agree(knee.of_poses("[m.surrogate.trust(pose).validity]", poses), knee.surrogate.validity(poses)[:, None])
-    agree(knee.of_poses("Array.from(m.surrogate.trust(pose).errors)", poses), knee.surrogate.expected_error(poses))
+    agree(knee.of_poses("[m.surrogate.confidence(pose).validity]", poses), knee.surrogate.validity(poses)[:, None])
+    agree(knee.of_poses("Array.from(m.surrogate.confidence(pose).errors)", poses), knee.surrogate.expected_error(poses))
 
 
 def test_pressures_in_the_page_are_those_of_python_s_formulas(live):

@@ -15,8 +15,8 @@ from casadi_contact.samples.samples import DOMAINS, TEST, Dropped, write_samples
 from casadi_contact.surrogate.load import load_surrogate
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from casadi_contact.surrogate.sample_rows import samples_record
+from tests.support.random_confidence import random_confidence
 from tests.support.random_surrogates import random_network
-from tests.support.random_trust import random_trust
 from tests.support.smooth_samples import CENTRE, SPHERE, SPREAD, smooth_samples
 
 SAMPLES = smooth_samples(300)
@@ -36,7 +36,7 @@ class Tags(HTMLParser):
 
 @pytest.fixture(scope="module")
 def surrogate():
-    """An untrained surrogate with the record of its errors on the samples, and a trust of random numbers."""
+    """An untrained surrogate with the record of its errors on the samples, and a confidence of random numbers."""
     rng = np.random.default_rng(0)
     networks = {
         name: random_network(rng, CENTRE, SPREAD, (5,), "algebraic", 0.05)
@@ -50,7 +50,7 @@ def surrogate():
         "coverage": {"D1": {"valid": 0.5, "Fy": 0.25}},
         "convergence": {"root": {"gflop": [0.1, 1.0, 10.0], "rms": [50.0, 5.0, 0.5]}},
     }
-    return PatchSurrogate(SPHERE, networks, record, random_trust(1, len(made.load_names)))
+    return PatchSurrogate(SPHERE, networks, record, random_confidence(1, len(made.load_names)))
 
 
 def on_the_samples(poses, load_names):
@@ -109,7 +109,7 @@ def test_a_surrogate_that_is_right_only_where_nothing_touches_is_not_fit_for_use
 def test_the_page_marks_a_verdict_by_what_it_says(surrogate, off_n, kind):
     errors = {domain: {"Fy": {"rms": rms, "max": rms}} for domain, rms in (("D1", off_n), ("D5", 0.0))}
     scene = replace(SPHERE, tolerances={**SPHERE.tolerances, "Fy": 1.0})
-    made = PatchSurrogate(scene, surrogate.networks, {"test_errors": errors}, surrogate.trust)
+    made = PatchSurrogate(scene, surrogate.networks, {"test_errors": errors}, surrogate.confidence)
     text = surrogate_page({"patch": made})
     ((found, said),) = re.findall(r'<p class="(verdict[^"]*)">([^<]*)', text)
     assert found == kind
@@ -119,7 +119,9 @@ def test_the_page_marks_a_verdict_by_what_it_says(surrogate, off_n, kind):
 def test_fit_domains_whose_error_few_held_back_samples_tell_are_named(surrogate):
     counts = SAMPLES.counts()
     assert samples_record(SAMPLES)["test_samples"] == {d: c["test"] for d, c in counts.items() if c["test"]}
-    few = PatchSurrogate(SPHERE, surrogate.networks, {**surrogate.record, **samples_record(SAMPLES)}, surrogate.trust)
+    few = PatchSurrogate(
+        SPHERE, surrogate.networks, {**surrogate.record, **samples_record(SAMPLES)}, surrogate.confidence
+    )
     generous = replace(fitness(few), tolerances=dict.fromkeys(few.load_names, 1e9))
     assert f"{counts['D1']['test']} of D1" in str(generous).partition("; judged by few samples: ")[2]
     within, tolerances = {"Fy": 0.5}, {"Fy": 1.0}
@@ -172,7 +174,7 @@ def test_what_a_file_does_not_record_is_said(surrogate):
 
 def test_rows_of_the_coverage_that_are_no_domains_are_explained(surrogate):
     shares = load_surrogate("knee_reach").info().coverage
-    known = PatchSurrogate(SPHERE, surrogate.networks, surrogate.record | {"coverage": shares}, surrogate.trust)
+    known = PatchSurrogate(SPHERE, surrogate.networks, surrogate.record | {"coverage": shares}, surrogate.confidence)
     others = set(shares) - set(DOMAINS)
     assert others == {"range", "led", "around", "edge", "outside"}
     for text in (str(known.info()), surrogate_page({"patch": known})):

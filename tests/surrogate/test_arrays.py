@@ -11,21 +11,20 @@ import casadi_contact as cc
 from casadi_contact.surrogate.arrays import BATCH_FROM
 from tests.support.agreement import close
 from tests.support.compiler import needs_compiler
+from tests.support.random_confidence import random_confidence
 from tests.support.random_surrogates import IN_PARTS, random_poses, random_surrogate, scene_called
-from tests.support.random_trust import random_trust
 
 POSES = random_poses(BATCH_FROM + 5, seed=1)
 
 
-def surrogates(scene, structure, *, older=False):
-    """The same random surrogate with a random trust, as in files of before or not, by the kernel and in NumPy."""
+def surrogates(scene, structure):
+    """The same random surrogate with a random confidence, by the kernel and in NumPy."""
     made = random_surrogate(scene_called(scene), structure)
-    confirms = structure == "two_stage"
-    size = 800.0 if confirms else 1.0
-    trust = random_trust(
-        len(made.patch_names), len(made.load_names), confirmation=confirms, older=older, root_size=size
-    )
-    return [type(made)(made.scene, made.networks, made.record, trust, compiled=compiled) for compiled in (True, False)]
+    size = 800.0 if structure == "two_stage" else 1.0
+    confidence = random_confidence(len(made.patch_names), len(made.load_names), root_size=size)
+    return [
+        type(made)(made.scene, made.networks, made.record, confidence, compiled=compiled) for compiled in (True, False)
+    ]
 
 
 @needs_compiler
@@ -114,16 +113,13 @@ def test_without_a_compiler_numpy_answers_after_one_warning(monkeypatch):
     np.testing.assert_array_equal(kernel.validity(POSES), plain.validity(POSES))
 
 
-@pytest.mark.parametrize("field", ["root_high", "levels", "border/coefficients", "box/low", "classifier/columns"])
-def test_a_trust_whose_numbers_are_too_few_is_refused_before_c_could_read_beyond_them(field):
-    made = random_surrogate(scene_called("knee"), "patch")
-    trust, (part, _, name) = random_trust(2, 7), field.partition("/")
-    owner = getattr(trust, part) if name else trust
-    short = replace(owner, **{name or part: getattr(owner, name or part)[:1]})
-    trust = replace(trust, **{part: short}) if name else short
-    damaged = type(made)(made.scene, made.networks, {}, trust, compiled=True)
-    with pytest.raises(ValueError, match=f"trust: {field} has shape"):
-        damaged.validity(POSES)
+@pytest.mark.parametrize("field", ["centres", "columns", "growth", "whitening"])
+def test_a_confidence_of_too_few_numbers_is_refused_before_c_could_read_beyond_them(field):
+    made, confidence = random_surrogate(scene_called("knee"), "patch"), random_confidence(2, 7)
+    values = getattr(confidence, field)
+    short = replace(confidence, **{field: values[:, :5] if values.ndim == 2 else values[:1]})
+    with pytest.raises(ValueError, match="shape"):
+        type(made)(made.scene, made.networks, {}, short, compiled=True).validity(POSES)
 
 
 def test_weights_of_another_shape_are_refused():
@@ -140,10 +136,3 @@ def test_second_derivatives_of_the_foundation_are_those_of_its_function():
     got, slow = model.hessian(poses, weights), type(model)(model.scene, model.rays, compiled=False)
     want = slow.hessian(poses[:3], weights)
     np.testing.assert_allclose(got[:3], want, rtol=1e-4, atol=1e-3 * np.abs(want).max())
-
-
-@needs_compiler
-def test_the_kernel_knows_the_error_levels_of_files_of_before():
-    kernel, plain = surrogates("knee", "patch", older=True)
-    assert plain.trust.states is None
-    close(kernel.expected_error(POSES), plain.expected_error(POSES), 9)

@@ -1,6 +1,6 @@
 """Surrogate files made to do harm, each with valid digests: refused in one line, and nothing runs."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +8,6 @@ import pytest
 from casadi_contact.surrogate.file import _digest, _read_content
 from casadi_contact.surrogate.load import load_surrogate
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
-from casadi_contact.surrogate.trust import Trust
 from tests.support.compiler import needs_compiler
 from tests.support.hdf5_files import resealed
 from tests.support.own_contact import SCENE
@@ -108,18 +107,24 @@ def test_weights_that_are_not_finite_are_refused(saved, bad):
     refused(saved, "network holds NaN or infinity")
 
 
-def test_trust_that_promises_less_than_nothing_is_refused(tmp_path):
+@pytest.mark.parametrize(
+    ("field", "damage"),
+    [
+        ("growth", -1.0),
+        ("bandwidth", -1.0),
+        ("whitening", -1.0),
+        ("columns", 9.0),
+        ("centres", np.nan),
+        ("edge", np.inf),
+    ],
+)
+def test_a_confidence_that_means_nothing_is_refused(tmp_path, field, damage):
     surrogate = load_surrogate("knee")
-    trust = surrogate.trust
-    for name in ("shares", "levels", "usual_loads"):
-        with pytest.raises(ValueError, match=f"{name} holds a negative number"):
-            replace(trust, **{name: -getattr(trust, name)})
-    for name in trust.numbers().keys() & {field.name for field in fields(Trust)}:
-        with pytest.raises(ValueError, match="not finite"):
-            replace(trust, **{name: np.nan * getattr(trust, name)})
-    trust.shares[0, 0] = -1.0
+    with pytest.raises(ValueError, match="confidence"):
+        replace(surrogate.confidence, **{field: damage * getattr(surrogate.confidence, field)})
+    surrogate.confidence.growth[0] = -1.0
     surrogate.save(tmp_path / "knee.h5")
-    refused(tmp_path / "knee.h5", "promise errors below zero")
+    refused(tmp_path / "knee.h5", "growth")
 
 
 @pytest.mark.parametrize(
@@ -144,7 +149,9 @@ def test_trust_that_promises_less_than_nothing_is_refused(tmp_path):
 )
 def test_a_record_of_which_no_table_can_be_made(saved, key, value, said):
     surrogate = load_surrogate(saved)
-    changed = type(surrogate)(surrogate.scene, surrogate.networks, {**surrogate.record, key: value}, surrogate.trust)
+    changed = type(surrogate)(
+        surrogate.scene, surrogate.networks, {**surrogate.record, key: value}, surrogate.confidence
+    )
     changed.save(saved)
     refused(saved, said)
 
@@ -152,5 +159,5 @@ def test_a_record_of_which_no_table_can_be_made(saved, key, value, said):
 def test_a_record_may_say_more_than_is_known(saved):
     surrogate = load_surrogate(saved)
     more = {**surrogate.record, "found_by": ["somebody", {"on": [1, None]}]}
-    type(surrogate)(surrogate.scene, surrogate.networks, more, surrogate.trust).save(saved)
+    type(surrogate)(surrogate.scene, surrogate.networks, more, surrogate.confidence).save(saved)
     assert "found_by: ['somebody', {'on': [1, None]}]" in str(load_surrogate(saved).info())

@@ -8,7 +8,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.cli import pipeline
-from casadi_contact.surrogate.calibration import with_trust
+from casadi_contact.surrogate.calibration import calibrate
 from casadi_contact.surrogate.load import STRUCTURES
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
 from casadi_contact.workflow.presets import PRESETS, Effort, Preset
@@ -32,7 +32,7 @@ def project(tmp_path_factory):
             pipeline.sample(made, executor=here, models=two_spheres.models)
             samples, efforts = made.samples(), PRESET.efforts["direct"]
             trained = fit_surrogate(made, samples, Fitting("direct", efforts, made.folder, "a test"), executor=here)
-            with_trust(trained, samples).save(made.surrogate_path("direct"))
+            calibrate(trained, samples).save(made.surrogate_path("direct"))
         yield made
 
 

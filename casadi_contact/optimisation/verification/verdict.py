@@ -236,7 +236,7 @@ def judge(
     expected = uncounted = finer = None
     if isinstance(model, str):
         errors, name = np.full((len(poses), len(names)), np.nan), model
-        if isinstance(tried, Surrogate) and tried.trust is not None:
+        if isinstance(tried, Surrogate) and tried.confidence is not None:
             expected = tried.expected_error(poses)[:, [tried.load_names.index(load) for load in names]]
     else:
         errors = tried(poses, names) - loads_on(model, poses, names)

@@ -14,7 +14,7 @@ from casadi_contact.core.conventions import Array, as_poses
 from casadi_contact.core.quantities import beside, quantity
 from casadi_contact.scenes.tolerance import Tolerance
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.trust import VALID
+from casadi_contact.surrogate.confidence import VALID
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from casadi_contact.pictures.live.webassembly import webassembly
 from casadi_contact.surrogate.base import Surrogate
 
 CONTACT, SURROGATE = "contact", "surrogate"
-_FUNCTIONS = ("loads", "jacobian", "roots", "trust")
+_FUNCTIONS = ("loads", "jacobian", "roots", "confidence")
 _DEPTHS = ((PolarFoundation, "polar_depths.h"), (CupFoundation, "cup_depths.h"), (CellFoundation, "cells_depths.h"))
 
 

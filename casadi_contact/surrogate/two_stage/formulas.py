@@ -101,14 +101,14 @@ def two_stage_kernel(
     return Kernel(bundles, "\n".join([*definitions, "", c_text("two_stage.h", __package__)]))
 
 
-def confirming_inputs(parts: Sequence[PatchNetworks], first_parts: Sequence[int]) -> tuple[list[Bundle], str]:
-    """Networks and C function trust_inputs: the parts' root loads, which must confirm what the first stage claims."""
-    bundles = [Bundle(f"confirming_{k}", 6, {f"root {part.name}": part.root}) for k, part in enumerate(parts)]
-    anchors = table("confirming_anchor", np.array([part.anchor_mm for part in parts]))
-    first = table("first_confirming", np.array([*first_parts, len(parts)]))
+def root_network_source(parts: Sequence[PatchNetworks], first_parts: Sequence[int]) -> tuple[list[Bundle], str]:
+    """Root load networks of the parts, and C function confidence_roots (see `surrogate_kernel`) that evaluates them."""
+    bundles = [Bundle(f"part_root_{k}", 6, {f"root {part.name}": part.root}) for k, part in enumerate(parts)]
+    anchors = table("part_anchor", np.array([part.anchor_mm for part in parts]))
+    first = table("first_root_part", np.array([*first_parts, len(parts)]))
     roots = "\n".join(
-        f"  local = local_of(pose, &frame, confirming_anchor[{k}][0], confirming_anchor[{k}][1], "
-        f"confirming_anchor[{k}][2], 0);\n  confirming_{k}_value(local.x, s + {k});"
+        f"  local = local_of(pose, &frame, part_anchor[{k}][0], part_anchor[{k}][1], part_anchor[{k}][2], 0);\n"
+        f"  part_root_{k}_value(local.x, s + {k});"
         for k in range(len(parts))
     )
     return (
@@ -117,14 +117,12 @@ def confirming_inputs(parts: Sequence[PatchNetworks], first_parts: Sequence[int]
 {c_text("pose.h")}
 {anchors}
 {first}
-INLINE void trust_inputs(const double *pose, const double *parts, double *roots, double *claims) {{
+INLINE void confidence_roots(const double *pose, const double *parts, double *roots) {{
   const Frame frame = frame_of(pose);
-  double s[{len(parts)}], raw[FORCES];
+  double s[{len(parts)}];
   Local local;
 {roots}
-  patch_roots(first_confirming, s, roots, 0);
-  first_value(pose, raw);
-  for (int p = 0; p < FORCES; p++) claims[p] = -raw[p];
+  patch_roots(first_root_part, s, roots, 0);
   (void)parts;
 }}
 """,

@@ -6,9 +6,9 @@
 The clamp is the paper's: a positive vertical force would be surfaces that pull, so it is set to zero [EF15 §3.5].
 Networks carry the names of their loads.
 
-Such networks cannot tell a false contact of some newtons from a true one. Where the samples hold gaps, small networks
-of the signed root loads (``root_med``; those of the patch structure) are therefore trained beside them: they give no
-load, but validity asks them to confirm every contact.
+Such networks give the same small load for a light contact and for a false one some millimetres apart. Where the samples
+hold gaps, small networks of the signed root loads (``root_med``; those of the patch structure) are therefore trained
+beside them. They give no load; they are inputs of the classifier of wrong poses (`structures.confidence`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.networks.graph import Expressions, network_value
+from casadi_contact.networks.graph import Expressions
 from casadi_contact.networks.kernel.networks import Bundle
 from casadi_contact.networks.kernel.source import Kernel
 from casadi_contact.networks.network import Regression
@@ -28,7 +28,7 @@ from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.patch.networks import root_name
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
-from casadi_contact.surrogate.two_stage.formulas import confirming_inputs, two_stage_expressions, two_stage_kernel
+from casadi_contact.surrogate.two_stage.formulas import root_network_source, two_stage_expressions, two_stage_kernel
 
 if TYPE_CHECKING:
     from casadi_contact.samples.samples import Samples
@@ -95,34 +95,34 @@ class TwoStageSurrogate(Surrogate):
         return [*of_loads, *(root_regressions(samples) if np.isfinite(samples.gaps).all() else [])]
 
     @property
-    def _confirming(self) -> PatchSurrogate | None:
+    def _root_surrogate(self) -> PatchSurrogate | None:
         """The root load networks as a surrogate; None where a patch has none."""
         names = [root_name(part.name) for part in self.scene.parts]
         if not all(name in self.networks for name in names):
             return None
         return PatchSurrogate(self.scene, {name: self.networks[name] for name in names})
 
-    def trust_roots(self, poses: Array) -> Array:
-        """Signed root loads (n, P) of the confirming networks; those of the loads where a surrogate has none."""
-        confirming = self._confirming
-        return super().trust_roots(poses) if confirming is None else confirming.trust_roots(poses)
+    @property
+    def confidence_columns(self) -> Sequence[int]:
+        """All six where no root load network tells how far the surfaces are apart."""
+        return range(6) if self._root_surrogate is None else super().confidence_columns
 
-    def trust_claims(self, poses: Array) -> Array | None:
-        """Normal loads (n, P) [N] before the clamp; None without confirming networks."""
-        return None if self._confirming is None else -self._raw(poses, self.scene.sensitive_loads, derivative=False)[0]
+    def confidence_roots(self, poses: Array) -> Array:
+        """Signed root loads (n, P) of the root load networks; those of the loads where a surrogate has none."""
+        roots = self._root_surrogate
+        return super().confidence_roots(poses) if roots is None else roots.confidence_roots(poses)
 
-    def _trust_expressions(self, pose: ca.MX) -> tuple[ca.MX, ca.MX]:
-        confirming = self._confirming
-        if confirming is None:
-            return super()._trust_expressions(pose)
-        claims = [-network_value(self.networks[name], pose).value for name in self.scene.sensitive_loads]
-        return self.require_trust().expressions(pose, confirming.root_function()(pose), ca.vertcat(*claims))
+    def _confidence_expressions(self, pose: ca.MX) -> tuple[ca.MX, ca.MX]:
+        roots = self._root_surrogate
+        if roots is None:
+            return super()._confidence_expressions(pose)
+        return self.require_confidence().expressions(pose, roots.root_function()(pose))
 
-    def _trust_inputs(self) -> tuple[Sequence[Bundle], str]:
-        confirming = self._confirming
-        if confirming is None:
-            return super()._trust_inputs()
-        return confirming_inputs(confirming.known_parts(())[0], self.scene.first_parts)
+    def _confidence_roots_source(self) -> tuple[Sequence[Bundle], str]:
+        roots = self._root_surrogate
+        if roots is None:
+            return super()._confidence_roots_source()
+        return root_network_source(roots.known_parts(())[0], self.scene.first_parts)
 
     @property
     def _smoothing_load(self) -> float:

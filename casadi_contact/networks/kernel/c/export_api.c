@@ -62,11 +62,11 @@ int ${name}_pressures(const double pose[6], double pressures[${guard}_PRESSURES]
 }
 #endif
 
-int ${name}_trust(const double pose[6], double *validity, double expected_error[${guard}_LOADS]) {
+int ${name}_confidence(const double pose[6], double *validity, double expected_error[${guard}_LOADS]) {
   double loads[${guard}_LOADS], parts[ROOTS + 1] = {0};
   guarded_value(pose, loads, parts);
-#if TRUSTED
-  *validity = trust_at(pose, parts, expected_error);
+#if CALIBRATED_MODEL
+  *validity = confidence_at(pose, parts, expected_error);
 #else
   fill_nan(1, validity);
   fill_nan(${guard}_LOADS, expected_error);

@@ -9,7 +9,7 @@
  *           signed root load of each patch: the root of its normal load over $reference_load N in contact, below zero
  *           out of contact$no_roots
  * validity  [-] 1 well inside what was learned, 0 far outside; expected_error [the loads' units]: 95 % of errors lie
- *           below it$no_trust
+ *           below it$no_confidence
  * pressures $pressures
  *
  * Every function returns a status: $guard_OK;
@@ -47,7 +47,7 @@ int ${name}_hessian(const double pose[6], const double weights[${guard}_LOADS], 
 int ${name}_roots(const double pose[6], double roots[${guard}_PATCHES], double jacobian[${guard}_PATCHES][6]);
 
 /* validity [-] and expected_error [$units] */
-int ${name}_trust(const double pose[6], double *validity, double expected_error[${guard}_LOADS]);
+int ${name}_confidence(const double pose[6], double *validity, double expected_error[${guard}_LOADS]);
 
 #if ${guard}_PRESSURES
 extern const char *const ${name}_pressure_names[${guard}_PRESSURES];

@@ -30,7 +30,7 @@ static int evaluate(const double pose[6]) {
 static int demo(const double pose[6]) {
   double loads[${guard}_LOADS], validity, expected_error[${guard}_LOADS];
   const int status = ${name}_loads(pose, loads);
-  ${name}_trust(pose, &validity, expected_error);
+  ${name}_confidence(pose, &validity, expected_error);
   for (int i = 0; i < ${guard}_LOADS; i++) {
     printf("%-8s %14.6f %s", ${name}_load_names[i], loads[i], ${name}_load_units[i]);
     if (expected_error[i] == expected_error[i]) printf(" (expected error %.2g)", expected_error[i]);

@@ -6,7 +6,7 @@
  * loads           $count x n: $loads
  * jacobian        $count x 6 x n, derivatives of loads by the pose [a load's unit per mm, per rad]
  * roots           $patch_count x n: signed root load of $patches [-]
- * validity        1 x n; expected_error $count x n, in the loads' units$no_trust
+ * validity        1 x n; expected_error $count x n, in the loads' units$no_confidence
  * status          1 x n: 0 fine; 1 a pose that the model is not made for ($learned): its numbers mean nothing;
  *                 2 NaN or infinity in the pose: all numbers are NaN */
 #include "mex.h"
@@ -49,7 +49,7 @@ void mexFunction(int nlhs, mxArray *plhs[], int nrhs, const mxArray *prhs[]) {
     const int told = jacobian ? ${name}_jacobian(pose, load, rows) : ${name}_loads(pose, load);
     if (jacobian) by_columns(jacobian + 6 * ${guard}_LOADS * k, rows);
     if (roots) ${name}_roots(pose, roots + ${guard}_PATCHES * k, slopes);
-    if (validity) ${name}_trust(pose, &valid, errors);
+    if (validity) ${name}_confidence(pose, &valid, errors);
     if (validity) validity[k] = valid;
     for (int i = 0; expected && i < ${guard}_LOADS; i++) expected[${guard}_LOADS * k + i] = errors[i];
     if (status) status[k] = told;

@@ -135,7 +135,7 @@ FMI int fmi3SetFloat64(void *instance, const uint32_t *references, size_t n, con
 FMI int fmi3GetFloat64(void *instance, const uint32_t *references, size_t n, double *values, size_t count) {
   Instance *of = instance;
   double loads[LOADS], roots[PATCHES], slopes[PATCHES][6], validity, errors[LOADS];
-  bool rooted = false, trusted = false;
+  bool rooted = false, confident = false;
   int status = OK;
   if (count != n) return say(of, ERROR, "one value is expected for each reference");
   for (size_t i = 0; i < n; i++) {
@@ -146,7 +146,7 @@ FMI int fmi3GetFloat64(void *instance, const uint32_t *references, size_t n, dou
       continue;
     }
     if (status == OK) status = 1 + ${name}_loads(of->pose, loads);
-    if (k >= VALIDITY && !trusted) ${name}_trust(of->pose, &validity, errors), trusted = true;
+    if (k >= VALIDITY && !confident) ${name}_confidence(of->pose, &validity, errors), confident = true;
     else if (k >= FIRST_ROOT && k < VALIDITY && !rooted) ${name}_roots(of->pose, roots, slopes), rooted = true;
     values[i] = k < FIRST_ROOT ? loads[k - FIRST_LOAD]
                                : (k < VALIDITY ? roots[k - FIRST_ROOT] : (k == VALIDITY ? validity : errors[k - FIRST_ERROR]));

@@ -68,9 +68,9 @@ class Model {
   }
 
   /** Validity and the expected error of each load; NaN for a model without. */
-  trust(pose) {
+  confidence(pose) {
     this.set(pose);
-    this.call("trust", this.pose, this.slopes, this.values);
+    this.call("confidence", this.pose, this.slopes, this.values);
     return {
       validity: this.memory.at(this.slopes, 1)[0],
       errors: this.memory.at(this.values, this.sizes.loads).slice(),

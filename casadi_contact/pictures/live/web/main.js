@@ -19,7 +19,7 @@ const byId = (id) => document.getElementById(id);
 function evaluated(models, content, pose) {
   const { contact, surrogate } = models;
   const roots = contact.roots(pose).values;
-  const trust = surrogate?.trust(pose);
+  const confidence = surrogate?.confidence(pose);
   const learned = surrogate?.loads(pose);
   const inOrder = (values) =>
     values && content.loads.map(({ name }) => values[content.surrogateLoads.indexOf(name)] ?? NaN);
@@ -27,8 +27,8 @@ function evaluated(models, content, pose) {
     contacts: contact.contact(pose),
     contact: contact.loads(pose),
     surrogate: inOrder(learned),
-    errors: inOrder(trust?.errors),
-    validity: trust ? trust.validity : null,
+    errors: inOrder(confidence?.errors),
+    validity: confidence ? confidence.validity : null,
     gaps: Array.from(roots, (root) => (root > 0 ? null : -root / content.gapSlope)),
   };
 }

@@ -1,0 +1,124 @@
+"""Poses besides the samples at which a surrogate is compared with its contact model.
+
+Samples lie where loads were prescribed. Users evaluate a surrogate elsewhere: around equilibria, at any pose within the
+range, and where the surrogate's own loads lead a solver (self-settled poses), such as beyond the rim of an insert.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.contact.settle import settle
+from casadi_contact.core.conventions import Array, Progress
+from casadi_contact.samples.chunk import WrenchModel, part_wrenches
+from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Dropped, Samples
+from casadi_contact.scenes.scene import Scene
+
+
+def perturbed_poses(
+    samples: Samples, count: int, *, move_mm: float = 1.0, move_rad: float = float(np.deg2rad(2.0)), seed: int = 12
+) -> Array:
+    """Poses (count, 6) of the samples moved by up to 1 mm and 2° in every parameter.
+
+    Half of the moves are uniform, half normal with these deviations; each is multiplied by a number drawn evenly from 0
+    to 1. Raises ValueError without samples.
+    """
+    if not len(samples):
+        raise ValueError("samples hold no row, expected some thousands: draw them first")
+    rng = np.random.default_rng(seed)
+    poses = samples.poses[rng.integers(len(samples), size=count)]
+    moves = np.where(rng.random((count, 1)) < 0.5, rng.uniform(-1.0, 1.0, (count, 6)), rng.standard_normal((count, 6)))
+    return samples.scene.pose_space.onto(poses + rng.random((count, 1)) * moves * np.repeat([move_mm, move_rad], 3))
+
+
+def poses_in_range(
+    samples: Samples,
+    count: int,
+    near: Callable[[Array], np.ndarray],
+    roots: Callable[[Array], Array],
+    *,
+    most_drawn: int = 200,
+    seed: int = 13,
+) -> Array:
+    """Poses (m, 6), m <= count, drawn evenly over the range of the samples that are not test rows.
+
+    near: mask (n,) of poses (n, 6) to keep; roots: their root loads (n, P) on the surrogate. Nine in ten of the poses
+    are in contact, with root loads of up to 1.2 times the largest sampled ones; chance alone seldom presses. At most
+    most_drawn poses are drawn for one that is kept. Raises ValueError where all samples are test rows.
+    """
+    known, rng = samples.poses[samples.role != TEST], np.random.default_rng(seed)
+    if not len(known):
+        raise ValueError(f"{len(samples)} samples, all of them test rows, expected some that were learned: no range")
+    low, span = known.min(axis=0), np.ptp(known, axis=0)
+    largest = 1.2 * np.maximum(roots(known).max(axis=0), 0.0)
+    kept: tuple[list[Array], list[Array]] = [], []
+    wanted, at_once = (count - count // 10, count // 10), 20_000
+    for _ in range(0, max(most_drawn * count, 1), at_once):
+        poses = samples.scene.pose_space.onto(low + span * rng.random((at_once, 6)))
+        poses = poses[near(poses)]
+        s = roots(poses)
+        pressed, lifted = ((s > 0.0).any(axis=1) & (s <= largest).all(axis=1)), (s <= 0.0).all(axis=1)
+        for part, most, rows in zip(kept, wanted, (pressed, lifted), strict=True):
+            part.extend(poses[rows][: most - len(part)])
+        if all(len(part) == most for part, most in zip(kept, wanted, strict=True)):
+            break
+    return np.array([*kept[0], *kept[1]]).reshape(-1, 6)
+
+
+def self_settled_poses(
+    surrogate: ContactModel, samples: Samples, count: int, *, seed: int = 17, progress: Progress | None = None
+) -> Array:
+    """Poses (m, 6), m <= count, at which the static solver, run on the surrogate from starts drawn evenly over the
+    sampled range, balances normal loads of training samples.
+
+    Each patch (all together, where they share one sensitive pose parameter) has its normal load from another sample; in
+    a quarter of the poses the loads are multiplied by u³ with u drawn evenly from 0 to 1, because every contact begins
+    and ends lightly. There are none where the surrogate lacks one of these loads.
+    """
+    scene, rng = samples.scene, np.random.default_rng(seed)
+    training, known = samples.select(role=TRAIN), samples.poses[samples.role != TEST]
+    target: dict[str, Array] = {}
+    for load in scene.pressed:
+        values = training.loads(load.loads)
+        values = values[(values != 0.0).any(axis=1)]
+        if len(values):
+            target |= zip(load.loads, values[rng.integers(len(values), size=count)].T, strict=True)
+    if len(target) != len(scene.sensitive_pose) or not target or not set(target) <= set(surrogate.load_names):
+        return np.empty((0, 6))
+    shares = np.where(rng.random(count) < 0.25, rng.random(count) ** 3, 1.0)
+    starts = known.min(axis=0) + np.ptp(known, axis=0) * rng.random((count, 6))
+    poses, report = settle(
+        surrogate,
+        scene.pose_space.onto(starts),
+        scene.sensitive_pose,
+        {name: shares * load for name, load in target.items()},
+        tolerance=1e-2,
+        max_iterations=40,
+        trust_region=False,
+        progress=progress,
+    )
+    return poses[report.converged]
+
+
+def label_poses(model: WrenchModel, scene: Scene, poses: Array, progress: Progress | None = None) -> Samples:
+    """Poses (n, 6) with the model's loads, also where contact runs off its elements; validation and test rows in turn.
+
+    Gaps are NaN: they take longer and are not needed. Poses at which the model gives no finite loads are among the
+    dropped ones. progress(done, all) is called as the model is evaluated.
+    """
+    count, width, at_once = len(poses), len(scene.parts), 1000
+    loads = [np.zeros((0, width, 6))]
+    for first in range(0, count, at_once):
+        loads.append(part_wrenches(model, poses[first : first + at_once], width))
+        if progress is not None:
+            progress(min(first + at_once, count), count)
+    wrenches = np.concatenate(loads)
+    kept = np.isfinite(wrenches).all(axis=(1, 2))
+    role = np.where(np.arange(count) % 2 == 0, VALIDATION, TEST).astype(np.uint8)
+    domain = np.ones(count, dtype=np.uint8)
+    dropped = Dropped(poses[~kept], domain[~kept])
+    gaps = np.full((int(kept.sum()), width), np.nan)
+    return Samples(scene, poses[kept], wrenches[kept], gaps, domain[kept], role[kept], dropped=dropped)
