@@ -15,14 +15,6 @@ from casadi_contact.core.conventions import Array, Progress, check_above_zero
 from casadi_contact.core.quantities import quantity, three_digits
 
 NOT_FINITE = "the contact model's loads are not finite"
-_STEP_LIMIT_MM = 2.0
-_SMALLEST_STEP_MM = 1e-12
-_SMALLEST_FRACTION = 1e-6
-_DAMPING = 1e-11
-_LEAST_GAIN = 1e-6  # of a step, at a minimum that carries other loads
-_SHAKEN_MM = 0.3
-_WAYS_MM, _PRESSES = np.arange(0.0, 30.0, 0.25), 3  # along a wanted force, for contact that was lost
-_SHAKES = 6
 
 
 @dataclass(frozen=True)
@@ -86,12 +78,12 @@ def settle(
         return poses, SettleReport(empty.astype(bool), empty.astype(int), empty, misfits, np.array([], dtype=object))
     pressing, pressed = equations.pressing(), np.zeros(count, dtype=int)
     if pressing is not None:
-        poses, _, pressed, _ = _pressed(pressing, poses, tolerance, max_iterations, progress)
-    poses, misfit, iterations, stalled = _pressed(equations, poses, tolerance, max_iterations, progress)
+        poses, _, pressed, _ = _newton_with_restarts(pressing, poses, tolerance, max_iterations, progress)
+    poses, misfit, iterations, stalled = _newton_with_restarts(equations, poses, tolerance, max_iterations, progress)
     if pressing is not None and trust_region:
         short = stalled & ~equations.pulls() & (equations.in_newtons(misfit) > tolerance)
         for row in map(int, np.flatnonzero(short)):
-            iterations[row] += _go_on(equations, row, poses, misfit, tolerance, max_iterations)
+            iterations[row] += _trust_region(equations, row, poses, misfit, tolerance, max_iterations)
     residual = equations.in_newtons(misfit)
     converged = residual <= tolerance
     reason = _reasons(equations, converged, stalled, misfit)
@@ -99,20 +91,28 @@ def settle(
     return poses, SettleReport(converged, pressed + iterations, residual, misfits, reason)
 
 
-def _pressed(
-    equations: Equilibrium, poses: Array, tolerance: float, max_iterations: int, progress: Progress | None
+def _newton_with_restarts(
+    equations: Equilibrium,
+    poses: Array,
+    tolerance: float,
+    max_iterations: int,
+    progress: Progress | None,
+    restarts: int = 3,
+    reach_mm: float = 30.0,
 ) -> tuple[Array, Array, np.ndarray, np.ndarray]:
     """What `_newton` gives; a body that stalls without contact, between the walls of a cup or beside it, begins again
     from where it presses on its way along the wanted force."""
     start = poses
     poses, misfit, iterations, stalled = _newton(equations, start, tolerance, max_iterations, progress)
-    for number in range(_PRESSES):
+    for number in range(restarts):
         missing = stalled & equations.misses_a_force(misfit) & (equations.in_newtons(misfit) > tolerance)
         rows = np.flatnonzero(missing & ~equations.pulls())
         if not len(rows):
             break
         lost = equations.of_rows(rows)
-        again = _newton(lost, lost.along_the_force(start[rows], _WAYS_MM, number), tolerance, max_iterations)
+        again = _newton(
+            lost, lost.along_the_force(start[rows], np.arange(0.0, reach_mm, 0.25), number), tolerance, max_iterations
+        )
         better = lost.in_newtons(again[1]) < lost.in_newtons(misfit[rows])
         iterations[rows] += again[2]
         for before, found in ((poses, again[0]), (misfit, again[1]), (stalled, again[3])):
@@ -121,11 +121,19 @@ def _pressed(
 
 
 def _newton(
-    equations: Equilibrium, poses: Array, tolerance: float, max_iterations: int, progress: Progress | None = None
+    equations: Equilibrium,
+    poses: Array,
+    tolerance: float,
+    max_iterations: int,
+    progress: Progress | None = None,
+    *,
+    step_limit_mm: float = 2.0,
+    smallest_step_mm: float = 1e-12,
+    smallest_fraction: float = 1e-6,
 ) -> tuple[Array, Array, np.ndarray, np.ndarray]:
     """Poses (n, 6), their misfits (n, targets), iterations (n,), and which stalled (n,), from a start that is kept."""
     poses, count = poses.copy(), len(poses)
-    r, slope, misfit = equations.residuals(poses, np.arange(count))
+    r, jacobian, misfit = equations.residuals(poses, np.arange(count))
     fraction = np.ones(count)
     iterations = np.zeros(count, dtype=int)
     stalled = np.zeros(count, dtype=bool)
@@ -135,30 +143,43 @@ def _newton(
             progress(count - len(rows), count)
         if not len(rows):
             break
-        inverse = _damped_inverse(slope[rows])
+        inverse = _damped_inverse(jacobian[rows])
         newton = -np.einsum("nit,nt->ni", inverse, r[rows])
         length = np.abs(newton).max(axis=1)
-        reach = np.minimum(fraction[rows], _STEP_LIMIT_MM / np.maximum(length, 1e-300))
+        reach = np.minimum(fraction[rows], step_limit_mm / np.maximum(length, 1e-300))
         trial = equations.moved(poses[rows], reach[:, None] * newton)
-        r_new, slope_new, misfit_new = equations.residuals(trial, rows)
+        r_new, jacobian_new, misfit_new = equations.residuals(trial, rows)
         # Natural monotonicity: the step that is left, measured with the old Jacobian, must shrink. Unlike a sum of
         # squares this does not depend on how the residuals are scaled against one another.
         left = np.abs(np.einsum("nit,nt->ni", inverse, r_new)).max(axis=1)
         better = left <= (1.0 - 0.25 * reach) * length
         kept = rows[better]
-        poses[kept], r[kept], slope[kept], misfit[kept] = (a[better] for a in (trial, r_new, slope_new, misfit_new))
+        poses[kept], r[kept], jacobian[kept], misfit[kept] = (
+            a[better] for a in (trial, r_new, jacobian_new, misfit_new)
+        )
         iterations[rows] += 1
         fraction[rows] = np.where(better, np.minimum(1.0, 2.0 * fraction[rows]), 0.35 * reach)
         # Nothing left to gain: a local least-squares solution, or the limit of arithmetic.
-        stalled[rows] = (fraction[rows] < _SMALLEST_FRACTION) | (length < _SMALLEST_STEP_MM)
+        stalled[rows] = (fraction[rows] < smallest_fraction) | (length < smallest_step_mm)
     return poses, misfit, iterations, stalled
 
 
-def _go_on(equations: Equilibrium, row: int, poses: Array, misfit: Array, tolerance: float, max_iterations: int) -> int:
+def _trust_region(
+    equations: Equilibrium,
+    row: int,
+    poses: Array,
+    misfit: Array,
+    tolerance: float,
+    max_iterations: int,
+    *,
+    shakes_tried: int = 6,
+    shaken_mm: float = 0.3,
+    least_gain: float = 1e-6,
+) -> int:
     """Go on with one row in a trust region, from its pose and about it, until it carries the loads. Its pose and misfit
     are replaced where they come nearer. Returns the steps taken."""
     size, rows, start = len(equations.free), np.array([row]), poses[[row]]
-    shakes = np.random.default_rng(0).uniform(-_SHAKEN_MM, _SHAKEN_MM, (_SHAKES, size))
+    shakes = np.random.default_rng(0).uniform(-shaken_mm, shaken_mm, (shakes_tried, size))
 
     known: dict[bytes, tuple[Array, Array, Array]] = {}
 
@@ -182,8 +203,8 @@ def _go_on(equations: Equilibrium, row: int, poses: Array, misfit: Array, tolera
                 lambda steps: residuals(steps)[0][0],
                 begun,
                 lambda steps: residuals(steps)[1][0],
-                xtol=_LEAST_GAIN,
-                ftol=_LEAST_GAIN,
+                xtol=least_gain,
+                ftol=least_gain,
                 gtol=None,
                 max_nfev=max_iterations,
             )
@@ -196,12 +217,12 @@ def _go_on(equations: Equilibrium, row: int, poses: Array, misfit: Array, tolera
     return taken
 
 
-def _damped_inverse(slope: Array) -> Array:
+def _damped_inverse(jacobian: Array, damping: float = 1e-11) -> Array:
     """(JᵀJ + μ·I)⁻¹ Jᵀ of every row, μ just large enough for a singular J (two patches off, say)."""
-    normal = np.einsum("nti,ntj->nij", slope, slope)
+    normal = np.einsum("nti,ntj->nij", jacobian, jacobian)
     size = np.einsum("nii->n", normal) + 1e-12
-    normal += (_DAMPING * size)[:, None, None] * np.eye(normal.shape[1])
-    return np.linalg.solve(normal, np.swapaxes(slope, 1, 2))
+    normal += (damping * size)[:, None, None] * np.eye(normal.shape[1])
+    return np.linalg.solve(normal, np.swapaxes(jacobian, 1, 2))
 
 
 def _reasons(equations: Equilibrium, converged: np.ndarray, stalled: np.ndarray, misfit: Array) -> np.ndarray:
