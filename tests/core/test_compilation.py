@@ -10,7 +10,7 @@ import pytest
 
 from casadi_contact.core.compilation import threads_for
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 # A module of the package with a loop that compiles in no time.
 MODULE = """
 from casadi_contact.core.compilation import announce_compilation, njit

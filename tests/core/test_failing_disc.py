@@ -25,7 +25,7 @@ KEPT = ("surrogate.h5", "samples.h5", "evaluation.json", "ball.c")
 def failing(fault, folder):
     """What every writer said with this fault, and what the process wrote to standard error."""
     command = [sys.executable, "-m", "tests.support.failing_disc", fault, str(folder)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=Path(__file__).parents[1])
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2])
     return json.loads(done.stdout), done.stderr
 
 

@@ -38,7 +38,7 @@ from tests.support.regressions import FIXED, smooth
 from tests.support.smooth_samples import smooth_samples
 
 POSES = random_poses(40)
-FRONT = Path(cc.__file__).parent / "benchmark" / "ready" / "knee.csv"
+FRONT = Path(cc.__file__).parent / "workflow" / "benchmark" / "ready" / "knee.csv"
 FIT = checkpoint.Identity("id", np.ones(2))
 LIMIT = 900  # bytes a file may have, as on a disc that is all but full
 
