@@ -18,8 +18,7 @@ from casadi_contact.cli.arguments import (
 )
 from casadi_contact.core.terminal import progress_bars
 from casadi_contact.core.workers import cluster_workers
-from casadi_contact.pictures.report.choice_table import choice_table
-from casadi_contact.pictures.report.kernel_speed import kernel_speed_tables, read_kernel_speed
+from casadi_contact.pictures.report.tables import choice_table, kernel_speed_tables, read_kernel_speed
 from casadi_contact.workflow.benchmark.choose import choose as choose_model
 from casadi_contact.workflow.benchmark.speed import speed as time_kernels
 from casadi_contact.workflow.project import Project

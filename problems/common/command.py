@@ -37,5 +37,5 @@ def end_with(verdict: Verdict, name: str, out: Path, rows: str = "frames") -> No
     if verdict.exit_code:
         good = verdict.solved if verdict.exit_code == 2 else verdict.verified
         what = "not solved" if verdict.exit_code == 2 else f"solved, but {verdict.doubt}"
-        print(f"{name}: {what}: {rows} {rows_in_words(~good & verdict.asked)}; see {out}", file=sys.stderr)
+        print(f"{name}: {what}: {rows} {rows_in_words(~good & verdict.has_load)}; see {out}", file=sys.stderr)
         raise typer.Exit(verdict.exit_code)

@@ -23,8 +23,7 @@ from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.core.machine import machine_record
 from casadi_contact.core.terminal import PlainConsole
 from casadi_contact.optimisation.pose_estimation import PoseEstimation
-from casadi_contact.pictures.report.figure import save
-from casadi_contact.pictures.report.scatter import draw_speed_accuracy
+from casadi_contact.pictures.report.charts import draw_speed_accuracy, save
 from casadi_contact.samples.errors import load_errors
 from casadi_contact.scenes.joint_cycle import JointCycle
 from casadi_contact.scenes.load_cycle import LoadCycle

@@ -14,13 +14,12 @@ from typer.testing import CliRunner
 import casadi_contact as cc
 from casadi_contact.cli.main import app
 from casadi_contact.core.conventions import POSE_NAMES
-from casadi_contact.pictures.live import webassembly as compiling
-from casadi_contact.pictures.live.arrays import packed
+from casadi_contact.pictures.live import contact_model as compiling
+from casadi_contact.pictures.live.contact_model import packed
 from casadi_contact.pictures.live.cycle import page_cycle, presets
-from casadi_contact.pictures.live.fixed_surface import fixed_surfaces
+from casadi_contact.pictures.live.fixed_surface import Triangles, fixed_surfaces
 from casadi_contact.pictures.live.joint_page import joint_page, page_script
 from casadi_contact.pictures.live.moving_body import MOST_TRIANGLES, fewer_triangles, moving_body
-from casadi_contact.pictures.live.triangles import Triangles
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.pose_file import write_poses
 from tests.support.meshes import ball_mesh, mesh_scene_text, sheet_mesh, write_obj

@@ -16,7 +16,7 @@ from casadi_contact.core.conventions import Array, as_poses, load_unit
 from casadi_contact.core.quantities import beside, three_digits
 from casadi_contact.optimisation.verification.coarse_elements import off_finer
 from casadi_contact.optimisation.verification.unmodelled_load import unmodelled_fraction
-from casadi_contact.optimisation.verification.verify import loads_on, true_of_each
+from casadi_contact.optimisation.verification.verify import as_mask, loads_on
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.tolerance import Tolerance
 from casadi_contact.surrogate.base import Surrogate
@@ -69,7 +69,7 @@ class Verdict:
         return not np.isnan(self.errors).all()
 
     @property
-    def asked(self) -> np.ndarray:
+    def has_load(self) -> np.ndarray:
         """True (n,) for frames that bear a load, and so have a pose to find."""
         return np.ones_like(self.solved) if self.without_load is None else ~self.without_load
 
@@ -79,13 +79,15 @@ class Verdict:
         fine enough there, in a pose that does not leap."""
         if not self.checked:
             return np.zeros_like(self.solved)
-        return self.solved & self.asked & ~np.any([doubt.rows for doubt in self._doubts()], axis=0)
+        return self.solved & self.has_load & ~np.any([doubt.rows for doubt in self._doubts()], axis=0)
 
     @property
     def differs(self) -> np.ndarray:
         """True (n,) for frames that are solved, but of which the contact model, where it is fine enough, says
         otherwise."""
-        return self.solved & self.asked & ~self._agrees & ~self._coarse if self.checked else np.zeros_like(self.solved)
+        return (
+            self.solved & self.has_load & ~self._agrees & ~self._coarse if self.checked else np.zeros_like(self.solved)
+        )
 
     @property
     def doubt(self) -> str:
@@ -101,12 +103,12 @@ class Verdict:
     @property
     def exit_code(self) -> int:
         """0: every frame verified, or solved with no model to ask; 2: some not solved; 3: solved, not all verified."""
-        if not self.solved[self.asked].all():
+        if not self.solved[self.has_load].all():
             return 2
-        return 0 if not self.checked or self.verified[self.asked].all() else 3
+        return 0 if not self.checked or self.verified[self.has_load].all() else 3
 
     def __str__(self) -> str:
-        count, solved = int(self.asked.sum()), int((self.solved & self.asked).sum())
+        count, solved = int(self.has_load.sum()), int((self.solved & self.has_load).sum())
         idle = len(self.solved) - count
         others = f", {idle} bear no load" if idle else ""
         if not self.checked:
@@ -132,7 +134,7 @@ class Verdict:
 
     def _doubts(self) -> Iterator[_Doubt]:
         """In the order in which they are told; a frame has one at most."""
-        left = self.solved & self.asked
+        left = self.solved & self.has_load
         for doubt in self._reasons():
             yield doubt._replace(rows=left & doubt.rows)
             left &= ~doubt.rows
@@ -175,7 +177,7 @@ class Verdict:
     @property
     def _own_words(self) -> str:
         """The largest of a surrogate's own expected errors in solved frames, against what is allowed."""
-        told = self.solved & self.asked
+        told = self.solved & self.has_load
         if self.expected is None or not told.any():
             return ""
         largest = self.expected[told].max(axis=0)
@@ -193,7 +195,7 @@ class Verdict:
         return f"{three_digits(found[row, load])} {load_unit(name)} ({name})"
 
     def _of_frame(self, frame: int, doubts: Sequence[_Doubt]) -> str:
-        if not self.asked[frame]:
+        if not self.has_load[frame]:
             return NOT_ASKED
         if not self.solved[frame]:
             return UNSOLVED
@@ -230,7 +232,7 @@ def judge(
     another number of poses.
     """
     poses, names = as_poses(poses), tried.check_loads(loads)
-    ended, alone = (true_of_each(key, value, len(poses)) for key, value in (("solved", solved), ("on_model", on_model)))
+    ended, alone = (as_mask(key, value, len(poses)) for key, value in (("solved", solved), ("on_model", on_model)))
     tolerance = Tolerance.of(tried.scene, names)
     allowed = tolerance.single * tolerance.allowed  # of a single frame
     expected = uncounted = finer = None

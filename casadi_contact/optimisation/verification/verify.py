@@ -115,7 +115,7 @@ def verify(
     poses = as_poses(poses)
     if not len(poses):
         raise ValueError("no poses to verify, expected (n, 6) with n >= 1")
-    ended = true_of_each("solved", True if solved is None else solved, len(poses))
+    ended = as_mask("solved", True if solved is None else solved, len(poses))
     validity, expected = np.ones(len(poses)), np.zeros((len(poses), len(surrogate.load_names)))
     if isinstance(surrogate, Surrogate):
         validity, expected = surrogate.validity(poses), surrogate.expected_error(poses)
@@ -130,7 +130,7 @@ def verify(
     )
 
 
-def true_of_each(key: str, value: ArrayLike, count: int) -> np.ndarray:
+def as_mask(key: str, value: ArrayLike, count: int) -> np.ndarray:
     """Truth of each pose (n,), given for each or for all; ValueError for another shape, and for other than True, False,
     1 and 0."""
     given = np.asarray(value)

@@ -6,7 +6,7 @@ import numpy as np
 
 from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.moving_surface import CYLINDER, HALF_SPACE, NUMBERS_PER_ARC, SWEPT_ARCS, MovingSurface
-from casadi_contact.pictures.live.triangles import Triangles
+from casadi_contact.pictures.live.fixed_surface import Triangles
 from casadi_contact.scenes.scene import Scene
 
 _STEP_RAD = np.deg2rad(4.0)

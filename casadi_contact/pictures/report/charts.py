@@ -1,12 +1,203 @@
-"""All charts of the measured speed-accuracy front, drawn from ``speed_accuracy.csv`` only."""
+"""Charts of the measured speed-accuracy front: styles of families, panels, and one function for each chart."""
 
 from __future__ import annotations
 
+import math
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from casadi_contact.pictures.report.figure import save
-from casadi_contact.pictures.report.scatter import draw_gradient_hessian_time, draw_speed_accuracy
-from casadi_contact.workflow.benchmark.front_file import Front
+from casadi_contact.core.quantities import FORCE, TORQUE, Kind, of_kind
+from casadi_contact.pictures.page import COLOURS, new_page, save_page
+from casadi_contact.pictures.report.labels import place_labels
+from casadi_contact.surrogate.load import STRUCTURES
+from casadi_contact.workflow.benchmark.front_file import Front, Point, pareto
+from casadi_contact.workflow.benchmark.timing import Timing
+
+MARKERS = ("s", "o", "^", "D", "v", "P", "X", "*")
+_FIRST = ("patch", "EF", "two_stage", "foundation")
+
+
+@dataclass(frozen=True)
+class Style:
+    """How a family is drawn; hollow tells apart families beyond the eight colours."""
+
+    colour: str
+    marker: str
+    hollow: bool = False
+
+    @property
+    def text_colour(self) -> str:
+        """The colour darkened, so that light ones can be read as text."""
+        return "#" + "".join(f"{int(0.6 * int(self.colour[i : i + 2], 16)):02x}" for i in (1, 3, 5))
+
+    @property
+    def keywords(self) -> dict[str, str | float]:
+        """Keyword arguments of matplotlib's ``plot`` for the markers."""
+        face = "white" if self.hollow else self.colour
+        return {"color": self.colour, "marker": self.marker, "markerfacecolor": face, "markeredgewidth": 1.0}
+
+
+def family_styles(families: Sequence[str]) -> dict[str, Style]:
+    """A colour and a marker for each family: our own structures and the EF always the same ones."""
+    colours = list(COLOURS.values())
+    others = [family for family in dict.fromkeys(families) if family not in _FIRST]
+    styles = {}
+    for place, family in enumerate((*_FIRST, *others)):
+        turn, index = divmod(place, len(colours))
+        # A second turn through the colours is hollow and takes other markers, so no pair is used twice.
+        colour, marker = colours[(index + 2 * turn) % len(colours)], MARKERS[(index + 3 * turn) % len(MARKERS)]
+        styles[family] = Style(colour, marker, hollow=turn % 2 == 1)
+    return {family: styles[family] for family in dict.fromkeys(families)}
+
+
+_ERRORS = ((FORCE, "force_rms_n"), (TORQUE, "torque_rms_nmm"))
+_LEGEND_INCHES = 2.35
+_CLOSE = (1.0, 2.0, 3.0, 5.0, 7.0)
+
+
+def errors_of(front: Front) -> list[tuple[Kind, str]]:
+    """The kinds of load that the front's scene has, force before torque, and what a `Point` calls their RMS error."""
+    return [(kind, name) for kind, name in _ERRORS if of_kind(front.loads, kind)]
+
+
+def panels(front: Front, count: int, title: str, measured: str | None = None, note: str = "") -> tuple[Any, Any]:
+    """A figure and its axes side by side, one or two; measured says on what (poses of its motion that no model has seen
+    if left out); note goes below, and failures of the file's models are listed there too."""
+    width = 14.0 if count == 2 else 10.0
+    figure = new_page(width, 6.8)
+    header = front.header
+    seen = header.get("walking_poses", "?")
+    unseen = f"{seen} unseen poses of its motion, errors against {header.get('reference', '?')}"
+    machine = ", ".join(
+        (
+            header.get("processor", "unknown processor"),
+            *filter(None, (header.get("instruction_set"),)),
+            f"{header.get('threads', '?')} thread",
+        )
+    )
+    said = textwrap.fill(f"{measured or unseen}; {machine}", int(13.0 * (width - 2.0 * _LEGEND_INCHES)))
+    figure.suptitle(f"{header['scene']}: {title}\n{said}", fontsize=10, x=0.01, ha="left")
+    failed = [f"{point.name}: {point.failure}" for point in front.points if point.failure]
+    footnote = " ".join(filter(None, (note, f"Failed: {'; '.join(failed)}." if failed else "")))
+    if footnote:
+        figure.supxlabel("\n".join(textwrap.wrap(footnote, int(14.3 * width))), fontsize=8, x=0.01, ha="left")
+    axes = figure.subplots(1, count, squeeze=False)[0]
+    for axis in axes:
+        axis.grid(alpha=0.25, which="both", lw=0.5)
+    return figure, axes
+
+
+def log_scale(axes: Any, directions: str = "xy") -> None:
+    """Logarithmic scales labelled in plain numbers: 1, 3, 10, 30, or 1, 2, 3, 5, 7, 10 where they span less than a
+    factor of 30; linear where nothing above 0 is drawn."""
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+    directions = "".join(d for d in directions if math.isfinite(getattr(axes, f"{d}axis").get_minpos()))
+    axes.set(**{f"{direction}scale": "log" for direction in directions})
+    for direction in directions:
+        axis = getattr(axes, f"{direction}axis")
+        low, high = axis.get_view_interval()
+        axis.set_major_locator(LogLocator(subs=(1.0, 3.0) if high > 30.0 * low else _CLOSE, numticks=20))
+        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axis.set_minor_formatter(NullFormatter())
+
+
+def legend_beside(figure: Any, axes: Any) -> None:
+    """One legend for all panels, right of them, with everything that any shows."""
+    entries = {name: handle for axis in axes for handle, name in zip(*axis.get_legend_handles_labels(), strict=True)}
+    figure.legend(list(entries.values()), list(entries), loc="outside right upper", fontsize=8, frameon=False)
+
+
+def save(figure: Any, folder: Path, name: str) -> list[Path]:
+    """Write a figure as .png and .svg."""
+    paths = []
+    for ending in ("png", "svg"):
+        path = folder / f"{name}.{ending}"
+        save_page(figure, path, metadata={"Date": None} if ending == "svg" else None)
+        paths.append(path)
+    return paths
+
+
+def family_name(family: str) -> str:
+    """A family as the legend calls it."""
+    known = {
+        "EF": "elastic foundation (EF), elements",
+        "foundation": "foundation, smooth quadrature",
+        **{name: kind.title for name, kind in STRUCTURES.items()},
+    }
+    return known.get(family, family)
+
+
+def families(points: Sequence[Point]) -> list[str]:
+    """Families in the order of the file, once each."""
+    return list(dict.fromkeys(point.family for point in points))
+
+
+Measured = tuple[Point, Timing, float]
+
+
+def draw_speed_accuracy(front: Front, title: str = "time per pose against error", measured: str | None = None) -> Any:
+    """Time per pose against RMS error, for forces and for torques, as far as the scene has them; measured: on what
+    (unseen poses of the scene's motion if left out)."""
+    errors = errors_of(front)
+    figure, axes = panels(front, len(errors), title, measured)
+    shown = []
+    for axis, (kind, error) in zip(axes, errors, strict=True):
+        shown.append(_scatter(axis, front, "value", error))
+        axis.set(xlabel="time per pose [µs]", ylabel=f"RMS {kind.name} error [{kind.unit}]")
+    return _labelled(figure, axes, shown, front)
+
+
+def draw_gradient_hessian_time(front: Front) -> Any:
+    """Time of the Jacobian and of the Lagrangian Hessian against the RMS error of the forces, of a scene without these
+    of the torques, on unseen poses of its motion."""
+    kind, error = errors_of(front)[0]
+    figure, axes = panels(front, 2, "time of derivatives of all loads against error")
+    shown = []
+    for axis, (what, label) in zip(axes, (("jacobian", "Jacobian"), ("hessian", "Lagrangian Hessian")), strict=True):
+        shown.append(_scatter(axis, front, what, error))
+        axis.set(xlabel=f"time per {label} [µs]", ylabel=f"RMS {kind.name} error [{kind.unit}]")
+    return _labelled(figure, axes, shown, front)
+
+
+def _scatter(axis: Any, front: Front, what: str, error: str) -> list[Measured]:
+    """Draw the points (model, timing, error) that have both numbers, with the spread of their times."""
+    shown: list[Measured] = []
+    for family, style in family_styles(families(front.points)).items():
+        mine = [(p, getattr(p, what), getattr(p, error)) for p in front.models if p.family == family]
+        mine = [(point, timing, rms) for point, timing, rms in mine if timing is not None and rms > 0.0]
+        if not mine:
+            continue
+        times, errors = [timing.median_us for _, timing, _ in mine], [rms for *_, rms in mine]
+        spread = [[t.median_us - t.low_us for _, t, _ in mine], [t.high_us - t.median_us for _, t, _ in mine]]
+        keywords = {"ls": "none", "ms": 6, "elinewidth": 0.8, "label": family_name(family), **style.keywords}
+        axis.errorbar(times, errors, xerr=spread, **keywords)
+        shown += mine
+    best = [shown[i] for i in pareto([(timing.median_us, rms) for _, timing, rms in shown])]
+    line = {"color": "0.6", "lw": 4.0, "alpha": 0.5, "zorder": 0, "label": "Pareto front"}
+    axis.plot([timing.median_us for _, timing, _ in best], [rms for *_, rms in best], **line)
+    log_scale(axis)
+    axis.margins(0.08)
+    return shown
+
+
+def _labelled(figure: Any, axes: Any, shown: list[list[Measured]], front: Front) -> Any:
+    """Legend, then the labels, when nothing moves any more."""
+    legend_beside(figure, axes)
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    styles = family_styles(families(front.points))
+    for axis, points in zip(axes, shown, strict=True):
+        labels = [
+            (timing.median_us, rms, point.name.removeprefix(f"{point.family} "), styles[point.family].text_colour)
+            for point, timing, rms in points
+        ]
+        place_labels(axis, labels, [(timing.low_us, timing.high_us, rms) for _, timing, rms in points])
+    return figure
+
 
 CHARTS = {
     "speed_accuracy": draw_speed_accuracy,

@@ -15,17 +15,58 @@ from casadi_contact.core.quantities import quantity, three_digits
 from casadi_contact.optimisation.verification.fitness import fitness
 from casadi_contact.pictures.contact_picture import draw_contact
 from casadi_contact.pictures.contact_pose import contact_pose
-from casadi_contact.pictures.page import save_page
-from casadi_contact.pictures.report.convergence import draw_convergence
+from casadi_contact.pictures.page import COLOURS, frame, new_page, save_page
+from casadi_contact.pictures.report.charts import draw_speed_accuracy
 from casadi_contact.pictures.report.html import heading, page, paragraph, picture, table
-from casadi_contact.pictures.report.reach import draw_reach
-from casadi_contact.pictures.report.scatter import draw_speed_accuracy
 from casadi_contact.samples.samples import Samples, read_samples
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.info import model_line, other_rows
 from casadi_contact.workflow.benchmark.front_file import FILE_NAME, Front, read_front
 from casadi_contact.workflow.benchmark.shipped import shipped_front
+
+
+def draw_reach(surrogate: Surrogate) -> Any:
+    """A panel for each unit (mm, °, N, N·mm), a bar from low to high for each quantity that the file records."""
+    rows = surrogate.info().reach
+    units = list(dict.fromkeys(unit for *_, unit in rows))
+    figure = new_page(2.8 * max(len(units), 1), 2.2)
+    share = surrogate.record.get("valid_share")
+    said = "" if share is None else f"; {100.0 * share:.1f} % of its held-back poses called valid"
+    figure.suptitle(f"{surrogate.scene.name}: sampled ranges{said}", fontsize=9)
+    for unit, axis in zip(units, figure.subplots(1, max(len(units), 1), squeeze=False)[0], strict=False):
+        of_unit = [row for row in rows if row[3] == unit]
+        for height, (_, low, high, _) in enumerate(of_unit):
+            axis.barh(height, high - low, left=low, height=0.6, color="#0072b2", alpha=0.7)
+            axis.plot([low, high], [height, height], "|", color="#222", ms=9)
+        axis.set_yticks(range(len(of_unit)), [name for name, *_ in of_unit], fontsize=8)
+        axis.use_sticky_edges = False
+        axis.margins(x=0.08)
+        axis.invert_yaxis()
+        axis.axvline(0.0, color="#888", lw=0.6)
+        axis.grid(alpha=0.25, axis="x", lw=0.5)
+        axis.tick_params(axis="x", labelsize=7)
+        axis.set_xlabel(unit, fontsize=8)
+    return figure
+
+
+_DASHES = ("-", "--", ":", "-.")
+
+
+def draw_convergence(courses: Mapping[str, Mapping[str, Sequence[float]]]) -> Any:
+    """RMS of the fit against the work done, of networks by name: {"gflop": ..., "rms": ...} as a surrogate's record
+    has them, the first entries of zero work left out. Torques and forces share an axis: compare a curve with itself.
+    """
+    figure = new_page(7.2, 3.6)
+    axis = figure.subplots()
+    colours = list(COLOURS.values())
+    for number, (name, course) in enumerate(courses.items()):
+        colour, dash = colours[number % len(colours)], _DASHES[number // len(colours) % len(_DASHES)]
+        axis.plot(course["gflop"], course["rms"], dash, color=colour, lw=1.3, label=name)
+    axis.set(xscale="log", yscale="log", ylabel="RMS of the fit [N, N·mm]")
+    axis.legend(fontsize=7, ncols=2)
+    frame([axis], "work done [Gflop]")
+    return figure
 
 
 def surrogate_page(

@@ -1,16 +1,97 @@
-"""Tables for the terminal, from ``evaluation.json``."""
+"""Tables for the terminal, from result files: evaluation, kernel speed, and the choice of a model."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 
 from casadi_contact.contact.elements.foundation import grid_text
-from casadi_contact.core.quantities import beside, quantity, three_digits
-from casadi_contact.pictures.report.result_file import read_result
+from casadi_contact.core.files.reading import MOST_TEXT, checked_size, one_line
+from casadi_contact.core.quantities import FORCE, TORQUE, beside, of_kind, quantity, three_digits
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.workflow.benchmark.choose import Choice
+from casadi_contact.workflow.benchmark.kernel_speed import CALL_ALONE
+
+
+def read_result(path: str | Path, kind: str, command: str, tables: Callable[[Any], object]) -> dict[str, Any]:
+    """The content of a file whose ``format`` is "casadi_contact KIND", of which its tables can be made.
+
+    Raises ValueError if it is something else, or damaged so that they cannot.
+    """
+    checked_size(Path(path), MOST_TEXT)
+    try:
+        content = json.loads(Path(path).read_text("utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path} is not a file of {kind} ({error})") from None
+    if not isinstance(content, dict) or content.get("format") != f"casadi_contact {kind}":
+        raise ValueError(f"{path} is not a file of {kind}, expected one written by casadi-contact {command}")
+    try:
+        tables(content)
+    except Exception as error:  # what is missing or of another kind leads to errors of many kinds
+        raise ValueError(
+            f"{path} is damaged ({type(error).__name__}: {one_line(error)}): run casadi-contact {command} again"
+        ) from None
+    return content
+
+
+def read_kernel_speed(path: str | Path) -> dict[str, Any]:
+    """The content of a ``kernel_speed.json``; ValueError if it is something else."""
+    return read_result(path, "kernel speed", "speed", kernel_speed_tables)
+
+
+def times_the_limit(found: dict[str, Any], statistic: str = "median_us") -> str:
+    """What a kernel takes, in multiples of the machine's limit, and without the call where that is timed."""
+    limit, times = found["limit_us"], found["microseconds"]
+    kernel = times["value, kernel"][statistic]
+    text = f"{kernel / limit:.1f} times the limit"
+    if CALL_ALONE in times:
+        text += f", {(kernel - times[CALL_ALONE][statistic]) / limit:.1f} without the call"
+    return text
+
+
+def kernel_speed_tables(content: dict[str, Any]) -> list[Table]:
+    """One table per surrogate: median, lowest and highest time per pose, and as a multiple of the kernel's."""
+    tables = []
+    for structure, found in content["surrogates"].items():
+        caption = "one core, all loads, single buffered calls; EF in one batch"
+        table = Table(title=f"Compiled kernel of {structure}", caption=f"{caption}\n{found['limit']}")
+        table.add_column("what")
+        for column in ("time per pose (µs)", "low-high", "times the kernel's"):
+            table.add_column(column, justify="right")
+        times = found["microseconds"]
+        for what, timing in times.items():
+            kind = what.partition(",")[0]
+            kernel = times.get(f"{kind}, kernel", times["value, kernel"])["median_us"]
+            span = f"{timing['low_us']:.2f}-{timing['high_us']:.2f}"
+            table.add_row(what, f"{timing['median_us']:.2f}", span, f"{timing['median_us'] / kernel:.2f}")
+        limit = found["limit_us"]
+        share = f"{limit / times['value, kernel']['median_us']:.2f} (kernel: {times_the_limit(found)})"
+        table.add_row("machine's limit", f"{limit:.2f}", "", share)
+        tables.append(table)
+    return tables
+
+
+def choice_table(choice: Choice) -> Table:
+    """The chosen model and the next better one: time per pose, how it was found, RMS errors on unseen poses of
+    the scene's motion."""
+    table = Table(
+        title=f"Cheapest model for {', '.join(choice.loads)} within tolerance, errors on unseen poses of its motion"
+    )
+    errors = [("force_rms_n", FORCE), ("torque_rms_nmm", TORQUE)]
+    asked = [(error, kind) for error, kind in errors if of_kind(choice.loads, kind)]
+    for column in ("", "model", "time [µs]", "time is", *(f"RMS {kind.name} [{kind.unit}]" for _, kind in asked)):
+        table.add_column(column, justify="right" if "[" in column else "left")
+    for what, offer in (("chosen", choice.model), ("next better", choice.better)):
+        if offer is None:
+            table.add_row(what, "none measured is more accurate")
+            continue
+        cells = (f"{getattr(offer, error):.3g}" for error, _ in asked)
+        table.add_row(what, offer.name, f"{offer.time_us:.3g}", offer.timing, *cells)
+    return table
 
 
 def read_evaluation(path: str | Path) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 import casadi_contact as cc
 from casadi_contact.cli import pipeline
 from casadi_contact.core.terminal import run_app
-from casadi_contact.pictures.report.kernel_speed import read_kernel_speed
+from casadi_contact.pictures.report.tables import read_kernel_speed
 from casadi_contact.samples.errors import load_errors, rms_by_kind
 from casadi_contact.workflow.benchmark import shipped
 from casadi_contact.workflow.benchmark.front_file import read_front
