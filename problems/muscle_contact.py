@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from casadi_contact.core.conventions import POSE_NAMES, Array
+from casadi_contact.core.machine import machine_record
 from casadi_contact.core.quantities import quantity
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.knee import COORDINATES, KNEE_LOADS, SIDES, coordinate_unit
@@ -78,6 +79,7 @@ def main(
         columns |= {f"{name}_activation": result.activations[:, k], f"{name}_N": result.muscle_forces_n[:, k]}
     columns |= {"outcome": [outcome.value for outcome in result.outcome], "verdict": verdict.words}
     write_columns(out / "muscle_contact.csv", columns, digits=9)
+    off = np.abs(verdict.errors)
     summary = {
         "verdict": str(verdict),
         "walk": walk.name,
@@ -86,6 +88,11 @@ def main(
         "ipopt_iterations": result.ipopt.iterations,
         "seconds": result.seconds,
         "predicted_minus_measured": compared,
+        "elements": verdict.model,
+        "elements_off": {
+            side: [float(np.sqrt(np.mean(off[:, k] ** 2))), float(off[:, k].max())] for k, side in enumerate(SIDES)
+        },
+        "machine": machine_record(),
     }
     (out / "summary.json").write_text(json.dumps(summary, indent=1, ensure_ascii=False), "utf-8")
     draw(out / "muscle_contact.png", walk, result, forces)

@@ -20,6 +20,7 @@ import numpy as np
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import POSE_NAMES, Array
+from casadi_contact.core.machine import machine_record
 from casadi_contact.core.quantities import quantity
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.pose_continuation import continue_on
@@ -84,7 +85,9 @@ def estimate(model: SymbolicContact, measured: LoadCycle | JointCycle, out: Path
         "ipopt_status": result.ipopt.status,
         "ipopt_iterations": result.ipopt.iterations,
         "seconds": result.seconds,
-        "errors": {name: rms_and_max(off[:, k]) for k, name in enumerate(problem.targets.values)},
+        "elements": verdict.model,
+        "elements_off": {name: rms_and_max(off[:, k]) for k, name in enumerate(problem.targets.values)},
+        "machine": machine_record(),
     }
     (out / "summary.json").write_text(json.dumps(summary, indent=1, ensure_ascii=False), "utf-8")
     draw(out / "pose_estimation.png", problem, measured, result, on_elements)

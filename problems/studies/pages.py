@@ -64,7 +64,7 @@ def headline(data: Path) -> str:
     times = {k: v["low_us"] for k, v in speed["surrogates"]["patch"]["microseconds"].items()}
     poses = _read(data / "pose_estimation" / "reference.json")
     kernel = ", ".join(_number(times[f"{what}, kernel"]) for what in ("value", "Jacobian", "Hessian"))
-    solved = f"{poses['converged']} of {poses['frames']} frames, {poses['ipopt_iterations']} iterations"
+    solved = f"{poses['solved']} of {poses['frames']} frames, {poses['ipopt_iterations']} iterations"
     scene = load_scene("knee")
     shipped = shipped_front(scene)
     if shipped is None:
@@ -215,22 +215,17 @@ def _kernel_speed_page(path: Path) -> str:
 
 
 def _pose_page(summaries: Sequence[Mapping[str, Any]]) -> str:
-    first = summaries[0]
-    any_starts = any(summary.get("random_starts") for summary in summaries)
-    rows = []
+    first, rows = summaries[0], []
     for summary in summaries:
-        errors, starts = summary["errors"], summary.get("random_starts")
-        row = [summary["cycle"], f"{summary['converged']} of {summary['frames']}", str(summary["ipopt_iterations"])]
-        row += [f"{summary['seconds']:.2f}", *(_of_sides(errors, key) for key in ("fine_ef", "teacher_ef"))]
-        rows.append(row + ([f"{starts['reached']} of {starts['count']}" if starts else ""] if any_starts else []))
+        row = [summary["cycle"], f"{summary['solved']} of {summary['frames']}", str(summary["ipopt_iterations"])]
+        rows.append([*row, f"{summary['seconds']:.2f}", _of_sides(summary["elements_off"])])
     columns = [
         *("cycle", "frames solved", "IPOPT iterations", "time [s]"),
-        *(f"EF {first['ef_grids'][key]} − surrogate, medial, lateral [N]" for key in ("fine", "teacher")),
-        *(["random starts that end at the same poses"] if any_starts else []),
+        f"{first['elements']} − surrogate, medial, lateral [N]",
     ]
     intro = (
-        f"All frames of a cycle in one IPOPT problem on the `{first['structure']}` surrogate of scene "
-        f"`{first['scene']}`, with [`python -m problems.pose_estimation`](../problems/pose-estimation.md). Forces "
+        f"All frames of a cycle in one IPOPT problem on the surrogate `{first['scene']}`, with "
+        "[`python -m problems.pose_estimation`](../problems/pose-estimation.md). Forces "
         "are re-evaluated on the elastic foundation (EF) at the solved poses: RMS (largest). Cycles og1_loads to "
         "og4_loads are the measured ones that the built-in walking derives from; they are not part of the repository."
     )
@@ -240,16 +235,14 @@ def _pose_page(summaries: Sequence[Mapping[str, Any]]) -> str:
 def _muscle_page(summaries: Sequence[Mapping[str, Any]]) -> str:
     first, rows = summaries[0], []
     for summary in summaries:
-        errors = summary["errors_n"]
-        measured = [
-            f"{_number(errors[s]['prediction']['rms'])} ({errors[s]['prediction']['mean']:+.0f})" for s in SIDES
-        ]
-        row = [summary["walk"], f"{summary['converged']} of {summary['frames']}", str(summary["ipopt_iterations"])]
-        rows.append([*row, f"{summary['seconds']:.2f}", *measured, _of_sides(errors, "teacher_ef")])
+        off = summary["predicted_minus_measured"]
+        measured = [f"{_number(off[s]['rms'])} ({off[s]['mean']:+.0f})" for s in SIDES]
+        row = [summary["walk"], f"{summary['solved']} of {summary['frames']}", str(summary["ipopt_iterations"])]
+        rows.append([*row, f"{summary['seconds']:.2f}", *measured, _of_sides(summary["elements_off"])])
     columns = [
         *("cycle", "frames solved", "IPOPT iterations", "time [s]"),
         *("medial RMS error (mean) [N]", "lateral RMS error (mean) [N]"),
-        f"EF {first['ef_grids']['teacher']} − surrogate, medial, lateral [N]",
+        f"{first['elements']} − surrogate, medial, lateral [N]",
     ]
     intro = (
         "Contact forces predicted by [`python -m problems.muscle_contact`](../problems/muscle-contact.md) against "
@@ -259,8 +252,9 @@ def _muscle_page(summaries: Sequence[Mapping[str, Any]]) -> str:
     return _page("Muscle and contact forces", intro, _machine(first["machine"]), _table(columns, rows))
 
 
-def _of_sides(errors: Mapping[str, Any], key: str) -> str:
-    return ", ".join(f"{errors[side][key]['rms']:.2f} ({errors[side][key]['max']:.1f})" for side in SIDES)
+def _of_sides(off: Mapping[str, Any]) -> str:
+    """RMS and largest difference of both sides."""
+    return ", ".join(f"{off[side][0]:.2f} ({off[side][1]:.1f})" for side in SIDES)
 
 
 def _stability_page(content: Mapping[str, Any]) -> str:

@@ -5,6 +5,9 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.contact.polar.foundation import PolarFoundation
+from casadi_contact.contact.polar.lines import Rays
+from casadi_contact.contact.symbolic import symbolic
 from casadi_contact.optimisation.knee import shear_free_poses
 from casadi_contact.optimisation.starts import middle_pose
 from tests.support.compiler import needs_compiler
@@ -15,7 +18,7 @@ WANTED = {"Fy": -300.0, "Fx": -20.0}
 
 @pytest.fixture(scope="module")
 def ball():
-    return cc.contact.symbolic(cc.ElasticFoundation(held_ball(), (60, 60)))
+    return symbolic(cc.ElasticFoundation(held_ball(), (60, 60)))
 
 
 def test_poses_of_a_problem_are_those_that_the_joint_can_take(ball):
@@ -70,6 +73,6 @@ def test_locks_of_a_problem_that_agree_with_the_scene_are_not_needed(ball):
 
 @needs_compiler
 def test_what_needs_all_six_says_which_are_held():
-    knee = cc.contact.PolarFoundation(scene_held("knee", {"locked": {"tz": 0.0}}), cc.contact.Rays(8, 2))
+    knee = PolarFoundation(scene_held("knee", {"locked": {"tz": 0.0}}), Rays(8, 2))
     with pytest.raises(ValueError, match=r"moves all six .* tz is locked at 0 by the scene: take it out"):
         shear_free_poses(knee, np.zeros(1), np.zeros(1))

@@ -5,18 +5,19 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import WRENCH_NAMES, rotation
 from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection, wrench_function
 
 POSE = np.array([0.7, 27.3, 0.1, 0.002, -0.04, -0.5])
 
 
-class Bare:
+class Bare(ContactModel):
     """A model without CasADi functions of its own."""
 
     def __init__(self, model):
         self.scene, self.load_names, self.patch_names = model.scene, model.load_names, model.patch_names
-        self.wrenches, self.jacobian, self.root_loads = model.wrenches, model.jacobian, model.root_loads
+        self.jacobian, self.root_loads = model.jacobian, model.root_loads
         self._model = model
 
     def __call__(self, poses):

@@ -60,9 +60,9 @@ def test_of_one_side_alone_there_is_none():
     scene = knee(ONE_SIDE)
     with pytest.raises(ValueError, match=r"hold no Fy, expected all of .* in total or of every patch"):
         total_selection(scene.load_names, scene.patch_names)
-    with pytest.raises(ValueError, match=r"cop_ap needs Fy and Tz, scene .* in total or of every patch"):
+    with pytest.raises(ValueError, match="cop_ap"):
         PoseTargets.of(scene, {"cop_ap": np.zeros(1)})
-    with pytest.raises(ValueError, match="a centre of pressure needs Fy in total or of every patch"):
+    with pytest.raises(ValueError, match="Fy"):
         ContactFrames(foundation_of(scene), 1).misfit({"cop_ap": 0.0})
     completed = whole_wrench(scene)
     assert completed.load_names == (*ONE_SIDE, "Fy")
