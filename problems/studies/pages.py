@@ -137,7 +137,7 @@ def _front_page(path: Path, title: str) -> str:
     command = f"python -m casadi_contact.workflow.benchmark.shipped {header['scene']}"
     if "preset" in header:
         ready = header["scene"] in ready_scenes()
-        given = header["scene"] if ready else f"problems/implant/{header['scene']}.toml"
+        given = header["scene"] if ready else f"problems/scenes/{header['scene']}.toml"
         command = f"casadi-contact chart {given} --preset {header['preset']}"
         command += " --peers" if any(point.family == "polynomial" for point in front.points) else ""
     intro = (

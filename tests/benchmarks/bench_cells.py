@@ -4,7 +4,7 @@ python -m tests.benchmarks.bench_cells
 python -m tests.benchmarks.bench_cells --samples samples.h5
 
 The second takes errors over samples of the domains D1, D3 and D4 (``casadi-contact sample``), and times in D1. Needs
-the meshes that `problems/implant/tka_mesh.toml` names.
+the meshes that `problems/scenes/tka_mesh.toml` names.
 """
 
 from __future__ import annotations
@@ -25,8 +25,9 @@ from casadi_contact.core.machine import machine_record
 from casadi_contact.samples.samples import read_samples
 from casadi_contact.workflow.benchmark.kernel_speed import jacobian_of, lagrangian_hessian
 from casadi_contact.workflow.benchmark.timing import compare, one_thread, time_batch, time_single_calls
-from problems.implant import SCENE
 from tests.benchmarks.bench_foundation import roughness
+
+SCENE = Path(__file__).parents[2] / "problems" / "scenes" / "tka_mesh.toml"
 
 SIZES = (Cells(1.17, 0.71), Cells(1.4, 0.85, 3, 3), Cells(1.9, 1.2, 3, 3))
 GRIDS = ((80, 40), (40, 80), (160, 80))

@@ -1,9 +1,10 @@
 """Contact models on real meshes, timed in turn: python -m pytest tests/benchmarks/bench_mesh_foundation.py -s
 
-Needs the meshes that `problems/implant/tka_mesh.toml` names; no wall time is asserted.
+Needs the meshes that `problems/scenes/tka_mesh.toml` names; no wall time is asserted.
 """
 
 import time
+from pathlib import Path
 from statistics import median
 
 import numpy as np
@@ -11,9 +12,10 @@ import numpy as np
 import casadi_contact as cc
 from casadi_contact.core.machine import machine_record
 from casadi_contact.workflow.benchmark.timing import one_thread, time_batch
-from problems.implant import SCENE
 from tests.support import meshes  # noqa: F401  (skips without the extra `mesh`)
 from tests.support.shared_data import shared_file
+
+SCENE = Path(__file__).parents[2] / "problems" / "scenes" / "tka_mesh.toml"
 
 REPEATS = 9
 COUNT = 200

@@ -20,7 +20,7 @@ from tests.support.shared_data import shared_file
 
 pytest.importorskip("ziglang", reason="pages need the extra: pip install casadi_contact[page]")
 
-MESH = Path(__file__).parents[2] / "problems" / "implant" / "tka_mesh.toml"
+MESH = Path(__file__).parents[2] / "problems" / "scenes" / "tka_mesh.toml"
 PLAYED_MS = 4000
 FIRST_PAINT_S, FRAMES_A_SECOND, MOST_BYTES = 1.0, 30.0, 2_000_000  # bars
 READY = "window.joint !== undefined && joint.later === null && joint.bodies.pace.watch === null"

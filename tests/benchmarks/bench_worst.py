@@ -1,6 +1,6 @@
 """How wrong a scene's foundation is at worst: random poses, and a fine element grid on those in doubt; run on demand:
 
-python -m tests.benchmarks.bench_worst problems/implant/tka_mesh.toml --poses 100000
+python -m tests.benchmarks.bench_worst problems/scenes/tka_mesh.toml --poses 100000
 python -m tests.benchmarks.bench_worst hip
 
 Poses are drawn over the ranges of the scene's reference motion and beyond (±4 mm, ±0.1 rad), pressed along its

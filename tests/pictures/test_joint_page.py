@@ -37,7 +37,7 @@ POSES = {  # pressed on all patches, pressed otherwise, apart
 }
 
 
-MESHES = Path(__file__).parents[2] / "problems" / "implant" / "tka_mesh.toml"
+MESHES = Path(__file__).parents[2] / "problems" / "scenes" / "tka_mesh.toml"
 
 
 def scene_of(name):

@@ -1,4 +1,4 @@
-"""The natural knee as an assembly: cartilage and ligaments hold the femur while it bends."""
+"""The natural knee, whose tibia is convex: equilibrium, and poses without shear."""
 
 from pathlib import Path
 
@@ -12,9 +12,7 @@ from casadi_contact.optimisation.joint_mechanics import whole_wrench
 from casadi_contact.optimisation.knee import shear_free_poses
 from casadi_contact.scenes.load_cycle import read_cycle
 from casadi_contact.scenes.walking import reference_cycle
-from problems import assembly_poses, implant, static_equilibrium
-from problems.assembly_poses.cycle import AssemblyCycle
-from problems.assembly_poses.own_cycle import own_cycle
+from problems import static_equilibrium
 from tests.support import meshes  # noqa: F401  (skips without the extra `mesh`)
 from tests.support.compiler import needs_compiler
 from tests.support.shared_data import shared_file
@@ -22,34 +20,7 @@ from tests.support.shared_data import shared_file
 
 def _natural_knee():
     shared_file("data/jam/femur_cartilage.obj")
-    return cc.load_scene(Path(implant.__file__).with_name("natural_knee.toml"))
-
-
-@needs_compiler
-def test_the_natural_knee_bends_on_its_ligaments():
-    """The meshes are not part of the project. Straight, the collaterals hold; bent, the cruciates do; the femur rolls
-    back and the tibia turns inwards; contact carries what is applied and what ligaments pull."""
-    shared_file("data/jam/femur_cartilage.obj")
-    toml = Path(assembly_poses.__file__).with_name("natural_knee.toml")
-    knee = cc.load_assembly(toml, lambda scene: CellFoundation(scene, Cells(1.7, 1.7, 4, 4)))
-    whole = own_cycle(knee)
-    frames = [0, 20, 40]  # 0, 30 and 60 degrees
-    bent = {"femur": {"rz": whole.pose["femur"]["rz"][frames]}}
-    pressed = {"femur": {"Fy": whole.applied["femur"]["Fy"][frames]}}
-    problem = assembly_poses.build(knee, AssemblyCycle("bending", whole.time_s[frames], bent, applied=pressed))
-    found = assembly_poses.solve(problem)
-    assert found.converged.all(), found.reason
-    pull = dict(zip(knee.load_names, found.loads.T, strict=True))
-    assert pull["lcl"][0] > 10.0 > pull["lcl"][2]
-    assert pull["mcl_middle"][0] > 1.0 > pull["mcl_middle"][2]
-    assert (np.diff(pull["acl_anteromedial_2"]) > 0.0).all()
-    assert (np.diff(found.poses[:, 0, 0]) > 0.0).all(), "the femur rolls back"
-    assert (np.diff(found.poses[:, 0, 4]) < -0.05).all(), "the femur turns outwards on the tibia"
-    for poses, loads in zip(found.poses, found.loads, strict=True):
-        force = knee.forces()(poses.T, [])
-        assert float(force[1]) == pytest.approx(300.0, abs=1e-3)
-        lifted = loads[:2].sum()
-        assert lifted < -300.0, "ligaments press beside what is applied"
+    return cc.load_scene(Path(__file__).parents[2] / "problems" / "scenes" / "natural_knee.toml")
 
 
 @needs_compiler

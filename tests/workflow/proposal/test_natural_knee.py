@@ -1,11 +1,14 @@
 """The natural knee's scene, written by ``casadi-contact scene``: walking settles on its cartilage."""
 
+from pathlib import Path
+
 import casadi_contact as cc
 from casadi_contact.samples.reference import reference_poses
 from casadi_contact.scenes.walking import reference_cycles
-from problems.implant import SCENE
 from tests.support import meshes  # noqa: F401  (skips without the extra `mesh`)
 from tests.support.shared_data import shared_file
+
+SCENE = Path(__file__).parents[3] / "problems" / "scenes" / "tka_mesh.toml"
 
 
 def test_walking_settles_on_the_natural_knee(tmp_path):
