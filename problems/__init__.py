@@ -1,7 +1,7 @@
-"""Optimisation problems on contact surrogates, a folder each.
+"""Whole programs on contact models, one file each: ``python -m problems.NAME`` writes into results/NAME.
 
-problem.py builds it as plain data, solve.py solves it, report.py draws and writes, __main__.py is the command
-``python -m problems.NAME``, which writes into results/NAME.
+The docstring states the problem as formulas, `main` solves it, prints a table and draws one picture. `scenes` holds
+scene files of real meshes, `studies` the measurements that the documentation cites.
 """
 
 import sys

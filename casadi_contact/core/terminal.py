@@ -144,5 +144,5 @@ def run_program(main: Callable[..., None]) -> NoReturn:
     app = new_app(add_completion=False)
     app.command()(main)
     spec = main.__globals__.get("__spec__")
-    module = spec.name if spec else Path(sys.argv[0]).stem
+    module = spec.name.removesuffix(".__main__") if spec else Path(sys.argv[0]).stem
     run_app(app, module.rpartition(".")[2], sys.argv[1:], f"python -m {module}")

@@ -20,6 +20,7 @@ import typer
 
 from casadi_contact.contact.elements.foundation import grid_text
 from casadi_contact.core.files.writing import replacing, writable_folder
+from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.knee import SIDES
 from casadi_contact.pictures.page import save_page
 from casadi_contact.pictures.report.charts import draw_charts, family_name
@@ -28,7 +29,6 @@ from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.ready_files import ready_scenes
 from casadi_contact.workflow.benchmark.front_file import TIMES, Front, Point, read_front
 from casadi_contact.workflow.benchmark.shipped import shipped_front
-from problems.common.command import new_app, run_command
 from problems.studies import solve_time
 from problems.studies.stability.methods import FAILURES, Line
 
@@ -41,7 +41,6 @@ _CHARTS = {
     "speed_accuracy": "Time per pose against error on unseen poses",
     "gradient_hessian_time": "Time of Jacobian and Hessian against error",
 }
-app = new_app()
 
 
 def pages(data: Path) -> dict[str, str]:
@@ -309,7 +308,6 @@ def _number(value: float) -> str:
     return f"{value:.0f}" if 100.0 <= abs(value) < 1e6 else f"{value:.3g}"
 
 
-@app.command()
 def run(
     data: Annotated[Path, typer.Argument(help="folder of result files")] = Path("docs/results/data"),
     out: Annotated[Path, typer.Option(help="folder of the pages")] = Path("docs/results"),
@@ -338,4 +336,4 @@ def run(
 
 
 if __name__ == "__main__":
-    run_command(app, "studies.pages")
+    run_program(run)

@@ -21,7 +21,7 @@ from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.symbolic import SymbolicContact, symbolic
 from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.core.machine import machine_record
-from casadi_contact.core.terminal import PlainConsole
+from casadi_contact.core.terminal import PlainConsole, run_program
 from casadi_contact.optimisation.pose_estimation import PoseEstimation
 from casadi_contact.pictures.report.charts import draw_speed_accuracy, save
 from casadi_contact.samples.errors import load_errors
@@ -35,10 +35,8 @@ from casadi_contact.workflow.benchmark.evaluate import converged_elements
 from casadi_contact.workflow.benchmark.front_file import Front, Point, write_front
 from casadi_contact.workflow.benchmark.timing import compare, one_thread
 from casadi_contact.workflow.project import reference_motion_cycles, shipped_surrogates
-from problems.common.command import RESULTS, new_app, run_command
 
 NAME = "solve_time"
-app = new_app()
 
 
 def measured_front(scene: Scene, cycle: LoadCycle | JointCycle, repeats: int = 3) -> Front:
@@ -108,12 +106,11 @@ def _seconds_a_frame(model: SymbolicContact, cycle: LoadCycle | JointCycle) -> f
     return (time.perf_counter() - began) / len(cycle.time_s)
 
 
-@app.command()
 def run(
     scene: Annotated[str, typer.Argument(help="ready scene, or the path of a .toml")] = "knee",
     cycle: Annotated[Path | None, typer.Option(help="measured cycle (CSV); the scene's own if left out")] = None,
     repeats: Annotated[int, typer.Option(min=1, help="solutions by each model")] = 3,
-    out: Annotated[Path, typer.Option(help="folder for solve_time.csv and .png")] = RESULTS / NAME,
+    out: Annotated[Path, typer.Option(help="folder for solve_time.csv and .png")] = Path("results") / NAME,
 ) -> None:
     """Chart whole solve time against error."""
     writable_folder(out)
@@ -135,7 +132,7 @@ def run(
 
 def main() -> None:
     """Entry point: a user's mistake is one line on stderr and exit status 1."""
-    run_command(app, f"studies.{NAME}")
+    run_program(run)
 
 
 if __name__ == "__main__":

@@ -9,9 +9,10 @@ from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.opensim.mapping import poses_table
 from casadi_contact.scenes.opensim.table import write_table
 from casadi_contact.scenes.pose_file import read_poses, read_poses_over_time, write_poses
-from problems.common.records import pose_columns
 
+NAMES = ("tx_mm", "ty_mm", "tz_mm", "rx_rad", "ry_rad", "rz_rad")
 POSES = np.random.default_rng(2).normal(size=(5, 6))
+COLUMNS = dict(zip(NAMES, POSES.T, strict=True))
 
 
 def test_a_csv_file_is_read_back_bit_by_bit(tmp_path):
@@ -25,7 +26,7 @@ def test_a_csv_file_is_read_back_bit_by_bit(tmp_path):
 def test_the_file_names_the_unit_of_every_column_as_result_tables_do(tmp_path):
     write_poses(np.arange(5.0), POSES, tmp_path / "poses.csv")
     (header, *_) = (tmp_path / "poses.csv").read_text().splitlines()
-    assert header.split(",") == ["time_s", *pose_columns(POSES)]
+    assert header.split(",") == ["time_s", *COLUMNS]
 
 
 def test_an_opensim_file_of_this_library_is_read_in_mm_and_rad(tmp_path):
@@ -40,7 +41,7 @@ def test_columns_are_read_by_name(tmp_path):
 
 def test_columns_of_result_tables_are_read_as_poses(tmp_path):
     """What problems write: names with units, beside text."""
-    columns = {"time_s": np.arange(5.0), **pose_columns(POSES), "reason": [""] * 5}
+    columns = {"time_s": np.arange(5.0), **COLUMNS, "reason": [""] * 5}
     write_columns(tmp_path / "poses.csv", columns)
     np.testing.assert_array_equal(read_poses(tmp_path / "poses.csv"), POSES)
 

@@ -5,6 +5,7 @@ Run ``python -m problems.studies.stability --help``.
 
 from __future__ import annotations
 
+import json
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -14,14 +15,11 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from casadi_contact.core.files.writing import writable_folder
-from casadi_contact.core.terminal import PlainConsole
-from problems.common.command import RESULTS, new_app, run_command
-from problems.common.records import write_summary
+from casadi_contact.core.files.writing import writable_folder, write_text
+from casadi_contact.core.machine import machine_record
+from casadi_contact.core.terminal import PlainConsole, run_program
 from problems.studies.stability import derivatives, poses
 from problems.studies.stability.methods import FAILURES, Bench, Line
-
-app = new_app()
 
 
 def measure(row: int, bench: Bench, *, quick: bool) -> list[Line]:
@@ -37,14 +35,13 @@ def measure(row: int, bench: Bench, *, quick: bool) -> list[Line]:
     return derivatives.time_steps(bench) if row == 5 else derivatives.consistency(bench)
 
 
-@app.command()
 def run(
     scene: Annotated[str, typer.Argument(help="ready scene, or the path of a .toml")] = "knee",
     surrogate: Annotated[
         list[str] | None,
         typer.Option(help="name or .h5 file of a surrogate of the scene; the shipped ones if left out"),
     ] = None,
-    out: Annotated[Path, typer.Option(help="folder for stability.json")] = RESULTS / "stability",
+    out: Annotated[Path, typer.Option(help="folder for stability.json")] = Path("results/stability"),
     rows: Annotated[str, typer.Option(help="rows to measure, separated by commas")] = "1,2,3,4,5,6",
     quick: Annotated[bool, typer.Option("--quick", help="fewer starts and poses: some minutes")] = False,
 ) -> None:
@@ -58,7 +55,8 @@ def run(
     for row in chosen:
         print(f"{row}. {FAILURES[row]}", file=sys.stderr)
         lines += measure(row, bench, quick=quick)
-        write_summary(out / "stability.json", {"settings": settings, "lines": [asdict(line) for line in lines]})
+        content = {"settings": settings, "lines": [asdict(line) for line in lines], "machine": machine_record()}
+        write_text(out / "stability.json", json.dumps(content, indent=1, ensure_ascii=False, default=str))
     table = Table("failure, case", "quantity", *bench.models, title="Stability where methods fail")
     for line in lines:
         cells = (f"{line.row}. {line.case}", line.quantity, *(line.cell(method) for method in bench.models))
@@ -69,7 +67,7 @@ def run(
 
 def main() -> None:
     """Entry point: a user's mistake is one line on stderr and exit status 1."""
-    run_command(app, "studies.stability")
+    run_program(run)
 
 
 if __name__ == "__main__":

@@ -1,1 +1,0 @@
-"""What the problems share: the command line, results as files, pages of pictures."""
