@@ -9,13 +9,12 @@ compared with.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 
 from casadi_contact.core.conventions import POSE_NAMES, Array
-from casadi_contact.core.machine import machine_record
+from casadi_contact.core.machine import write_summary
 from casadi_contact.core.quantities import quantity
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.knee import COORDINATES, KNEE_LOADS, SIDES, coordinate_unit
@@ -92,9 +91,8 @@ def main(
         "elements_off": {
             side: [float(np.sqrt(np.mean(off[:, k] ** 2))), float(off[:, k].max())] for k, side in enumerate(SIDES)
         },
-        "machine": machine_record(),
     }
-    (out / "summary.json").write_text(json.dumps(summary, indent=1, ensure_ascii=False), "utf-8")
+    write_summary(out / "summary.json", summary)
     draw(out / "muscle_contact.png", walk, result, forces)
     print(f"results in {out}")
     raise SystemExit(verdict.exit_code)

@@ -12,7 +12,6 @@ parameters, loads and centres of pressure with their units (rz_rad, Fy_med_N, co
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,7 @@ import numpy as np
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import POSE_NAMES, Array
-from casadi_contact.core.machine import machine_record
+from casadi_contact.core.machine import write_summary
 from casadi_contact.core.quantities import quantity
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.pose_continuation import continue_on
@@ -87,9 +86,8 @@ def estimate(model: SymbolicContact, measured: LoadCycle | JointCycle, out: Path
         "seconds": result.seconds,
         "elements": verdict.model,
         "elements_off": {name: rms_and_max(off[:, k]) for k, name in enumerate(problem.targets.values)},
-        "machine": machine_record(),
     }
-    (out / "summary.json").write_text(json.dumps(summary, indent=1, ensure_ascii=False), "utf-8")
+    write_summary(out / "summary.json", summary)
     draw(out / "pose_estimation.png", problem, measured, result, on_elements)
     print(f"results in {out}")
     return verdict.exit_code

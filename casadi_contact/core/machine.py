@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import platform
+from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
+
+from casadi_contact.core.files.writing import replacing
 
 PACKAGES = ("casadi_contact", "casadi", "numpy", "scipy", "numba", "h5py", "torch")
 
@@ -63,3 +69,19 @@ def machine_record() -> dict[str, str]:
         "python": platform.python_version(),
         **{package: _version(package) for package in PACKAGES},
     }
+
+
+def write_summary(path: Path, content: Mapping[str, Any]) -> None:
+    """A JSON file with the machine that made it, whole or not at all; null for a number that is not finite."""
+    whole = _without_nan({**content, "machine": machine_record()})
+    with replacing(path) as beside:
+        beside.write_text(json.dumps(whole, indent=1, ensure_ascii=False, default=str, allow_nan=False), "utf-8")
+
+
+def _without_nan(value: Any) -> Any:
+    """The same with None for NaN and infinity, which JSON has not."""
+    if isinstance(value, Mapping):
+        return {key: _without_nan(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_nan(part) for part in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

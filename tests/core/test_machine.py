@@ -1,8 +1,11 @@
 """A result says what it was measured on, down to the instruction set."""
 
+import json
+
+import numpy as np
 import pytest
 
-from casadi_contact.core.machine import blas_environment, instruction_set, machine_record
+from casadi_contact.core.machine import blas_environment, instruction_set, machine_record, write_summary
 
 
 @pytest.mark.parametrize(
@@ -49,3 +52,20 @@ def test_blas_is_told_of_avx512_where_it_overlooks_it(vendor, flags, chosen, mon
 def test_blas_is_as_the_user_chose_it(monkeypatch):
     monkeypatch.setenv("OPENBLAS_CORETYPE", "Haswell")
     assert blas_environment("AuthenticAMD", AVX512) == {}
+
+
+def no_constant(name):
+    raise AssertionError(f"{name} is not JSON")
+
+
+def test_a_summary_has_null_for_what_is_no_number(tmp_path):
+    content = {
+        "a": np.float64("nan"),
+        "b": [1.5, float("inf")],
+        "c": {"d": (float("nan"), "NaN", 2)},
+        "e": np.float32(1),
+    }
+    write_summary(tmp_path / "summary.json", content)
+    found = json.loads((tmp_path / "summary.json").read_text("utf-8"), parse_constant=no_constant)
+    assert found.pop("machine")
+    assert found == {"a": None, "b": [1.5, None], "c": {"d": [None, "NaN", 2]}, "e": "1.0"}
