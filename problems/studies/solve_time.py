@@ -88,12 +88,12 @@ def _point(candidate: Candidate, cycle: LoadCycle | JointCycle, truth: ElasticFo
     if candidate.model is None:
         return point
     result = PoseEstimation.of_cycle(_symbolic(candidate), cycle, compiled=True).solve()
-    solved = int(result.converged.sum())
-    if solved < len(result.converged):
-        return replace(point, failure=f"{solved} of {len(result.converged)} frames solved")
+    solved = int(result.solved.sum())
+    if solved < len(result.solved):
+        return replace(point, failure=f"{solved} of {len(result.solved)} frames solved")
     errors = load_errors(truth.load_names, candidate.model(result.poses), truth(result.poses))
     rms = {load: error["rms"] for load, error in errors.items()}
-    return replace(point, load_rms=rms, samples=candidate.samples, remark=f"{result.iterations} IPOPT iterations")
+    return replace(point, load_rms=rms, samples=candidate.samples, remark=f"{result.ipopt.iterations} IPOPT iterations")
 
 
 def _symbolic(candidate: Candidate) -> SymbolicContact:

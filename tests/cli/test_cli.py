@@ -16,7 +16,7 @@ from casadi_contact.cli.main import app
 from casadi_contact.core.terminal import new_app, progress_bars, run_app, run_program
 from tests.support.interrupted import Interrupted, interrupts_remembered
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 def output(*arguments):
