@@ -39,7 +39,7 @@ class FoundationKernel:
         components = ", ".join(str(-1 if n.index is None else n.index) for n in scene.normal_loads)
         return "\n".join(
             [
-                *_defined(sizes),
+                *definitions(sizes),
                 c_text("core.h"),
                 c_text("pose.h"),
                 f"static const double selection[PATCHES][LOADS + 1][6] = {{{picked}}};",
@@ -57,7 +57,7 @@ class FoundationKernel:
 def law_source(material: Material) -> str:
     """C99 of the pressure law alone: pressure_at, pressure_slope_at and pressure_bend_at of four depths."""
     texts = [c_text("core.h"), c_text("lanes.h", C_FOLDER), c_text("foundation.h", C_FOLDER)]
-    return "\n".join([*_defined({**_law_sizes(material), "MOST_LANES": 4}), *texts])
+    return "\n".join([*definitions({**_law_sizes(material), "MOST_LANES": 4}), *texts])
 
 
 def _law_sizes(material: Material) -> dict[str, float]:
@@ -67,8 +67,10 @@ def _law_sizes(material: Material) -> dict[str, float]:
     }
 
 
-def _defined(sizes: Mapping[str, float]) -> list[str]:
-    return [f"#define {name} {value!r}" for name, value in sizes.items()]
+def definitions(sizes: Mapping[str, float], tables: Mapping[str, Iterable[float]] | None = None) -> list[str]:
+    """C of numbers, by name, and of arrays of doubles, by name and size: ``ray_cos[RAYS]``."""
+    defined = [f"#undef {name}\n#define {name} {value!r}" for name, value in sizes.items()]
+    return defined + [f"static const double {name} = {braces(values)};" for name, values in (tables or {}).items()]
 
 
 def braces(values: Iterable[float]) -> str:

@@ -43,11 +43,6 @@ def test_the_example_of_a_foundation_overlaps_as_a_joint_does(name):
     assert 50.0 < np.linalg.norm(model.wrenches(pose)[0, :3]) < 5000.0
 
 
-def test_the_example_of_a_ball_that_no_direction_presses_is_the_start_pose():
-    model = CupFoundation(cc.load_scene("hip"), compiled=False)
-    assert model.example_pose() == model.scene.start_pose.tolist()
-
-
 REACH = 15.0
 
 
@@ -58,17 +53,6 @@ def test_what_holds_from_a_place_on_is_found_there(begins, step):
     missed = ways - np.minimum(begins, REACH)
     assert (missed >= 0.0).all()
     assert (missed <= step / 2**11).all()
-
-
-def test_nobody_is_asked_again_before_the_others_are_found():
-    asked = []
-
-    def holds(which, way):
-        asked.append(which.tolist())
-        return way >= np.array([0.5, 3.5])[which]
-
-    first_crossing(holds, 2, 1.0, 5.0)
-    assert asked[:4] == [[0, 1], [1], [1], [1]]
 
 
 def test_pressing_finds_the_depth_of_a_force_that_grows_between_linearly_and_cubically():

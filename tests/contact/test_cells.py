@@ -5,12 +5,9 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact.cells.basis import Cells, hermite_functions, middles, ramp
-from casadi_contact.contact.cells.patches import BOXES
 from casadi_contact.contact.cells.quadrature import WIDTH_MM, touch_mm
 from casadi_contact.contact.elements.loops import point_distances
 from casadi_contact.core.conventions import rotation
-from casadi_contact.geometry.projection import grid_frame
-from tests.support.derivative_checks import check_jacobian
 from tests.support.meshes import cap_mesh, scene_of, sheet_mesh
 from tests.support.ready_poses import at
 
@@ -52,15 +49,6 @@ def test_cells_that_carry_are_near_enough_to_be_looked_at(tmp_path, size):
         assert (g.reshape(-1, points.shape[1]).min(axis=1) < touch_mm(size)).all()
         carried += len(carries)
     assert carried > 100
-
-
-@pytest.mark.parametrize("size_mm", [0.5, 0.85, 1.2, 1.7, 2.4, 5.0])
-def test_few_boxes_that_are_looked_at_together_are_empty(ball_mesh, size_mm):
-    """The search for cells in contact takes as long for an empty box as for a cell."""
-    (patch,) = cc.CellFoundation(ball_mesh, Cells(size_mm, size_mm), compiled=False).patches
-    sizes = np.diff(patch.patch.blocks)
-    assert sizes.sum() == len(patch.patch.corners)
-    assert sizes.sum() >= 0.4 * (BOXES * -(-sizes // BOXES)).sum()
 
 
 def test_no_overlap_gives_exactly_zero_and_the_distance():
@@ -118,23 +106,6 @@ def test_two_spots_on_a_mesh_carry_what_a_fine_element_grid_says(ball_mesh):
     assert float(spots.pressures_mpa @ spots.areas_mm2) == pytest.approx(pressed, rel=0.02)
 
 
-@pytest.mark.parametrize("pressing", [[0.0, 0.0, 1.0], [0.3, -0.6, 0.2]])
-def test_whichever_way_it_is_pressed_a_mesh_carries_the_same(ball_mesh, tmp_path, pressing):
-    """Both bodies turned together, so that what was up is against `pressing`: the loads turn with them."""
-    frame = grid_frame(pressing)
-    meshes = cap_mesh(RADIUS_MM, 1.5, 0.5), sheet_mesh(20.0, 0.8, bumps)
-    bodies = [(points @ frame, faces) for points, faces in meshes]
-    scene = scene_of(tmp_path, *bodies, extra=f"pressing = {pressing}")
-    upright, turned = (cc.CellFoundation(each, Cells(0.8, 0.8), compiled=False) for each in (ball_mesh, scene))
-    translation = np.array([0.5, RADIUS_MM - 0.05, 0.1])
-    force, torque = upright.wrenches([[*translation, 0.0, 0.0, 0.0]])[0, 0].reshape(2, 3)
-    assert np.linalg.norm(force) > 50.0
-    found = turned.wrenches([[*(translation @ frame), 0.0, 0.0, 0.0]])[0, 0].reshape(2, 3)
-    np.testing.assert_allclose(found[0], force @ frame, atol=0.01 * np.linalg.norm(force))
-    np.testing.assert_allclose(found[1], torque @ frame, atol=0.02 * np.linalg.norm(force) * TWO_BUMPS_MM)
-    check_jacobian(turned, np.array([[*(translation @ frame), 0.01, 0.02, 0.0]]), 1e-4)
-
-
 def test_a_cell_s_cubic_keeps_the_values_and_slopes_of_a_quadratic():
     size = Cells(1.0, 1.0, 5, 3)
     xi, eta = np.meshgrid(middles(5), middles(3), indexing="ij")
@@ -154,10 +125,3 @@ def test_the_smooth_ramp_joins_its_branches_and_has_no_second_moment():
     np.testing.assert_array_equal(value[x > 0.02], x[x > 0.02])
     missed = (value - np.maximum(x, 0.0)).sum() * (x[1] - x[0])
     assert abs(missed) < 1e-9  # a quadratic ramp of this width misses 7e-5
-
-
-def test_what_cells_do_not_cover_is_refused_with_the_cure():
-    with pytest.raises(ValueError, match=r"knee.*expected one of .*ElasticFoundation"):
-        cells("knee")
-    with pytest.raises(ValueError, match="at least 1 sub-point"):
-        cells("sphere_on_plane", Cells(1.0, 1.0, 0, 3))

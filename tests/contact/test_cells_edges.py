@@ -54,18 +54,3 @@ def test_derivatives_beside_an_edge_are_those_of_the_value(wheel):
     model = cc.CellFoundation(scene, SIZES[1])
     check_jacobian(model, poses, 1e-6)
     check_hessians(model, poses, 1e-4, 1e-3)
-
-
-def test_penetration_beside_an_edge_changes_as_its_slopes_say(wheel):
-    scene, poses = wheel
-    model = cc.CellFoundation(scene, SIZES[1], compiled=False)
-    steps = 1e-5 / np.repeat([1.0, 25.0], 3)
-    slopes = model.pressures(poses, ["penetration"])[1][:, 0] * steps
-    differences = np.stack(
-        [
-            0.5 * (model.summary(poses + move).penetration_mm - model.summary(poses - move).penetration_mm)[:, 0]
-            for move in np.diag(steps)
-        ],
-        axis=1,
-    )
-    np.testing.assert_allclose(slopes, differences, atol=1e-5 * np.abs(slopes).max())

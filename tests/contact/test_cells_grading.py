@@ -6,7 +6,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.mesh_chart import density
-from casadi_contact.contact.cells.patches import lay_lines, patch_charts
+from casadi_contact.contact.cells.patches import lay_lines
 from tests.support.meshes import cap_mesh, scene_of, sheet_mesh
 
 RADIUS_MM, SLOPE, RIDGE_RADIUS_MM = 12.0, 0.7, 1.0
@@ -36,16 +36,6 @@ def ridge(tmp_path_factory):
     fixed = sheet_mesh(12.0, 0.25, lambda x, z: SLOPE * (across - np.sqrt(z**2 + across**2)))
     folder = tmp_path_factory.mktemp("ridge")
     return scene_of(folder, cap_mesh(RADIUS_MM, 0.8, 0.9), fixed, grid=(320, 320))
-
-
-def test_lines_are_dense_over_the_ridge_alone(ridge):
-    (chart,) = patch_charts(ridge)
-    along, across = chart.densities
-    places = np.linspace(chart.low[1], chart.high[1], len(across))
-    assert np.abs(places[across.argmax()]) < 0.5
-    assert across.max() > 2.5
-    assert np.median(across[np.abs(places) > 4.0]) == 1.0
-    assert np.median(along) == 1.0
 
 
 @pytest.mark.parametrize(("cells", "share"), [(Cells(1.2, 0.85), 0.045), (Cells(0.6, 0.6, 4, 4), 0.008)], ids=str)

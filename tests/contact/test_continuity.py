@@ -5,7 +5,7 @@ import pytest
 
 from casadi_contact.contact.continuity import Motion, follow, unstable_equilibria
 from casadi_contact.contact.settle import settle
-from tests.support.two_dips import DIP_MM, STIFFNESS, contact_model, height, slope
+from tests.support.two_dips import DIP_MM, contact_model, height, slope
 
 FREE = ("tx", "ty")
 
@@ -56,20 +56,6 @@ def test_frames_strewn_over_all_places_come_together_in_one_dip(model, wanted):
     dip = np.sign(better[0, 0]) * DIP_MM
     np.testing.assert_allclose(better, settled(model, wanted, np.full(41, dip)), atol=1e-5)
     np.testing.assert_allclose(model(better)[:, 0], wanted["Fx"], atol=1e-5)
-
-
-def test_a_motion_without_leaps_stays_bit_for_bit(model, wanted):
-    for place in (-DIP_MM, 0.0):
-        poses = settled(model, wanted, np.full(41, place))
-        assert motion(model, wanted).without_leaps(poses, np.ones(41, dtype=bool)) is poses
-
-
-def test_a_leap_that_was_measured_stays(model, wanted):
-    held = np.zeros((41, 6))
-    held[:, 0] = np.where(np.arange(41) < 20, -DIP_MM, DIP_MM)
-    held[:, 1] = height(held[:, 0]) - np.sqrt(200.0 / STIFFNESS)
-    frames = Motion(model, ("ty",), {"Fy": wanted["Fy"]}, np.full(41, 1e-6), np.ones(41, dtype=bool))
-    np.testing.assert_array_equal(frames.without_leaps(held, np.ones(41, dtype=bool)), held)
 
 
 def test_an_unsolved_frame_beside_a_leap_is_found_from_its_neighbour(model, wanted):

@@ -7,7 +7,6 @@ import casadi_contact as cc
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.geometry.creases import smooth_regions
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
-from casadi_contact.scenes.shapes.mesh_bodies import body_field
 from tests.support.meshes import STIFFNESS, cap_mesh, scene_of, sheet_mesh, slab_mesh
 
 RADIUS_MM, OVERLAP_MM, TURN = 12.0, 0.2, 0.4  # of the ball; turn of the slab about y
@@ -61,15 +60,3 @@ def test_a_crease_parts_a_surface_where_it_ends_nowhere(first, regions):
         16.0, 1.0, lambda x, z: -np.maximum(x, 0.0) * (first + (1.3 - first) * (z + 8.0) / 16.0)
     )
     assert len(np.unique(smooth_regions(TriangleMesh("sheet", vertices, faces)))) == regions
-
-
-def test_noise_that_parts_single_triangles_makes_no_edges(tmp_path):
-    """A plate scanned with noise of 0.06 mm at edges of 0.3 mm: elements lie on the smooth surface also where creases
-    part a triangle from the others all round."""
-    vertices, faces = sheet_mesh(6.0, 0.3)
-    vertices[:, 1] += 0.06 * np.random.default_rng(0).standard_normal(len(vertices))
-    assert len(np.unique(smooth_regions(TriangleMesh("plate", vertices, faces)))) > 1
-    scene = scene_of(tmp_path, cap_mesh(20.0, 0.8, 0.5), (vertices, faces), grid=(80, 80))
-    (elements,) = scene.elements((80, 80))
-    distance, _ = body_field(scene.geometry, "fixed")(elements.centres_mm)
-    assert np.abs(distance).max() < 1e-6

@@ -6,7 +6,6 @@ import pytest
 
 import casadi_contact as cc
 from tests.support.compiler import needs_compiler
-from tests.support.derivative_checks import check_jacobian
 from tests.support.ready_poses import PLACES, in_cup, placed, pole
 
 
@@ -35,15 +34,6 @@ def test_it_agrees_with_a_fine_element_grid_inside_the_rim_and_cut_by_it(model):
     np.testing.assert_array_equal(model.at_edge(poses)[:, 0], [False, True, True, False])
 
 
-def test_half_a_spot_at_the_rim_carries_half_the_force(model):
-    scene, cup = model.scene, model.cup
-    reach = cup.radius - cup.ball_radius + 0.002  # a spot small against the rim's own curvature
-    angle = np.deg2rad(scene.geometry["cup_half_angle_deg"])
-    middle, at_rim = placed(scene, [[reach, 0.0], [reach * np.cos(angle), reach * np.sin(angle)]])
-    whole, half = (np.linalg.norm(model.wrenches(pose)[0, :3]) for pose in (middle, at_rim))
-    assert half == pytest.approx(0.5 * whole, rel=0.03)
-
-
 def test_out_of_contact_loads_are_zero_and_the_gap_is_the_distance_to_the_cup_or_its_rim(model):
     scene, cup = model.scene, model.cup
     clearance = cup.radius - cup.ball_radius
@@ -56,10 +46,6 @@ def test_out_of_contact_loads_are_zero_and_the_gap_is_the_distance_to_the_cup_or
     np.testing.assert_allclose(model.root_loads(poses[0])[1][0, :3], scene.gap_slope * pole(scene), rtol=1e-12)
 
 
-def test_jacobians_of_loads_and_roots_are_the_derivatives_of_the_values(model):
-    check_jacobian(model, placed(model.scene, PLACES[model.scene.name]), 2e-6)
-
-
 def test_the_choice_meets_the_tolerances_with_the_fewest_points():
     found = cc.foundation("hip", compiled=False)
     assert isinstance(found, cc.CupFoundation)
@@ -70,13 +56,6 @@ def test_the_choice_meets_the_tolerances_with_the_fewest_points():
     assert cc.foundation(strict, compiled=False).points > found.points
     with pytest.raises(ValueError, match="relax the scene's tolerances"):
         cc.foundation(found.scene.with_overrides(Fx=1e-12), compiled=False)
-
-
-def test_another_shape_and_another_number_of_points_are_refused():
-    with pytest.raises(ValueError, match="knee has the shape knee, expected ball_in_cup"):
-        cc.CupFoundation(cc.load_scene("knee"))
-    with pytest.raises(ValueError, match="multiple of 4"):
-        cc.CupFoundation(cc.load_scene("hip"), 10)
 
 
 @needs_compiler

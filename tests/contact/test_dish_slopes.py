@@ -51,19 +51,3 @@ def test_an_elastic_foundation_on_elements_changes_alike():
         for p, patch in enumerate(knee.patches):
             slopes = dish_slopes(patch, knee.law, RAYS, R, t)[0][..., radius]
             np.testing.assert_allclose(slopes, expected[:, p], atol=5e-3 * np.abs(expected).max())
-
-
-def test_out_of_contact_nothing_changes():
-    knee = foundation()
-    lifted = POSES + np.array([0.0, 5.0, 0.0, 0.0, 0.0, 0.0])
-    for patch in knee.patches:
-        wrenches, there, depths = dish_slopes(patch, knee.law, RAYS, rotation(lifted[:, 3:]), lifted[:, :3])
-        assert (wrenches == 0.0).all()
-        assert (depths == 0.0).all()
-        assert (there.depth < 0.0).all()
-
-
-def test_a_plane_has_no_dish():
-    plane = cc.PolarFoundation(cc.load_scene("sphere_on_plane"), RAYS, compiled=False)
-    with pytest.raises(ValueError, match="has no dish"):
-        dish_slopes(plane.patches[0], plane.law, RAYS, np.eye(3)[None], np.zeros((1, 3)))

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-import casadi_contact.geometry.elements as elements
 from tests.support.meshes import STIFFNESS, cap_mesh, scene_of, sheet_mesh, slab_mesh, torus_mesh
 
 OVERLAP_MM = 0.1
@@ -46,43 +45,6 @@ def test_force_on_a_meshed_sphere_is_within_one_per_cent(sphere):
     assert np.abs(smooth).max() < 0.01
     assert flat.mean() < -0.1
     print(f"sphere: smooth {smooth.min():.2%} to {smooth.max():.2%}, flat {flat.min():.1%} to {flat.max():.1%}")
-
-
-def test_force_on_a_meshed_torus_is_within_one_per_cent(torus):
-    poses = turned(RING_MM + TUBE_MM, OVERLAP_MM, 30, [0.0, 3.0, 0.2])
-    smooth = -cc.ElasticFoundation(torus)(poses)[:, 1] / torus_force() - 1.0
-    assert np.abs(smooth).max() < 0.01
-    print(f"torus: smooth {smooth.min():.2%} to {smooth.max():.2%}")
-
-
-def test_jacobian_and_root_loads_agree_with_differences(torus):
-    model = cc.ElasticFoundation(torus, (60, 60))
-    poses = turned(RING_MM + TUBE_MM, 0.15, 20, [0.03, 1.0, 0.2])
-    jacobian, h = model.jacobian(poses)[1], 1e-7
-    differences = np.stack([(model(poses + s) - model(poses - s)) / (2.0 * h) for s in h * np.eye(6)], axis=-1)
-    scale = np.abs(jacobian).max(axis=(0, 2), keepdims=True)
-    off = np.abs(jacobian - differences) / scale
-    assert np.quantile(off, 0.99) < 1e-6
-    assert off.max() < 1e-2  # where a step loaded another element
-    lifted = poses.copy()
-    lifted[:, 1] += 0.5
-    slope = model.root_loads(lifted)[1]
-    h = 1e-6
-    differences = [(model.root_loads(lifted + s)[0] - model.root_loads(lifted - s)[0]) / (2 * h) for s in h * np.eye(6)]
-    off = np.abs(slope - np.stack(differences, axis=-1))
-    assert np.quantile(off, 0.97) < 1e-4  # but where the nearest element changes
-
-
-def test_culling_never_changes_the_result(torus, monkeypatch):
-    poses = turned(RING_MM + TUBE_MM, 0.1, 20, [0.05, 3.0, 0.25])
-    poses[::2, 1] += np.linspace(-0.5, 4.0, 10)
-    model = cc.ElasticFoundation(torus, (60, 60))
-    wrenches, gaps = model.wrenches(poses), model.gaps(poses)
-    for side in (1, 7, 64):
-        monkeypatch.setattr(elements, "BLOCK_SIDE", side)
-        other = cc.ElasticFoundation(torus, (60, 60))
-        np.testing.assert_allclose(other.wrenches(poses), wrenches, rtol=1e-12, atol=1e-9)
-        np.testing.assert_allclose(other.gaps(poses), gaps, rtol=1e-12)
 
 
 @pytest.mark.parametrize("count", [40, 160])
@@ -132,11 +94,3 @@ def test_patches_that_share_a_bound_share_no_force(tmp_path):
         whole, parts = forces
         assert (parts < 0.0).all()
         np.testing.assert_allclose(parts.sum(axis=1), whole[:, 0], rtol=5e-3)
-
-
-def test_edges_of_the_fixed_mesh_are_known(sphere):
-    model = cc.ElasticFoundation(sphere)
-    poses = np.zeros((2, 6))
-    poses[:, 1] = RADIUS_MM - 0.1
-    poses[1, 0] = 6.0
-    assert model.at_edge(poses)[:, 0].tolist() == [False, True]

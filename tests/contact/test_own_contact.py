@@ -120,26 +120,6 @@ def test_a_table_is_trained_evaluated_and_transcribed(scene_file, tmp_path, name
         pipeline.take_table(project, write(table, table_rows(50)))
 
 
-def test_rows_of_one_pose_with_different_loads_are_named_as_a_table_is_taken(scene_file, tmp_path, caplog):
-    columns = table_rows(60)
-    pressed = int(columns["Fy"].argmax())
-    again = {name: np.append(column, column[pressed]) for name, column in columns.items()}
-    again["Fy"][-1] *= 0.95
-    project = pipeline.Project.open(scene_file, "small", tmp_path / "out")
-    samples = pipeline.take_table(project, write_csv(tmp_path / "t.csv", again))
-    assert f"row {pressed + 1}: Fy" in caplog.text
-    assert len(samples) == 61
-
-
-def test_a_table_that_was_mended_replaces_one_that_nothing_was_learned_from(scene_file, tmp_path):
-    columns, table = table_rows(60), tmp_path / "t.csv"
-    gaps = columns.pop("gap")
-    project = pipeline.Project.open(scene_file, "small", tmp_path / "out")
-    pipeline.take_table(project, write_csv(table, table_rows(50)))
-    mended = pipeline.take_table(project, write_csv(table, columns | {"gap": gaps}))
-    assert len(project.samples()) == len(mended) == 60
-
-
 def test_a_named_model_is_drawn_from(tmp_path):
     with pytest.raises(ValueError, match="model is 'foundations', expected one of elements, foundation"):
         cc.build("hip", "small", model="foundations", folder=tmp_path / "out")
@@ -156,35 +136,7 @@ def test_the_error_of_an_own_model_is_known_between_its_samples(scene_file, tmp_
         pipeline.calibrate(pipeline.Project.open(scene_file, "small", tmp_path / "out"))
 
 
-def test_a_model_of_another_scene_and_a_table_with_a_model_are_refused(scene_file, tmp_path):
-    model = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, own_contact.gaps)
-    with pytest.raises(ValueError, match="another scene than knee"):
-        cc.build("knee", model=model, folder=tmp_path / "out")
-    with pytest.raises(ValueError, match="a table of samples and a model, expected one"):
-        cc.build(scene_file, "small", model=model, table="table.csv", folder=tmp_path / "out")
-
-
-def test_an_elastic_foundation_says_that_it_has_no_geometry(scene_file, tmp_path):
-    with pytest.raises(ValueError, match="no geometry for an elastic foundation"):
-        cc.ElasticFoundation(own_contact.SCENE)
-    with pytest.raises(ValueError, match="no geometry for an elastic foundation"):
-        pipeline.sample(pipeline.Project.open(scene_file, "small", tmp_path / "out"))
-
-
-@pytest.mark.parametrize("name", ["step_mm", "step_rad", "approach_mm", "reach_mm"])
-@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
-def test_lengths_that_would_never_end_a_search_are_refused(name, value):
-    with pytest.raises(ValueError, match=f"{name} is .*, expected a finite number above 0"):
-        cc.CallableModel(own_contact.SCENE, own_contact.wrenches, **{name: value})
-
-
 def test_a_gap_is_never_beyond_the_reach():
     scene = cc.load_scene("sphere_on_plane")
     model = cc.CallableModel(scene, lambda poses: np.zeros((len(poses), 1, 6)), approach_mm=0.4, reach_mm=1.0)
     np.testing.assert_allclose(model.gaps(scene.start_pose), 1.0)
-
-
-def test_no_poses_have_no_derivatives():
-    model = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, own_contact.gaps)
-    values, slopes = model.jacobian(np.zeros((0, 6)))
-    assert (values.shape, slopes.shape) == ((0, 6), (0, 6, 6))

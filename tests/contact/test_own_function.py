@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact.approach import advance_to_contact
-from casadi_contact.contact.model_checks import check_contact_model, wrong_torques
 from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.workflow.project import reference_motion_cycles
@@ -35,7 +33,7 @@ def turned(count, most_rad=0.5):
     return poses
 
 
-@pytest.mark.parametrize("count", [1, 2, 7, 64])
+@pytest.mark.parametrize("count", [1, 7])
 @pytest.mark.parametrize("what", ["wrenches", "gaps"])
 def test_an_exception_of_a_user_s_own_function_goes_on_with_the_pose_that_raised_it(what, count):
     poses = turned(count)[::-1]
@@ -121,32 +119,6 @@ def test_torques_that_do_not_belong_to_their_forces_are_refused_with_the_cure(jo
         estimate()
 
 
-def test_of_a_model_without_torques_nothing_is_asked():
-    model = cc.CallableModel(own_contact.SCENE, lambda poses: own_contact.wrenches(poses) * np.repeat([1.0, 0.0], 3))
-    poses = np.array([[5.0, -2.0, 2.0, 0.1, 0.0, 0.0]])
-    wrenches, slopes = model.wrench_jacobian(poses)
-    assert wrenches.any()
-    assert wrong_torques(poses, wrenches[:, 0], slopes[:, 0]) == ""
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_loads_that_are_noisy_to_a_percent_are_not_taken_for_reversed_ones(seed):
-    """A soft contact's load rises by 0.4 % over 0.2 mm, less than its noise."""
-    rng = np.random.default_rng(seed)
-
-    def soft(poses):
-        depth = np.maximum(40.0 - own_contact.gaps(poses), 0.0)
-        e = poses[:, :3] - own_contact.CENTRE_MM
-        force = 10.0 * depth * e / np.linalg.norm(e, axis=1, keepdims=True)
-        noisy = force * (1.0 + 0.003 * rng.standard_normal((len(poses), 1)))
-        return np.concatenate([noisy, np.cross(own_contact.CENTRE_MM, noisy)], axis=1)[:, None, :]
-
-    model = cc.CallableModel(own_contact.SCENE, soft, own_contact.gaps)
-    poses = np.tile([*own_contact.CENTRE_MM, 0.0, 0.0, 0.0], (9, 1))
-    wanted = {"Fx": np.zeros(9), "Fy": np.full(9, 500.0), "Fz": np.zeros(9)}
-    check_contact_model(model, advance_to_contact(model, poses, wanted), wanted, tolerance_n=20.0)
-
-
 def with_friction(share, noise=0.0, seed=4):
     """Hysteresis: forces larger by a share where the pose before lay less deep, smaller where it lay deeper."""
     rng, before = np.random.default_rng(seed), [0.0]
@@ -161,7 +133,7 @@ def with_friction(share, noise=0.0, seed=4):
     return loop
 
 
-@pytest.mark.parametrize(("share", "noise"), [(0.001, 0.0), (0.1, 0.0), (0.1, 0.005), (0.0, 0.001), (0.0, 0.01)])
+@pytest.mark.parametrize(("share", "noise"), [(0.1, 0.0), (0.0, 0.01)])
 def test_loads_that_are_no_function_of_the_pose_are_refused(share, noise):
     """Hysteresis differs from one branch of the loop to the other, noise from call to call."""
     _, estimate = estimated(own_contact.SCENE, with_friction(share, noise), own_contact.gaps)
@@ -174,42 +146,12 @@ def test_loads_that_are_no_function_of_the_pose_are_refused(share, noise):
     assert share * size < off < (4.0 * share + 6.0 * noise) * size
 
 
-def test_a_noisy_model_settles_with_the_tolerance_and_steps_that_the_message_names():
-    rng = np.random.default_rng(3)
-
-    def noisy(poses):
-        return own_contact.wrenches(poses) * (1.0 + 0.001 * rng.standard_normal((len(poses), 1, 1)))
-
-    def estimate(tolerance_n, **steps):
-        model = cc.CallableModel(own_contact.SCENE, noisy, own_contact.gaps, **steps)
-        settings = SamplingSettings.from_scene(own_contact.SCENE, frames=21, settle_tolerance_n=tolerance_n)
-        return reference_motion(model, reference_motion_cycles(own_contact.SCENE, ()), settings)
-
-    with pytest.raises(ValueError, match="noise") as error:
-        estimate(1e-3)
-    tolerance, step_mm = map(float, re.search(r"_n = (\S+) .*step_mm = (\S+)", str(error.value)).groups())
-    _, report = estimate(tolerance, step_mm=step_mm, step_rad=step_mm / 25.0)
-    assert report.converged.mean() > 0.95
-
-
-@pytest.mark.parametrize("name", ["knee", "hip"])
-def test_a_stiff_contact_is_not_taken_for_noise_however_closely_poses_shall_settle(name):
-    scene = cc.load_scene(name)
+def test_a_stiff_contact_is_not_taken_for_noise_however_closely_poses_settle():
+    scene = KNEE
     settings = SamplingSettings.from_scene(scene, frames=5, settle_tolerance_n=1e-7)
     model = cc.ElasticFoundation(scene, settings.settle_grid)
     _, report = reference_motion(model, reference_motion_cycles(scene, ())[:1], settings)
     assert report.converged.all()
-
-
-def test_progress_counts_frames_until_all_are_settled():
-    scene = own_contact.SCENE
-    seen = []
-    model = cc.CallableModel(scene, own_contact.wrenches, own_contact.gaps)
-    settings = SamplingSettings.from_scene(scene, frames=11)
-    reference_motion(model, reference_motion_cycles(scene, ()), settings, lambda *counts: seen.append(counts))
-    assert seen[0] == (0, 33)
-    assert seen[-1] == (33, 33)
-    assert len(seen) > 3
 
 
 def test_out_of_contact_root_loads_fall_with_the_model_s_own_gaps():
@@ -240,24 +182,16 @@ def test_gaps_of_the_wrong_sign_are_refused_at_the_first_pose_that_carries_no_lo
         cc.settle(model, poses, free, wanted)
 
 
-def test_a_gap_that_is_a_little_late_is_no_wrong_sign():
-    """Elements find contact a little after the surfaces meet: overlap of 0.05 mm without load is taken as it is."""
-    late = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, lambda at: own_contact.gaps(at) - 0.05)
-    touching = np.zeros((1, 6))
-    touching[0, :3] = own_contact.CENTRE_MM + np.array([0.0, own_contact.CLEARANCE_MM - 0.001, 0.0])
-    assert late.gaps(touching)[0, 0] < 0.0
-    assert np.isfinite(late.root_loads(touching)[0]).all()
-
-
-def test_gaps_and_loads_that_are_no_numbers_are_named():
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_gaps_and_loads_that_are_not_finite_are_named(value):
     poses, free, wanted = lifted()
 
     def spoilt(function):
-        return lambda at: np.where((at[:, 5] > 0.2).reshape(-1, *[1] * (function(at).ndim - 1)), np.nan, function(at))
+        return lambda at: np.where((at[:, 5] > 0.2).reshape(-1, *[1] * (function(at).ndim - 1)), value, function(at))
 
     model = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, spoilt(own_contact.gaps))
     with pytest.raises(
-        ValueError, match=r"returned the gap nan mm of contact at tx 5 mm, .*, rz 17\.19°, expected a finite"
+        ValueError, match=r"returned the gap (nan|inf) mm of contact at tx 5 mm, .*, rz 17\.19°, expected a finite"
     ):
         model.gaps(poses)
     _, report = cc.settle(
@@ -268,8 +202,7 @@ def test_gaps_and_loads_that_are_no_numbers_are_named():
     assert report.converged[~spoilt_rows].all()
 
 
-@pytest.mark.parametrize("free", [("tx", "ty", "tz"), ("tx", "ty", "tz", "rx")])
-def test_a_model_without_loads_in_deep_overlap_loses_the_poses_that_want_them_and_no_others(free):
+def test_a_model_without_loads_in_deep_overlap_loses_the_poses_that_want_them_and_no_others():
     """From 300 N on its loads are not finite: a pose that wants 500 N reaches that border and is reported there."""
 
     def fails_deep(poses):
@@ -277,34 +210,10 @@ def test_a_model_without_loads_in_deep_overlap_loses_the_poses_that_want_them_an
         loads[np.linalg.norm(loads[:, 0, :3], axis=1) > 300.0] = np.nan
         return loads
 
-    poses, _, wanted = lifted(8)
+    poses, free, wanted = lifted(8)
     wanted["Fy"] = np.array([50.0, 100.0, 200.0, 250.0, 290.0, 310.0, 500.0, 900.0])
-    loads = wanted | ({"Tx": -2.0 * wanted["Fy"]} if len(free) > 3 else {})
-    _, report = cc.settle(cc.CallableModel(own_contact.SCENE, fails_deep, own_contact.gaps), poses, free, loads)
+    _, report = cc.settle(cc.CallableModel(own_contact.SCENE, fails_deep, own_contact.gaps), poses, free, wanted)
     np.testing.assert_array_equal(report.converged, wanted["Fy"] < 300.0, report.reason)
-
-
-@pytest.mark.filterwarnings("error::RuntimeWarning")
-@pytest.mark.parametrize("limit_n", [300.0, 0.0])
-def test_infinite_loads_are_loads_that_are_not_known(limit_n):
-    """Frames settle where loads are finite, or not, as with loads that are no numbers; numpy warns of nothing."""
-
-    def estimate(value):
-        def fails_deep(poses):
-            loads = own_contact.wrenches(poses)
-            loads[np.linalg.norm(loads[:, 0, :3], axis=1) > limit_n] = value
-            return loads
-
-        model = cc.CallableModel(own_contact.SCENE, fails_deep, own_contact.gaps)
-        settings = SamplingSettings.from_scene(own_contact.SCENE, frames=5)
-        cycles = reference_motion_cycles(own_contact.SCENE, ())[:1]
-        try:
-            return str(reference_motion(model, cycles, settings)[1])
-        except ValueError as error:
-            return str(error)
-
-    assert estimate(np.inf) == estimate(-np.inf) == estimate(np.nan)
-    assert "not finite" in estimate(np.inf)
 
 
 def test_settling_asks_for_loads_and_their_differences_once_for_each_step():
@@ -325,15 +234,6 @@ def test_settling_asks_for_loads_and_their_differences_once_for_each_step():
             np.testing.assert_array_equal(got, want)
             got[:] = 0.0  # what a caller does to them is its own affair
         np.testing.assert_array_equal(model.jacobian(at)[1], plain.jacobian(at)[1])
-
-
-@pytest.mark.parametrize("what", ["wrenches", "gaps"])
-def test_complex_loads_and_gaps_are_refused(what):
-    functions = {"wrenches": own_contact.wrenches, "gaps": own_contact.gaps}
-    complex_one = functions | {what: lambda poses: functions[what](poses).astype(complex)}
-    model = cc.CallableModel(own_contact.SCENE, **complex_one)
-    with pytest.raises(ValueError, match=f"returned complex {what}, expected real ones"):
-        getattr(model, what)(np.zeros(6))
 
 
 def test_a_model_may_write_into_the_poses_it_is_given():

@@ -76,11 +76,3 @@ def test_first_and_second_derivatives_by_all_inputs_are_those_of_the_loads(knee)
     second = np.column_stack([np.array(gradient(at + m) - gradient(at - m))[:, 0] for m in np.diag(steps)])
     square = np.array(hessian(at)) * np.outer(steps, steps)
     np.testing.assert_allclose(square, 0.5 * second * steps[:, None], atol=3e-3 * np.abs(square).max())
-
-
-def test_what_cannot_be_an_input_is_refused(knee):
-    with pytest.raises(ValueError, match="parameters stiffness, expected some of youngs_modulus"):
-        knee.function(parameters=["stiffness"])
-    log = cc.PolarFoundation(cc.load_scene("knee", law="log"), compiled=False)
-    with pytest.raises(ValueError, match="no factor of the loads under the law 'log'"):
-        log.function(parameters=["thickness"])

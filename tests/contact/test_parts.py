@@ -8,9 +8,7 @@ from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.networks.training.parallel import fit_all
 from casadi_contact.networks.training.settings import TrainingSettings
-from casadi_contact.samples.chunk import Chunk, draw_chunk
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples
-from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from tests.support.compiler import needs_compiler
 from tests.support.meshes import cap_mesh, scene_of, sheet_mesh
@@ -99,20 +97,3 @@ def test_networks_of_parts_give_the_loads_of_their_patches(tmp_path):
     again = cc.load_surrogate(tmp_path / "parts.h5")
     np.testing.assert_array_equal(again(test.poses), surrogate(test.poses))
     np.testing.assert_allclose(np.asarray(again.root_function()(test.poses[3])).ravel(), roots[3], rtol=1e-12)
-
-
-def test_a_model_that_knows_no_parts_is_refused_where_a_scene_has_them(tmp_path):
-    scene = ball_on_plate(tmp_path / "cut", med="split_z = [1.5]")
-    model = cc.CallableModel(scene, cc.ElasticFoundation(scene).wrenches)
-    start = np.array([[0.0, RADIUS_MM - 0.1, 3.5, 0.0, 0.0, 0.0]])
-    chunk = Chunk(1, -1, ("ty",), start, {"Fy": np.array([-300.0])}, np.zeros(1, dtype=np.uint8))
-    settings = SamplingSettings.from_scene(scene)
-    assert draw_chunk(model, cc.ElasticFoundation(scene), chunk, settings).wrenches.shape == (1, 3, 6)
-    with pytest.raises(ValueError, match="tells 2 patches apart, the scene 3 parts"):
-        draw_chunk(model, model, chunk, settings)
-
-
-def test_a_part_without_elements_is_refused(tmp_path):
-    scene = ball_on_plate(tmp_path / "cut", med="split_z = [6.95]")
-    with pytest.raises(ValueError, match="the part med_2 holds no element: check split_z"):
-        cc.ElasticFoundation(scene, (10, 5)).part_wrenches(poses_about(1))

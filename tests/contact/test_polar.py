@@ -31,18 +31,6 @@ def test_the_resultant_in_a_spherical_dish_passes_through_its_centre():
     np.testing.assert_allclose(about_centre, 0.0, atol=1e-4 * np.abs(wrench[3:]).max())
 
 
-def test_a_mirrored_pose_on_the_symmetric_knee_mirrors_the_loads():
-    model = polar("knee")
-    names = model.load_names
-    loads, mirrored = model(np.array([KNEE, np.multiply(KNEE, [1, 1, -1, -1, -1, 1])]))
-    swapped = {"Fy_med": "Fy_lat", "Fy_lat": "Fy_med"}
-    signs = {"Fz": -1.0, "Tx": -1.0, "Ty": -1.0}
-    assert min(-loads[:2]) > 50.0
-    for i, name in enumerate(names):
-        other = mirrored[names.index(swapped.get(name, name))]
-        assert signs.get(name, 1.0) * other == pytest.approx(loads[i], rel=1e-9, abs=1e-7)
-
-
 @pytest.mark.parametrize(
     ("name", "pose"),
     [("knee", KNEE), ("patellofemoral", [-49.7, 1.0, 0.3, 0.02, 0.05, 0.1])],
@@ -90,13 +78,6 @@ def test_more_rays_converge_and_the_choice_meets_the_tolerances_with_the_fewest(
     assert cc.foundation(strict, compiled=False).rays.count > model.rays.count
     with pytest.raises(ValueError, match="relax the scene's tolerances"):
         cc.foundation(cc.load_scene("knee").with_overrides(Tx=1e-9), compiled=False)
-
-
-def test_a_shape_without_a_smooth_spot_is_refused_with_the_cure():
-    with pytest.raises(ValueError, match=r"punch_on_plane.*expected one of .*ElasticFoundation"):
-        polar("punch_on_plane")
-    with pytest.raises(ValueError, match="multiple of 4"):
-        polar("knee", Rays(10, 3))
 
 
 def test_a_spot_as_wide_as_its_dish_is_deep_has_the_force_of_elements():

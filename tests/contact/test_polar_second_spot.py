@@ -79,23 +79,12 @@ def test_what_bears_on_the_rim_beside_a_spot_within_it_counts(pressed):
     assert (off[seen] > 0.05 * force[seen] + 1.0).mean() < 0.03
 
 
-def test_the_load_follows_that_of_elements_as_the_condyle_comes_down_on_both():
-    """First on a corner, from y = 0 on the other side too, whose spot then grows to the rim."""
-    scene = fitting(41.0, 23.0)
-    poses = (
-        np.array([-8.839, 13.7002, 2.2538, -0.667, 0.1878, -0.8793])
-        + np.linspace(0.1, -0.03, 14)[:, None] * np.eye(6)[1]
-    )
-    model, fine = cc.PolarFoundation(scene, Rays(16, 3), compiled=False), cc.ElasticFoundation(scene, (320, 160))
-    np.testing.assert_allclose(model.wrenches(poses)[:, 0, 1], fine.wrenches(poses)[:, 0, 1], rtol=0.03)
-
-
 @needs_compiler
 def test_c_and_numpy_are_the_same_formulas_with_two_spots(pressed):
     model, R, t = pressed
     poses = as_poses(R, t)
-    two = poses[model.at_edge(poses)[:, 0]][:12]
-    assert len(two) == 12
+    two = poses[model.at_edge(poses)[:, 0]][:8]
+    assert len(two) == 8
     check_same_formulas(cc.PolarFoundation(model.scene, model.rays), model, two)
 
 

@@ -9,10 +9,9 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact.approach import advance_to_contact
 from casadi_contact.core.conventions import pose_index
-from casadi_contact.samples.liftoff import lift_all
 from casadi_contact.samples.reference import reference_poses
 from casadi_contact.scenes.joint_cycle import JointCycle
-from tests.support.held_scenes import AT_ZERO, LOCKED, SLOPE, held_ball, scene_held
+from tests.support.held_scenes import AT_ZERO, LOCKED, SLOPE, held_ball
 
 DISH_MM = 45.0
 WANTED = {"Fy": np.array([-300.0, -500.0]), "Fx": np.array([-20.0, 30.0])}
@@ -73,34 +72,3 @@ def test_a_body_touches_first_where_the_joint_lets_it_be(ball):
     poses = advance_to_contact(ball, OFF, {})
     is_held(poses)
     assert np.abs(ball.gaps(poses)).max() < 2e-3
-
-
-def test_lifted_poses_stay_on_the_tie():
-    """tx rises with ty here: 2 mm up is 1 mm aside."""
-    tie = {"tied": {"tx": {"to": "ty", "slope": 0.5, "at_zero": -15.0}}}
-    ball = cc.ElasticFoundation(scene_held("sphere_in_dish", tie), (60, 60))
-    poses = advance_to_contact(ball, np.zeros((1, 6)), {})
-    assert abs(ball.gaps(poses)[0, 0]) < 2e-3
-    lifted = lift_all(ball, poses, liftoff_mm=2.0, steps=4)[0]
-    np.testing.assert_allclose(lifted[:, 1], poses[0, 1] + [0.5, 1.0, 1.5, 2.0])
-    np.testing.assert_allclose(lifted[:, 0], 0.5 * lifted[:, 1] - 15.0)
-
-
-def test_stiffness_is_that_of_moves_the_joint_allows(ball):
-    """Along tx the ball goes along its rail: by a difference of loads there."""
-    poses, _ = cc.settle(ball, OFF[:1], ("tx", "ty"), {name: curve[:1] for name, curve in WANTED.items()})
-    found, step = cc.sensitive_directions(ball, poses[0]), 1e-4
-    along = step * np.array([1.0, 0.0, SLOPE, 0.0, 0.0, 0.0])
-    change = (ball(poses + along) - ball(poses - along))[0] / (2.0 * step)
-    change[3:] /= 25.0
-    assert found.stiffness["tx"] == pytest.approx(np.linalg.norm(change), rel=1e-3)
-    assert [found.stiffness[name] for name in ("tz", "rx", "ry")] == [0.0, 0.0, 0.0]
-    assert found.names[0] == "ty"
-
-
-def test_the_foundation_itself_tells_what_holds_a_lock(ball):
-    """Off the tie its loads are those of the pose as given: the same ball on no rail."""
-    free = cc.ElasticFoundation(cc.load_scene("sphere_in_dish"), (120, 120))
-    pose = np.array([[0.3, 29.9, 1.5, 0.2, 0.0, 0.1]])
-    np.testing.assert_array_equal(ball(pose), free(pose))
-    assert np.abs(ball(pose) - ball(ball.scene.pose_space.onto(pose))).max() > 10.0

@@ -105,12 +105,6 @@ def test_out_of_contact_they_are_zero_and_there_is_no_centre():
     assert got["contact_area_med"] > 10.0
 
 
-def test_names_are_checked():
-    model = cc.PolarFoundation(cc.load_scene("knee"), compiled=False)
-    with pytest.raises(ValueError, match=r"pressures peak_pressure, expected some of contact_area_med"):
-        model.pressures(KNEE, ["peak_pressure"])
-
-
 @needs_compiler
 def test_c_and_numpy_are_the_same_formulas(case):
     make, plain, poses = case
@@ -146,13 +140,3 @@ def test_ipopt_lowers_the_peak_pressure_of_a_knee_that_carries_its_loads():
     assert max(by_name(model, pose)[f"peak_pressure_{side}"] for side in ("med", "lat")) == pytest.approx(
         float(found["f"]), rel=1e-6
     )
-
-
-@pytest.mark.parametrize("make", [lambda: cc.PolarFoundation(cc.load_scene("knee"), Rays(12, 3), compiled=False),
-                                  lambda: cc.CupFoundation(cc.load_scene("hip"), compiled=False)])  # fmt: skip
-def test_no_poses_have_no_pressures(make):
-    model, none = make(), np.zeros((0, 6))
-    values, slopes = model.pressures(none)
-    count = len(model.pressure_names)
-    assert (values.shape, slopes.shape) == ((0, count), (0, count, 6))
-    assert model.summary(none).centre_mm.shape == (0, len(model.patch_names), 3)

@@ -62,27 +62,3 @@ def test_a_ball_has_no_edges(folder):
     share = share_at_sharp_edges(model_of(folder, "ball", 0.75), [[0.0, RADIUS - 0.2, 0.0, 0.3, 0.2, 0.1]])
     np.testing.assert_array_equal(share, 0.0)
     assert unmodelled_load_words({"at_sharp_edges": share}) == {}
-
-
-def test_of_edges_that_are_noise_a_finer_field_mends_nothing(folder):
-    """Its highest points alone bear, and more than the π·K/h·d²·(R - d/3) of a smooth ball of its mean radius."""
-    points, faces = ball_mesh(RADIUS, 0.5)
-    noise_mm = 0.15 * np.random.default_rng(0).standard_normal((len(points), 1))
-    write_obj(folder / "rough.obj", points * (1.0 + noise_mm / RADIUS), faces)
-    pose, smooth_n = [0.0, RADIUS - 0.2, 0.0, 0.0, 0.0, 0.0], np.pi * STIFFNESS * 0.2**2 * (RADIUS - 0.2 / 3.0)
-    models = [model_of(folder, "rough", spacing_mm) for spacing_mm in (0.75, 0.3)]
-    too_much = [-float(model([pose])[0, model.load_names.index("Fy")]) / smooth_n - 1.0 for model in models]
-    assert too_much[0] > 0.1
-    assert too_much[1] > 0.7 * too_much[0]
-    share = share_at_sharp_edges(models[0], [pose])
-    assert share[0] > 0.1
-    assert (
-        "a smoother mesh where they are a scan's noise"
-        in unmodelled_load_words({"at_sharp_edges": share})["at_sharp_edges"]
-    )
-
-
-def test_a_body_out_of_contact_and_one_from_formulas_bear_none(folder):
-    wheel, sphere = model_of(folder, "wheel", 0.75), cc.ElasticFoundation(cc.load_scene("sphere_on_plane"), (40, 40))
-    np.testing.assert_array_equal(share_at_sharp_edges(wheel, [[0.0, 20.0, 0.0, 0.3, 0.0, 0.0]]), 0.0)
-    np.testing.assert_array_equal(share_at_sharp_edges(sphere, [sphere.scene.start_pose]), 0.0)

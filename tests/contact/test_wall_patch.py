@@ -6,7 +6,6 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.optimisation.contact_frames import ContactFrames
-from casadi_contact.optimisation.verification.unmodelled_load import share_on_walls
 from tests.support.ball_in_corner import RADIUS_MM, force_n, write_corner
 from tests.support.meshes import mesh_scene_text
 
@@ -49,12 +48,6 @@ def test_a_ball_in_the_corner_is_carried_by_floor_and_wall_as_by_two_planes(mode
     np.testing.assert_allclose(model.gaps(corner(-1.5, -0.5)), [0.5, 1.5], atol=0.02)  # cells: of the nearest corner
 
 
-def test_load_on_the_wall_is_lost_no_longer(folder, model):
-    poses = np.array([corner(0.3, -0.5)])
-    assert share_on_walls(cc.ElasticFoundation(scene_of(folder, FLOOR, '["-Fy_floor"]')), poses) == 1.0
-    np.testing.assert_array_equal(share_on_walls(model, poses), 0.0)
-
-
 def test_ipopt_finds_the_pose_that_presses_both(model):
     frames = ContactFrames(model, 1, locked={"tz": 2.0, "rx": 0.0, "ry": 0.0, "rz": 0.0})
     wanted = {"Fy_floor": -force_n(0.3), "Fx_wall": -force_n(0.2)}
@@ -73,9 +66,3 @@ def test_patches_seen_from_different_sides_share_what_both_see_alone(folder):
                 folder, FLOOR + WALL.replace("[-1.0, 0.0, 0.0]", "[-1.0, -1.0, 0.0]").replace("0.5, 16", "-0.5, 16")
             )
         )
-
-
-def test_a_direction_is_checked(folder):
-    for wrong, said in (("[0.0, 0.0, 0.0]", "a direction, for example"), ("[1.0, 0.0]", "3 numbers")):
-        with pytest.raises(ValueError, match=rf"geometry\.patches\.wall\.pressing.*{said}"):
-            scene_of(folder, FLOOR + WALL.replace("[-1.0, 0.0, 0.0]", wrong))

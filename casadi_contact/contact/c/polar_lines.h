@@ -100,8 +100,8 @@ INLINE void find_edges(const Surfaces *s, const Place *p, Lines *lines) {
     lines->line[j].edge = smaller_of(lines->line[j].edge, reach[j]);
   }
   for (int i = 0; i < EDGE_STEPS; i++) moved = step_edges(s, p, reach, lines);
-  if (any(moved > FINE)) step_edges(s, p, reach, lines);
-  if (any(moved > SETTLED)) {
+  if (any(moved > EDGE_TOLERANCE)) step_edges(s, p, reach, lines);
+  if (any(moved > BRACKET_FROM)) {
     for (int j = 0; j < lines->count; j++) bracket_edges(s, p, reach[j], lines->line + j);
   }
   lines->cut = 0;

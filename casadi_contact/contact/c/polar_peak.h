@@ -87,7 +87,7 @@ INLINE Spot highest(const Surfaces *s, const Place *p, Spot spot, int what) {
     for (int e = 0; e < 2; e++) part = larger(part, fabs(step[e]) / (high[e] - low[e]));
     stretch_of(s, at.x[1] + step[1], stretch);
     tried = spot_at(s, p, (at.x[0] + step[0]) * stretch[0], at.x[1] + step[1], what);
-    if (part < LAST_STEP) return tried;
+    if (part < LEAST_STEP) return tried;
     if (tried.depth > spot.depth) {
       spot = tried;
       trust *= 2.0;
@@ -122,7 +122,7 @@ FUNCTION Spot nearest_to(const Surfaces *s, const Place *p, double u, double v) 
   if (least[lowest] < -best.depth) best = spot_at(s, p, along[lowest], across[lowest], AT_START);
   best = highest(s, p, best, AT_START);
   gauss = best.curvature[0] * best.curvature[2] - best.curvature[1] * best.curvature[1];
-  if (best.curvature[0] > 0.0 && gauss > SINGLE * best.kappa / (s->tube_radius - best.depth)) return best;
+  if (best.curvature[0] > 0.0 && gauss > LEAST_CONVEXITY * best.kappa / (s->tube_radius - best.depth)) return best;
   for (int row = 0; row < STARTS; row++) {
     const Spot other = highest(s, p, spot_at(s, p, along[row], across[row], AT_START), AT_START);
     if (other.depth > best.depth) best = other;
@@ -171,7 +171,7 @@ INLINE void deepest(const Surfaces *s, const Place *p, double *u, double *v) {
     if (arc == before) break;
   }
 #endif
-  for (int i = 0; i < (TORUS ? MIDDLE_STEPS : 1); i++) {
+  for (int i = 0; i < (TORUS ? CENTRE_STEPS : 1); i++) {
     const Arc *arc;
     double inverse;
     turn_to_body(p, direction, seen);
@@ -279,7 +279,7 @@ FUNCTION int middle_of(const Surfaces *s, const Place *p, Middle *middle, Spot *
   middle->whole = whole && is_within(s, u - reach_u, v) && is_within(s, u + reach_u, v) &&
                   is_within(s, u, v - reach_v) && is_within(s, u, v + reach_v) &&
                   k[2] * slope[0] * slope[0] - 2.0 * k[1] * slope[0] * slope[1] + k[0] * slope[1] * slope[1] <
-                      OFF_TOP * depth * determinant;
+                      MOST_RISE * depth * determinant;
   if (middle->whole) {
     as_ellipse(middle);
     return 1;

@@ -3,7 +3,7 @@
 INLINE int on_rim(const double low[2], const double high[2], const Charted *at) {
   int found = 0;
   for (int e = 0; e < 2; e++) {
-    found |= smaller(at->x[e] - low[e], high[e] - at->x[e]) <= ON_RIM * (high[e] - low[e]);
+    found |= smaller(at->x[e] - low[e], high[e] - at->x[e]) <= RIM_TOLERANCE * (high[e] - low[e]);
   }
   return found;
 }
@@ -26,7 +26,7 @@ FUNCTION int second_from(const Surfaces *s, const Place *p, const Middle *first,
 
 /* Returns 0 where there is none. */
 FUNCTION int second_middle(const Surfaces *s, const Place *p, const Middle *first, Middle *second) {
-  double low[2], high[2], least = HOVERING, u = 0.0, v = 0.0;
+  double low[2], high[2], least = RIM_REACH, u = 0.0, v = 0.0;
   box_of(s, low, high);
   for (int i = 0; i < RIM_STARTS; i += BLOCK) {
     const Lanes out_u = lanes_at(rim_out_u + i), out_v = lanes_at(rim_out_v + i);
@@ -39,17 +39,17 @@ FUNCTION int second_middle(const Surfaces *s, const Place *p, const Middle *firs
     along *= s->offset + s->rho_sign * root(s->radius * s->radius - across * across);
 #endif
     cast(s, p, along, across, OWN_ARC, AT_START, &ray);
-    if (!any(ray.g < HOVERING)) continue;
+    if (!any(ray.g < RIM_REACH)) continue;
     found = smaller_of(rise_of(&ray, out_u, all(0.0)), rise_of(&ray, all(0.0), out_v)) < 0.0;
     if (!first->whole) {
       const Charted here = charted(s, &first->spot);
       found &= (size_of(w - here.x[0]) > 0.5 * (high[0] - low[0])) | (size_of(across - here.x[1]) > 0.5 * (high[1] - low[1]));
     }
-    g = pick(found, ray.g, all(HOVERING));
+    g = pick(found, ray.g, all(RIM_REACH));
     if (!any(g < least)) continue;
     for (int l = 0; l < BLOCK; l++) {
       if (g[l] < least) least = g[l], u = along[l], v = across[l];
     }
   }
-  return least < HOVERING && second_from(s, p, first, u, v, second);
+  return least < RIM_REACH && second_from(s, p, first, u, v, second);
 }

@@ -92,11 +92,6 @@ typedef struct {
   Lanes arc;
 } Ray;
 
-#define STEEPEST (-0.05)
-#define MOST_SHORTER (-0.5)
-#define LEAST_RISE 1e-9
-#define LEAST_CURVATURE 1e-4
-#define LEAST_LENGTH 1e-12
 
 INLINE void fixed_point(const Surfaces *s, Lanes u, Lanes v, Ray *ray) {
 #if TORUS

@@ -12,7 +12,7 @@ from casadi_contact.contact.approach import press_until
 from casadi_contact.contact.compiled_foundation import CompiledPressures
 from casadi_contact.contact.convergence import cheapest, forces_tried
 from casadi_contact.contact.cup.quadrature import Cup, any_across, cup_loads, cup_moments, cup_of, nodes
-from casadi_contact.contact.foundation_source import C_FOLDER, braces
+from casadi_contact.contact.foundation_source import C_FOLDER, definitions
 from casadi_contact.contact.pressure_law import law_of
 from casadi_contact.core.conventions import Array
 from casadi_contact.networks.kernel.source import c_text
@@ -22,6 +22,7 @@ from casadi_contact.scenes.scene import Scene
 def cup_source(cup: Cup, points: int) -> str:
     """Tables of the cup and `patch_loads`."""
     numbers = {
+        "POINTS": points,
         "BALL_RADIUS": cup.ball_radius,
         "CUP_RADIUS": cup.radius,
         "RIM_COS": float(np.cos(cup.half_angle)),
@@ -37,14 +38,7 @@ def cup_source(cup: Cup, points: int) -> str:
         "arc_node[POINTS]": n.arc,
         "arc_weight[POINTS]": n.arc_weight,
     }
-    return "\n".join(
-        [
-            f"#define POINTS {points}",
-            *(f"#define {name} {value!r}" for name, value in numbers.items()),
-            *(f"static const double {name} = {braces(values)};" for name, values in tables.items()),
-            c_text("cup.h", C_FOLDER),
-        ]
-    )
+    return "\n".join([*definitions(numbers, tables), c_text("cup.h", C_FOLDER)])
 
 
 POINTS = 12

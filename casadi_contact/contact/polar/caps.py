@@ -13,13 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from casadi_contact.contact.polar.lines import Lines
-from casadi_contact.contact.polar.peak import LEAST_CHORD_MM, Peak, edge_distance
-from casadi_contact.contact.polar.ray_hits import LEAST_LENGTH, LEAST_RISE, Spot, bounded, ray_hits, rise
+from casadi_contact.contact.polar.peak import Peak, edge_distance
+from casadi_contact.contact.polar.ray_hits import Spot, ray_hits, rise
 from casadi_contact.contact.polar.surfaces import SmoothPatch
 from casadi_contact.core.conventions import Array
-
-CHORD_STEPS = 2
-LEAST_TILT = 1e-9  # between the junction's plane and the patch
 
 
 @dataclass(frozen=True)
@@ -72,7 +69,7 @@ def _junction(patch: SmoothPatch, R: Array, t: Array, m: Spot, number: int) -> _
     point = t + R[:, :, :2] @ patch.arcs[number, :2]
     normal = np.where(forward, 1.0, -1.0)[:, None] * (R[:, :, :2] @ patch.arcs[number, 3:])
     rates = np.einsum("nai,ni->na", m.ends.tangents, normal)
-    rate = np.maximum(np.linalg.norm(rates, axis=1), LEAST_TILT)
+    rate = np.maximum(np.linalg.norm(rates, axis=1), patch.tuning.least_tilt)
     across = rates / rate[:, None]
     along = np.stack([-across[:, 1], across[:, 0]], -1)
     distance = -np.sum((m.ends.x - point) * normal, -1) / rate
@@ -85,7 +82,7 @@ def _chord(patch: SmoothPatch, R: Array, t: Array, peak: Peak, junctions: list[_
     # The depth on the line, from the peak's: greatest at `top`
     both = np.stack([j.across, j.along], 1)
     slope, k = np.einsum("nia,na->ni", both, m.slope), both @ m.curvature @ np.swapaxes(both, 1, 2)
-    k_along, slope_along = bounded(k[:, 1, 1]), slope[:, 1] - k[:, 0, 1] * j.distance
+    k_along, slope_along = np.maximum(k[:, 1, 1], patch.tuning.least_curvature), slope[:, 1] - k[:, 0, 1] * j.distance
     top = slope_along / k_along
     depth = np.maximum(m.depth, 0.0) + 0.5 * slope_along * top
     depth += (slope[:, 0] - 0.5 * k[:, 0, 0] * j.distance) * j.distance
@@ -107,13 +104,13 @@ def _bend(m: Spot, directions: Array) -> Array:
 def _lines(patch: SmoothPatch, R: Array, t: Array, peak: Peak, chord: _Chord, count: int) -> list[Lines]:
     """Rays of the fan across the cap, on the arcs before and behind the junction."""
     m, j = peak.spot, chord.junction
-    start, directions, r, weight = _fan(peak, _ends(patch, R, t, chord), count)
+    start, directions, r, weight = _fan(peak, _ends(patch, R, t, chord), count, patch.tuning.least_chord)
     arc, behind = (np.repeat(a[:, None], count, 1) for a in (j.before, j.behind))
     du, dv = np.moveaxis(directions, -1, 0)
     turned = np.einsum("nma,na->nm", directions, j.across)
     weight = np.where(turned > 0.0, weight, 0.0)  # too short a chord to have a direction
     rate = np.where(weight > 0.0, j.rate[:, None] * turned, np.inf)
-    for _ in range(CHORD_STEPS):  # Newton's, onto the junction
+    for _ in range(patch.tuning.chord_steps):  # Newton's, onto the junction
         ends = ray_hits(patch, R, t, start[:, :1] + r * du, start[:, 1:] + r * dv, arc=arc)
         r = r - j.past(ends.x) / rate
     u, v = start[:, :1] + r * du, start[:, 1:] + r * dv
@@ -124,7 +121,7 @@ def _lines(patch: SmoothPatch, R: Array, t: Array, peak: Peak, chord: _Chord, co
     bend = _bend(m, directions)
     found = []
     for number, sign in ((arc, -1.0), (behind, 1.0)):
-        edge = edge_distance(left, falls, k + bend * _more_curved(patch, R, t, m, number))
+        edge = edge_distance(left, falls, k + bend * _more_curved(patch, R, t, m, number), patch.tuning.least_curvature)
         found.append(Lines(u, v, directions, np.where(crosses, edge, 0.0), number, sign * weight * r, sign * weight))
     return found
 
@@ -133,17 +130,17 @@ def _ends(patch: SmoothPatch, R: Array, t: Array, chord: _Chord) -> Array:
     """(u, v) of the chord's ends (n, 2, 2), by Newton's method on g = 0 and on the junction's plane."""
     j, half, outwards = chord.junction, chord.half[:, None], np.array([-1.0, 1.0])
     s, r, arc = half * outwards, np.zeros((len(half), 2)), np.repeat(j.before[:, None], 2, 1)
-    for _ in range(CHORD_STEPS):
+    for _ in range(patch.tuning.chord_steps):
         u, v = chord.points(s, r)
         ends = ray_hits(patch, R, t, u, v, arc=arc)
         step = np.clip(-j.past(ends.x) / j.rate[:, None], -0.5 * half, 0.5 * half)
         g = ends.g + rise(ends, *j.across.T[..., None]) * step
-        out = g / np.maximum(outwards * rise(ends, *j.along.T[..., None]), LEAST_RISE)
+        out = g / np.maximum(outwards * rise(ends, *j.along.T[..., None]), patch.tuning.least_rise)
         s, r = s - np.clip(out, -0.5 * half, 0.5 * half) * outwards, r + step
     return np.stack(chord.points(s, r), -1)
 
 
-def _fan(peak: Peak, ends: Array, count: int) -> tuple[Array, Array, Array, Array]:
+def _fan(peak: Peak, ends: Array, count: int, least_chord: float) -> tuple[Array, Array, Array, Array]:
     """Start (n, 2) of a fan of rays, their directions (n, m, 2), distances (n, m) to the chord, weights of the angle.
 
     Where `form` makes the spot a circle the fan is a right angle over the chord: caps up to a half circle are smooth
@@ -155,9 +152,9 @@ def _fan(peak: Peak, ends: Array, count: int) -> tuple[Array, Array, Array, Arra
     cosine, sine, share = fan_angles(count)
     directions = cosine[:, None] * across[:, None] + sine[:, None] * half[:, None]
     size = np.linalg.norm(half, axis=1)[:, None]
-    directions = np.einsum("nab,nmb->nma", peak.form, directions / np.maximum(size, LEAST_CHORD_MM)[..., None])
+    directions = np.einsum("nab,nmb->nma", peak.form, directions / np.maximum(size, least_chord)[..., None])
     start = np.einsum("nab,nb->na", peak.form, 0.5 * (x[:, 0] + x[:, 1]) - across)
-    return start, directions, size / cosine, np.where(size > LEAST_CHORD_MM, share, 0.0)
+    return start, directions, size / cosine, np.where(size > least_chord, share, 0.0)
 
 
 def fan_angles(count: int) -> tuple[Array, Array, Array]:
@@ -173,4 +170,4 @@ def _more_curved(patch: SmoothPatch, R: Array, t: Array, m: Spot, arc: np.ndarra
     end = np.einsum("nji,nj->ni", R, m.ends.x - t)[:, :2] - own[:, :2]
     rho = np.hypot(*end.T)
     other = rho[:, None] + patch.arcs[arc, 2] - own[:, 2:3]
-    return np.asarray(m.ends.kappa_2[:, None] * (rho[:, None] / np.maximum(other, LEAST_LENGTH) - 1.0))
+    return np.asarray(m.ends.kappa_2[:, None] * (rho[:, None] / np.maximum(other, patch.tuning.least_length) - 1.0))

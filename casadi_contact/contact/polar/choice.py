@@ -18,7 +18,7 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_t
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.contact.polar.peak import nearest, peak
-from casadi_contact.contact.polar.quadrature import FACING, PatchLoads, patch_loads
+from casadi_contact.contact.polar.quadrature import PatchLoads, patch_loads
 from casadi_contact.contact.polar.ray_hits import fixed_point
 from casadi_contact.contact.polar.surfaces import SmoothPatch, u_range
 from casadi_contact.core.conventions import Array, evenly, load_selection
@@ -161,7 +161,7 @@ def _poses_for_elements(patch: SmoothPatch, R: Array, t: Array, wrench: Array) -
     turned, place = patch.turn @ R, t @ patch.turn.T
     spot = peak(patch, turned, place).spot
     near = nearest(patch, turned, place, spot.u, spot.v)
-    front = (near.depth > 0.0) & (near.ends.slope < FACING)
+    front = (near.depth > 0.0) & (near.ends.slope < patch.tuning.facing)
     return R[front], t[front], wrench[front]
 
 

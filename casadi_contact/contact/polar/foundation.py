@@ -3,34 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 
 import numpy as np
 
 from casadi_contact.contact.compiled_foundation import CompiledPressures
-from casadi_contact.contact.foundation_source import C_FOLDER, braces
-from casadi_contact.contact.polar.caps import CHORD_STEPS, LEAST_TILT, fan_angles
-from casadi_contact.contact.polar.lines import BRACKET_STEPS, EDGE_STEPS, FINE, SETTLED, Rays, ray_angles
-from casadi_contact.contact.polar.peak import (
-    ACROSS,
-    LAST_STEP,
-    LEAST_CHORD_MM,
-    MIDDLE_STEPS,
-    OFF_TOP,
-    SEARCH_STEPS,
-    SINGLE,
-    SWEEPS,
-)
-from casadi_contact.contact.polar.quadrature import (
-    FACING,
-    HOVERING_MM,
-    ON_RIM,
-    OUTWARDS,
-    RIM_STARTS,
-    fits_closely,
-    patch_loads,
-    patch_moments,
-)
-from casadi_contact.contact.polar.ray_hits import LEAST_UPRIGHT
+from casadi_contact.contact.foundation_source import C_FOLDER, braces, definitions
+from casadi_contact.contact.polar.caps import fan_angles
+from casadi_contact.contact.polar.lines import Rays, ray_angles
+from casadi_contact.contact.polar.peak import ACROSS
+from casadi_contact.contact.polar.quadrature import OUTWARDS, RIM_STARTS, fits_closely, patch_loads, patch_moments
 from casadi_contact.contact.polar.surfaces import SmoothPatch, Torus, smooth_patches
 from casadi_contact.contact.pressure_law import law_of
 from casadi_contact.core.conventions import Array
@@ -52,25 +34,9 @@ def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
         "TURNED": int(any((patch.turn != np.eye(3)).any() for patch in patches)),
         "CURVED_RIM": int(np.isfinite(patches[0].rim.spread)),
         "CAP_LINES": rays.in_caps,
-        "CHORD_STEPS": CHORD_STEPS,
-        "LEAST_TILT": LEAST_TILT,
-        "LEAST_UPRIGHT": LEAST_UPRIGHT,
-        "MIDDLE_STEPS": MIDDLE_STEPS,
-        "EDGE_STEPS": EDGE_STEPS,
-        "BRACKET_STEPS": BRACKET_STEPS,
-        "FINE": FINE,
-        "SETTLED": SETTLED,
-        "SEARCH_STEPS": SEARCH_STEPS,
-        "SWEEPS": SWEEPS,
-        "LAST_STEP": LAST_STEP,
-        "OFF_TOP": OFF_TOP,
-        "LEAST_CHORD": LEAST_CHORD_MM,
-        "SINGLE": SINGLE,
+        **{name.upper(): value for name, value in asdict(patches[0].tuning).items()},
         "STARTS": len(ACROSS),
         "RIM_STARTS": RIM_STARTS.shape[1],
-        "HOVERING": HOVERING_MM,
-        "FACING": FACING,
-        "ON_RIM": ON_RIM,
     }
     tables = {
         "ray_cos[RAYS]": free[0],
@@ -88,8 +54,7 @@ def polar_source(patches: Sequence[SmoothPatch], rays: Rays) -> str:
         tables |= {"fan_cos[CAP_LINES]": fan[0], "fan_sin[CAP_LINES]": fan[1], "fan_weight[CAP_LINES]": fan[2]}
     return "\n".join(
         [
-            *(f"#define {name} {value}" for name, value in sizes.items()),
-            *(f"static const double {name} = {braces(values)};" for name, values in tables.items()),
+            *definitions(sizes, tables),
             c_text("polar_surfaces.h", C_FOLDER),
             f"static const Surfaces surfaces[PATCHES] = {{{', '.join(map(_surfaces, patches))}}};",
             c_text("polar_peak.h", C_FOLDER),
@@ -112,9 +77,6 @@ def _surfaces(patch: SmoothPatch) -> str:
     return f"{{{', '.join(fields)}, {{{', '.join(map(braces, patch.arcs))}}}}}"
 
 
-RAYS = Rays(16, 3)
-
-
 class PolarFoundation(CompiledPressures):
     """Elastic foundation between smooth surfaces, integrated on rays from the peak of each patch's spot.
 
@@ -126,7 +88,13 @@ class PolarFoundation(CompiledPressures):
     rays: multiples of 4. Raises ValueError for another number, or a scene of another shape than `POLAR_SHAPES`.
     """
 
-    def __init__(self, scene: Scene, rays: Rays = RAYS, *, compiled: bool = True) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        rays: Rays = Rays(16, 3),  # noqa: B008
+        *,
+        compiled: bool = True,
+    ) -> None:
         super().__init__(scene, compiled=compiled)
         if rays.count < 4 or rays.count % 4 or rays.points < 1:
             raise ValueError(f"rays = {rays}, expected a multiple of 4 rays and at least 1 point")

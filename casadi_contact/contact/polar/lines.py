@@ -7,14 +7,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from casadi_contact.contact.polar.peak import Peak, edge_distance
-from casadi_contact.contact.polar.ray_hits import LEAST_LENGTH, LEAST_RISE, ray_hits, rise
+from casadi_contact.contact.polar.ray_hits import ray_hits, rise
 from casadi_contact.contact.polar.surfaces import SmoothPatch
 from casadi_contact.core.conventions import Array
-
-EDGE_STEPS = 2
-FINE = 2e-3  # part of an edge: where the last step moved one by more, all take one step more
-BRACKET_STEPS = 12  # where it moved one by more than a larger part
-SETTLED = 0.1
 
 
 @dataclass(frozen=True)
@@ -55,11 +50,11 @@ def to_edges(patch: SmoothPatch, R: Array, t: Array, lines: Lines) -> tuple[Line
     """The lines with edges, so far estimates, found by Newton's method on g = 0, and which of them the rim ends."""
     reach = _rim_distance(patch, lines.u, lines.v, lines.directions)
     edge = last = np.minimum(lines.edge, reach)
-    for _ in range(EDGE_STEPS):
+    for _ in range(patch.tuning.edge_steps):
         last, edge = edge, _stepped(patch, R, t, lines, edge, reach)
     found = edge.copy()
-    for search, part in ((_stepped, FINE), (_bracketed, SETTLED)):
-        far = np.flatnonzero((np.abs(edge - last) > part * np.maximum(last, LEAST_LENGTH)).any(axis=1))
+    for search, part in ((_stepped, patch.tuning.edge_tolerance), (_bracketed, patch.tuning.bracket_from)):
+        far = np.flatnonzero((np.abs(edge - last) > part * np.maximum(last, patch.tuning.least_length)).any(axis=1))
         if len(far):
             few = Lines(*(getattr(lines, field.name)[far] for field in fields(Lines)))
             found[far] = search(patch, R[far], t[far], few, found[far], reach[far])
@@ -75,7 +70,7 @@ def _stepped(patch: SmoothPatch, R: Array, t: Array, lines: Lines, edge: Array, 
 def _bracketed(patch: SmoothPatch, R: Array, t: Array, lines: Lines, edge: Array, reach: Array) -> Array:
     """Edges by Newton's method between a point within the body and one beyond it, halved where a step leaves them."""
     low, high = np.zeros_like(edge), reach
-    for _ in range(BRACKET_STEPS):
+    for _ in range(patch.tuning.bracket_steps):
         g, slope = _along(patch, R, t, lines, edge)
         low, high = np.where(g < 0.0, edge, low), np.where(g < 0.0, high, edge)
         moved = np.minimum(edge - g / slope, reach)
@@ -86,7 +81,7 @@ def _bracketed(patch: SmoothPatch, R: Array, t: Array, lines: Lines, edge: Array
 def _along(patch: SmoothPatch, R: Array, t: Array, lines: Lines, r: Array) -> tuple[Array, Array]:
     """g at distances (n, m) and its slope along the lines, not below a least one."""
     ends = ray_hits(patch, R, t, *lines.at(r), arc=lines.arc, at_start=True)
-    return ends.g, np.maximum(rise(ends, *np.moveaxis(lines.directions, -1, 0)), LEAST_RISE)
+    return ends.g, np.maximum(rise(ends, *np.moveaxis(lines.directions, -1, 0)), patch.tuning.least_rise)
 
 
 def _rim_distance(patch: SmoothPatch, u: Array, v: Array, directions: Array) -> Array:
@@ -139,25 +134,25 @@ class Rays:
         return f"{self.count} rays × {self.points} points"
 
 
-def rays_from(peak: Peak, rays: Rays) -> list[Lines]:
+def rays_from(patch: SmoothPatch, peak: Peak, rays: Rays) -> list[Lines]:
     """Rays from the peak through the torus of its arc, which goes on beyond the arc's ends; where the rim may cut the
     spot through each ray's own. A set of rays has no area in the poses that it is not for."""
-    return [_fan_out(peak, rays.count, peak.whole[:, None]), *rays_at_rim(peak, rays, ~peak.whole)]
+    return [_fan_out(patch, peak, rays.count, peak.whole[:, None]), *rays_at_rim(patch, peak, rays, ~peak.whole)]
 
 
-def rays_at_rim(peak: Peak, rays: Rays, used: np.ndarray) -> list[Lines]:
+def rays_at_rim(patch: SmoothPatch, peak: Peak, rays: Rays, used: np.ndarray) -> list[Lines]:
     """Rays from the peak where used (n,) through each ray's own torus; none if that is nowhere."""
-    return [_fan_out(peak, rays.at_rim, used[:, None])] if used.any() else []
+    return [_fan_out(patch, peak, rays.at_rim, used[:, None])] if used.any() else []
 
 
-def _fan_out(peak: Peak, count: int, used: np.ndarray) -> Lines:
+def _fan_out(patch: SmoothPatch, peak: Peak, count: int, used: np.ndarray) -> Lines:
     m = peak.spot
     cosine, sine = ray_angles(count)
     directions = np.einsum("nab,jb->nja", peak.form, np.stack([cosine, sine], -1))
     one = np.ones(directions.shape[:2])
     slope = np.einsum("nr,njr->nj", m.slope, directions)
     k = np.einsum("njr,nrs,njs->nj", directions, m.curvature, directions)
-    edge = edge_distance(np.maximum(m.depth, 0.0)[:, None], slope, k)
+    edge = edge_distance(np.maximum(m.depth, 0.0)[:, None], slope, k, patch.tuning.least_curvature)
     u, v, arc = (np.broadcast_to(x[:, None], one.shape) for x in (m.u, m.v, np.where(peak.whole, m.ends.arc, -1)))
     spread = np.where(used, 2.0 * np.pi / count, 0.0) * one
     return Lines(u, v, directions, np.where(used, edge, 0.0), arc, 0.0 * one, spread)

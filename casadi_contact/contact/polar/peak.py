@@ -14,14 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.contact.polar.ray_hits import LEAST_CURVATURE, Spot, bounded, ray_hits, spot_at, tube_frame
+from casadi_contact.contact.polar.ray_hits import Spot, ray_hits, spot_at, tube_frame
 from casadi_contact.contact.polar.surfaces import SmoothPatch, rim_box, stretch, within
 from casadi_contact.core.conventions import Array
 
-SEARCH_STEPS = 40  # at most: the usual search ends after one to three
-SWEEPS = 3  # over the coordinates of a step
-LAST_STEP = 1e-6  # part of the patch: a step so short is the last one
-SINGLE = 0.05  # curvature relative to the fixed surface over the body's own, below which there may be more minima
 ACROSS = np.linspace(0.0, 1.0, 4)  # starts, as parts of the rim's box in w and v, on the rim too
 
 
@@ -40,7 +36,7 @@ def nearest(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) -> Spot:
     given = ray_hits(patch, R, t, u, v, at_start=True).g <= g[n, row, column]
     found = highest(patch, R, t, *np.where(given, [u, v], starts[:, n, row, column]), at_start=True)
     k, ends = found.curvature, found.ends
-    single = (k[:, 0, 0] > 0.0) & (np.linalg.det(k) > SINGLE * ends.kappa_1 * ends.kappa_2)
+    single = (k[:, 0, 0] > 0.0) & (np.linalg.det(k) > patch.tuning.least_convexity * ends.kappa_1 * ends.kappa_2)
     several = np.flatnonzero(~single)
     if not len(several):
         return found
@@ -66,14 +62,15 @@ def highest(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_st
     x = np.stack([u / stretch(patch, v)[0], v], -1)
     value, slope, k = _model(patch, R, t, x, at_start)
     trust, going = np.ones(len(u)), np.arange(len(u))
-    for _ in range(SEARCH_STEPS):
+    for _ in range(patch.tuning.search_steps):
         if not len(going):
             break
         here, reach = x[going], trust[going, None] * (high - low)
-        step = _model_step(slope[going], k[going], np.maximum(low - here, -reach), np.minimum(high - here, reach))
+        box = np.maximum(low - here, -reach), np.minimum(high - here, reach)
+        step = _model_step(slope[going], k[going], *box, patch.tuning.sweeps)
         part = np.max(np.abs(step) / (high - low), axis=1)
         tried = _model(patch, R[going], t[going], here + step, at_start)
-        last = part < LAST_STEP
+        last = part < patch.tuning.least_step
         taken = last | (tried[0] > value[going])
         rows = going[taken]
         x[rows] += step[taken]
@@ -93,22 +90,18 @@ def _model(patch: SmoothPatch, R: Array, t: Array, x: Array, at_start: bool) -> 
     k_uv = k[:, 0, 1] + lean * k[:, 0, 0]
     k_ww, k_wv = s * s * k[:, 0, 0], s * k_uv - rate * b_u
     k_vv = k[:, 1, 1] + lean * (k[:, 0, 1] + k_uv) - w * bend * b_u
-    bounded = np.maximum(k_ww, LEAST_CURVATURE * s * s), k_wv, np.maximum(k_vv, LEAST_CURVATURE)
-    return spot.depth, np.stack([s * b_u, b_v + lean * b_u], -1), np.stack(bounded, -1)
+    least = patch.tuning.least_curvature
+    k = np.stack([np.maximum(k_ww, least * s * s), k_wv, np.maximum(k_vv, least)], -1)
+    return spot.depth, np.stack([s * b_u, b_v + lean * b_u], -1), k
 
 
-def _model_step(slope: Array, k: Array, low: Array, high: Array) -> Array:
+def _model_step(slope: Array, k: Array, low: Array, high: Array, sweeps: int) -> Array:
     """The step within a box that raises the quadratic model, by its coordinates in turn."""
     step = np.zeros_like(slope)
-    for _ in range(SWEEPS):
+    for _ in range(sweeps):
         for i, k_ii in ((0, k[:, 0]), (1, k[:, 2])):
             step[:, i] = np.clip((slope[:, i] - k[:, 1] * step[:, 1 - i]) / k_ii, low[:, i], high[:, i])
     return step
-
-
-MIDDLE_STEPS = 3
-LEAST_CHORD_MM = 1e-3
-OFF_TOP = 0.25  # part of the depth: a rise by more shows that the surfaces' normals are not parallel yet
 
 
 def deepest(patch: SmoothPatch, R: Array, t: Array) -> tuple[Array, Array]:
@@ -128,10 +121,10 @@ def deepest(patch: SmoothPatch, R: Array, t: Array) -> tuple[Array, Array]:
         size = np.linalg.norm(flat, axis=1, keepdims=True)
         np.divide(flat, size, out=direction[:, :2], where=size > 0.0)
         arc = _arc_along(patch, np.einsum("nji,nj->ni", R, direction))
-    for _ in range(MIDDLE_STEPS):
+    for _ in range(patch.tuning.centre_steps):
         C = _reaching(patch, R, t, direction)
         z = C[:, 2] - patch.z_0
-        _, ex, ey, out, distance = tube_frame(C[:, 0], C[:, 1] - f.height, z, f.offset)
+        _, ex, ey, out, distance = tube_frame(C[:, 0], C[:, 1] - f.height, z, f.offset, patch.tuning.least_length)
         direction = np.stack([out * ex, out * ey, z], -1) / distance[:, None]
     return (f.offset + f.radius * out / distance) * ex, f.radius * z / distance
 
@@ -177,12 +170,14 @@ def peak(patch: SmoothPatch, R: Array, t: Array) -> Peak:
     spot = spot_at(patch, R, t, *within(patch, *found))
     u, v, k, depth, (b_u, b_v) = spot.u, spot.v, spot.curvature, np.maximum(spot.depth, 0.0), spot.slope.T
     k_uu, k_uv, k_vv = k[:, 0, 0], k[:, 0, 1], k[:, 1, 1]
-    determinant = np.maximum(k_uu * k_vv - k_uv**2, LEAST_CURVATURE**2)
-    convex = (k_uu > 0.0) & (determinant > LEAST_CURVATURE**2)
+    determinant = np.maximum(k_uu * k_vv - k_uv**2, patch.tuning.least_curvature**2)
+    convex = (k_uu > 0.0) & (determinant > patch.tuning.least_curvature**2)
     reach_u, reach_v = np.sqrt(2.0 * depth * np.where(convex, np.stack([k_vv, k_uu]), 0.0) / determinant)
     needed = [tuple(found), (u - reach_u, v), (u + reach_u, v), (u, v - reach_v), (u, v + reach_v)]
     whole = np.all([np.all(np.stack(within(patch, *point)) == np.stack(point), axis=0) for point in needed], axis=0)
-    whole &= convex & (k_vv * b_u**2 - 2.0 * k_uv * b_u * b_v + k_uu * b_v**2 < OFF_TOP * depth * determinant)
+    whole &= convex & (
+        k_vv * b_u**2 - 2.0 * k_uv * b_u * b_v + k_uu * b_v**2 < patch.tuning.most_rise * depth * determinant
+    )
     if not whole.all():
         u, v, cut = u.copy(), v.copy(), ~whole
         near = nearest(patch, R[cut], t[cut], u[cut], v[cut])
@@ -203,7 +198,7 @@ def _ellipse(curvature: Array) -> Array:
 def chord_form(patch: SmoothPatch, spot: Spot) -> Array:
     """The form (n, 2, 2) as long and wide as the chords through a spot."""
     begin, end = np.stack([_chord_ends(patch, spot, axis)[:, axis] for axis in (0, 1)], axis=1)
-    length = np.maximum(end - begin, LEAST_CHORD_MM)
+    length = np.maximum(end - begin, patch.tuning.least_chord)
     ratio = np.sqrt(length[0] / length[1])
     return np.stack([ratio, 1.0 / ratio], -1)[:, :, None] * np.eye(2)
 
@@ -213,7 +208,7 @@ def _chord_ends(patch: SmoothPatch, spot: Spot, axis: int) -> Array:
     depth, slope, k = np.maximum(spot.depth, 0.0), spot.slope[:, axis], spot.curvature[:, axis, axis]
     ends = np.tile(np.stack([spot.u, spot.v]), (2, 1, 1))
     for end, sign in zip(ends, (-1.0, 1.0), strict=True):
-        end[axis] += sign * edge_distance(depth, sign * slope, k)
+        end[axis] += sign * edge_distance(depth, sign * slope, k, patch.tuning.least_curvature)
         end[:] = within(patch, *end)
     return ends
 
@@ -231,7 +226,7 @@ def chord_middles(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) ->
     return u, v
 
 
-def edge_distance(depth: Array, slope: Array, curvature: Array) -> Array:
-    """r > 0 at which D + b·r - k·r²/2 = 0, for D >= 0."""
-    k = bounded(curvature)
+def edge_distance(depth: Array, slope: Array, curvature: Array, least_curvature: float) -> Array:
+    """r > 0 at which D + b·r - k·r²/2 = 0, for D >= 0 and k not below the least curvature."""
+    k = np.maximum(curvature, least_curvature)
     return np.asarray((slope + np.sqrt(slope * slope + 2.0 * k * depth)) / k)

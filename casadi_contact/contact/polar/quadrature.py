@@ -33,16 +33,12 @@ from casadi_contact.contact.polar.peak import (
     nearest,
     peak,
 )
-from casadi_contact.contact.polar.ray_hits import LEAST_RISE, RayHits, ray_hits, rise, spot_at
+from casadi_contact.contact.polar.ray_hits import RayHits, ray_hits, rise, spot_at
 from casadi_contact.contact.polar.surfaces import SmoothPatch, rim_box, stretch
 from casadi_contact.contact.pressure_law import pressure_slopes
 from casadi_contact.contact.pressures import MOMENTS
 from casadi_contact.core.conventions import Array, wrench_about_origin
 
-CLOSE_FIT = 0.8  # in 6,900 pressed poses of six knees that fit less closely no second spot was found
-HOVERING_MM = 1.0  # more than g falls between two starts
-FACING = -0.9  # cos of the angle between a ray and the surface that it meets: a body's back faces away
-ON_RIM = 1e-9  # part of the patch
 RIM_STARTS = np.array([(w, v) for v in (0.0, 1.0) for w in ACROSS]).T  # (2, k): parts of the rim's box in w and v
 OUTWARDS = np.rint(2.0 * RIM_STARTS - 1.0) * np.isin(RIM_STARTS, (0.0, 1.0))  # (2, k): -1, 0, 1
 
@@ -53,7 +49,7 @@ def fits_closely(patch: SmoothPatch) -> bool:
     if (f := patch.torus) is None:
         return False
     along = (float(patch.arcs[:, 2].max()) + patch.tube_radius) / (f.offset + f.radius) if f.w_sign < 0.0 else 0.0
-    return max(along, patch.tube_radius / f.radius) > CLOSE_FIT
+    return max(along, patch.tube_radius / f.radius) > patch.tuning.close_fit
 
 
 def second_peak(patch: SmoothPatch, R: Array, t: Array, m: Peak) -> tuple[Peak, np.ndarray]:
@@ -69,7 +65,7 @@ def second_peak(patch: SmoothPatch, R: Array, t: Array, m: Peak) -> tuple[Peak, 
         between = 0.5 * (near.u + u[rows]), 0.5 * (near.v + v[rows])
         gap = ray_hits(patch, R[rows], t[rows], *between, at_start=True).g > 0.0
         apart = np.where(m.whole[rows], _on_rim(patch, near.u, near.v), gap)
-        apart &= (near.depth > 0.0) & (near.ends.slope < FACING)
+        apart &= (near.depth > 0.0) & (near.ends.slope < patch.tuning.facing)
         rows = rows[apart]
         u[rows], v[rows] = chord_middles(patch, R[rows], t[rows], near.u[apart], near.v[apart])
         found[rows] = True
@@ -90,14 +86,14 @@ def _lowest_starts(patch: SmoothPatch, R: Array, t: Array, m: Peak) -> tuple[np.
     far = (np.abs(np.stack([np.broadcast_to(w, u.shape), v]) - here) > 0.5 * side[..., None]).any(axis=0)
     g = np.where(falls & (far | m.whole[:, None]) & (m.spot.depth > 0.0)[:, None], ends.g, np.inf)
     lowest = np.argmin(g, axis=1)
-    rows = np.flatnonzero(g.min(axis=1) < HOVERING_MM)
+    rows = np.flatnonzero(g.min(axis=1) < patch.tuning.rim_reach)
     return rows, u[rows, lowest[rows]], v[rows, lowest[rows]]
 
 
 def _on_rim(patch: SmoothPatch, u: Array, v: Array) -> np.ndarray:
     low, high = rim_box(patch)
     x = np.stack([u / stretch(patch, v)[0], v], -1)
-    return np.asarray((np.minimum(x - low, high - x) <= ON_RIM * (high - low)).any(axis=1))
+    return np.asarray((np.minimum(x - low, high - x) <= patch.tuning.rim_tolerance * (high - low)).any(axis=1))
 
 
 @dataclass(frozen=True)
@@ -152,8 +148,8 @@ def integration(patch: SmoothPatch, R: Array, t: Array, m: Peak, rays: Rays) -> 
     """Rays from the peak of each spot, the lines of its caps, and rays of a second spot on the rim."""
     beside, there = second_peak(patch, R, t, m)
     sets = [
-        *rays_from(m, rays),
-        *rays_at_rim(beside, rays, there),
+        *rays_from(patch, m, rays),
+        *rays_at_rim(patch, beside, rays, there),
         *curvature_jump_segments(patch, R, t, m, rays.in_caps),
     ]
     lines, cut = to_edges(patch, R, t, joined(sets))
@@ -196,6 +192,6 @@ def _area_slope(patch: SmoothPatch, R: Array, t: Array, found: Integration) -> A
     """Derivative (n, 6) of the area by the twist, in chart axes."""
     lines = found.lines
     ends = ray_hits(patch, R, t, *lines.at(lines.edge), arc=lines.arc)
-    steepness = np.minimum(rise(ends, *np.moveaxis(lines.directions, -1, 0)) / ends.slope, -LEAST_RISE)
+    steepness = np.minimum(rise(ends, *np.moveaxis(lines.directions, -1, 0)) / ends.slope, -patch.tuning.least_rise)
     width = (lines.width + lines.spread * lines.edge) * ends.length * ~found.cut
     return -np.einsum("nm,nma->na", width / steepness, _depth_slope(ends, t))

@@ -9,12 +9,6 @@ import numpy as np
 from casadi_contact.contact.polar.surfaces import SmoothPatch
 from casadi_contact.core.conventions import Array
 
-LEAST_RISE = 1e-9
-LEAST_LENGTH = 1e-12
-LEAST_UPRIGHT = 1e-2  # part of a torus's radii: estimated ends of a deep spot may lie where no torus is
-_MOST_SHORTER = -0.5  # by the curvature along the ray: a ray from inside the body ends at a depth above zero
-_STEEPEST = -0.05  # cos of the angle between a ray into the body and its surface: flatter ones are cut off here
-
 
 @dataclass(frozen=True)
 class RayHits:
@@ -63,20 +57,22 @@ def fixed_point(patch: SmoothPatch, u: Array, v: Array) -> tuple[Array, Array, A
         zero = np.zeros_like(u)
         return np.stack([u, zero, v + patch.z_0], -1), np.stack([zero, zero + 1.0, zero], -1), zero + 1.0
     f = patch.torus
-    tube = np.sqrt(np.maximum(f.radius**2 - v * v, (LEAST_UPRIGHT * f.radius) ** 2))
+    tube = np.sqrt(np.maximum(f.radius**2 - v * v, (patch.tuning.least_upright * f.radius) ** 2))
     rho = f.offset + f.rho_sign * tube
-    w = np.sqrt(np.maximum(rho * rho - u * u, (LEAST_UPRIGHT * rho) ** 2))
+    w = np.sqrt(np.maximum(rho * rho - u * u, (patch.tuning.least_upright * rho) ** 2))
     slope_u, slope_v = -f.w_sign * u / w, -f.w_sign * f.rho_sign * rho * v / (tube * w)
     c = np.stack([u, f.height + f.w_sign * w, v + patch.z_0], -1)
     return c, np.stack([-slope_u, np.ones_like(u), -slope_v], -1), f.radius * rho / (tube * w)
 
 
-def tube_frame(x: Array, y: Array, z: Array, offset: Array | float) -> tuple[Array, Array, Array, Array, Array]:
-    """For a point relative to a torus's axis (z): distances from axis and tube centre, unit radius (x, y), and the
-    components of the unit vector from the tube's centre along the radius and along z are out/distance, z/distance."""
-    rho = np.maximum(np.hypot(x, y), LEAST_LENGTH)
+def tube_frame(
+    x: Array, y: Array, z: Array, offset: Array | float, least: float
+) -> tuple[Array, Array, Array, Array, Array]:
+    """For a point relative to a torus's axis (z): distance ρ from the axis, unit radius (x, y), ρ - offset, and the
+    distance from the tube's centre; neither distance is below the least one [mm]."""
+    rho = np.maximum(np.hypot(x, y), least)
     out = rho - offset
-    return rho, x / rho, y / rho, out, np.maximum(np.hypot(out, z), LEAST_LENGTH)
+    return rho, x / rho, y / rho, out, np.maximum(np.hypot(out, z), least)
 
 
 def arc_of(patch: SmoothPatch, qx: Array, qy: Array) -> np.ndarray:
@@ -110,17 +106,18 @@ def ray_hits(
     def field(q: Array) -> tuple[Array, ...]:
         """Distance from the body, and in its frame the gradient, the unit vectors across and along, κ1, κ2."""
         z = q[..., 2] - patch.centre_z
-        rho, ex, ey, out, distance = tube_frame(q[..., 0] - torus[..., 0], q[..., 1] - torus[..., 1], z, torus[..., 2])
+        x, y, offset = q[..., 0] - torus[..., 0], q[..., 1] - torus[..., 1], torus[..., 2]
+        rho, ex, ey, out, distance = tube_frame(x, y, z, offset, patch.tuning.least_length)
         a, b = out / distance, z / distance
         gradient, across = np.stack([a * ex, a * ey, b], -1), np.stack([-b * ex, -b * ey, a], -1)
         along = np.stack([-ey, ex, np.zeros_like(ex)], -1)
         return distance - patch.tube_radius, gradient, across, along, 1.0 / distance, a / rho
 
     g, gradient, across, along, kappa_1, kappa_2 = field(q)
-    slope = np.minimum(np.sum(gradient * m, -1), _STEEPEST * length)
+    slope = np.minimum(np.sum(gradient * m, -1), patch.tuning.steepest * length)
     bend = kappa_1 * np.sum(across * m, -1) ** 2 + kappa_2 * np.sum(along * m, -1) ** 2
     step = g / slope
-    step = step + np.maximum(0.5 * step * bend / slope, _MOST_SHORTER) * step  # d in units of |N|
+    step = step + np.maximum(0.5 * step * bend / slope, patch.tuning.most_shorter) * step  # d in units of |N|
     start = gradient
     if at_start:
         step = np.zeros_like(step)
@@ -133,9 +130,6 @@ def ray_hits(
     G, G_start, across, along = (to_chart(vector) for vector in (gradient, start, across, along))
     x = c - step[..., None] * N
     return RayHits(c, N, length, g, step * length, x, G, G_start, across, along, kappa_1, kappa_2, number)
-
-
-LEAST_CURVATURE = 1e-4  # [1/mm]
 
 
 @dataclass(frozen=True)
@@ -160,7 +154,7 @@ def spot_at(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_st
     tangents = ends.tangents
     fixed = np.zeros((len(u), 3, 3))
     if (f := patch.torus) is not None:
-        rho, ex, ey, out, distance = tube_frame(u, ends.c[:, 1] - f.height, v, f.offset)
+        rho, ex, ey, out, distance = tube_frame(u, ends.c[:, 1] - f.height, v, f.offset, patch.tuning.least_length)
         across = np.stack([-v * ex, -v * ey, out], -1) / distance[:, None]
         along = np.stack([-ey, ex, np.zeros_like(u)], -1)
         fixed = _rank_one(1.0 / distance, across) + _rank_one(out / (distance * rho), along)
@@ -177,8 +171,3 @@ def spot_at(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_st
 
 def _rank_one(weight: Array, vector: Array) -> Array:
     return weight[:, None, None] * vector[:, :, None] * vector[:, None, :]
-
-
-def bounded(curvature: Array) -> Array:
-    """The curvature, not below a least one."""
-    return np.maximum(curvature, LEAST_CURVATURE)

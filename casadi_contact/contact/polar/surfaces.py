@@ -19,7 +19,6 @@ from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.moving_surface import MovingSurface
 from casadi_contact.scenes.scene import Scene
 
-_FAR_MM = 1e3
 POLAR_SHAPES = ("knee", "sphere_on_plane", "sphere_in_dish", "button_in_groove")
 
 
@@ -44,6 +43,43 @@ class Rim:
 
 
 @dataclass(frozen=True)
+class Tuning:
+    """Steps, tolerances and least sizes of the searches on a patch. The C has them by the same names in capitals.
+
+    Lengths are in mm, curvatures in 1/mm. *Part* means a part of the patch's sides, of a torus's radii or of an edge.
+    """
+
+    least_length: float = 1e-12
+    least_rise: float = 1e-9  # slope of g along a line
+    least_curvature: float = 1e-4
+    least_upright: float = 1e-2  # part: estimated ends of a deep spot may lie where there is no torus
+    most_shorter: float = -0.5  # by the curvature along a ray: a ray from inside the body ends at a depth above zero
+    steepest: float = -0.05  # cosine between ray and surface: flatter rays are cut off here
+    # the nearest point
+    search_steps: int = 40  # at most: the usual search ends after one to three
+    sweeps: int = 3  # over the two coordinates of a step
+    least_step: float = 1e-6  # part: a step so short is the last one
+    least_convexity: float = 0.05  # curvature over the body's own below which there may be several minima
+    # the peak
+    centre_steps: int = 3
+    most_rise: float = 0.25  # part of the depth: where it rises by more, the two normals are not parallel yet
+    least_chord: float = 1e-3
+    # edges of contact
+    edge_steps: int = 2  # Newton's
+    edge_tolerance: float = 2e-3  # part: where the last step moved an edge by more, all take one more
+    bracket_from: float = 0.1  # part: where it moved one by more, Newton's method within brackets
+    bracket_steps: int = 12
+    # junctions of arcs
+    chord_steps: int = 2
+    least_tilt: float = 1e-9  # between the junction's plane and the patch
+    # a second spot
+    close_fit: float = 0.8  # of radii: 6,900 pressed poses of six knees that fit less closely have no second spot
+    rim_reach: float = 1.0  # more than g falls between two starts
+    rim_tolerance: float = 1e-9  # part
+    facing: float = -0.9  # cosine between a ray and the surface that it meets: a body's back faces away
+
+
+@dataclass(frozen=True)
 class SmoothPatch:
     """One patch: its fixed surface (None: the plane y = 0), its rim and the moving arcs that face it.
 
@@ -59,6 +95,7 @@ class SmoothPatch:
     arcs: Array
     tube_radius: float
     centre_z: float
+    tuning: Tuning = Tuning()
 
 
 def smooth_patches(scene: Scene) -> list[SmoothPatch]:
@@ -97,7 +134,7 @@ def _facet(scene: Scene, side: float, surface: MovingSurface) -> SmoothPatch:
     spread, reach = np.deg2rad(g["facet_half_width_deg"]), np.deg2rad(g["groove_half_angle_deg"])
     torus = Torus(g["groove_radius"] + radius * np.cos(slope), radius, 0.0, -1.0, 1.0)
     ends = sorted(side * radius * np.sin(slope + np.array([-spread, spread])))
-    rim = Rim((-_FAR_MM, _FAR_MM), (ends[0], ends[1]), float(np.sin(reach)))
+    rim = Rim((-1e3, 1e3), (ends[0], ends[1]), float(np.sin(reach)))
     turn = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     return _patch(torus, rim, turn, side * (g["facet_offset"] - radius * np.sin(slope)), surface)
 

@@ -1,0 +1,113 @@
+"""Element grids of every surface: derivatives of their loads, culling, and the same sums in C and in numba."""
+
+import numpy as np
+import pytest
+
+import casadi_contact as cc
+import casadi_contact.geometry.elements as grids
+from casadi_contact.contact.elements.loops import block_bound, point_bound
+from casadi_contact.core.compiler import CACHE_VARIABLE
+from casadi_contact.geometry.moving_surface import MESH_FIELD
+from casadi_contact.pictures.contact_pose import contact_pose
+from tests.support.compiler import needs_compiler
+from tests.support.meshes import scene_of, sheet_mesh, torus_mesh
+
+SCENES = ("knee", "hip", "glenohumeral", "patellofemoral", "mesh")
+SPREAD = np.array([0.5, 0.2, 0.5, 0.02, 0.05, 0.2])
+
+
+@pytest.fixture(scope="module", params=SCENES)
+def case(request, tmp_path_factory):
+    """A scene and poses about contact: light, deep, across the rim and none."""
+    if request.param == "mesh":
+        vertices, faces = torus_mesh(18.0, 12.0, 1.2)
+        lower = faces[(vertices[faces][..., 1] < -25.0).all(axis=1)]
+        scene = scene_of(tmp_path_factory.mktemp("torus"), (vertices, lower), sheet_mesh(14.0, 2.0))
+        first = np.array([0.0, 29.85, 0.0, 0.0, 0.0, 0.0])
+    else:
+        scene = cc.load_scene(request.param)
+        first = contact_pose(cc.ElasticFoundation(scene, (40, 30), compiled=False))
+    return scene, first + SPREAD * np.random.default_rng(1).normal(size=(60, 6))
+
+
+def differences(function, poses, step):
+    moved = [(function(poses + move) - function(poses - move)) / (2.0 * step) for move in step * np.eye(6)]
+    return np.stack(moved, axis=-1)
+
+
+def test_jacobians_are_differences_of_the_loads(case):
+    """Loads of a fixed set of elements are smooth. A step that loads another element is an outlier."""
+    scene, poses = case
+    model = cc.ElasticFoundation(scene, (40, 30))
+    loads, jacobian = model.jacobian(poses)
+    np.testing.assert_allclose(loads, model(poses), rtol=1e-12, atol=1e-9)
+    off = np.abs(jacobian - differences(model, poses, 1e-7)) / np.abs(jacobian).max(axis=(0, 2), keepdims=True)
+    assert np.quantile(off, 0.98) < 1e-6
+    roots, slopes = model.root_loads(poses)
+    off = np.abs(slopes - differences(lambda at: model.root_loads(at)[0], poses, 1e-6)) / np.abs(slopes).max()
+    assert np.quantile(off, 0.95) < 1e-4
+    assert (roots > 0.0).any()
+
+
+def test_culling_never_changes_the_result(case, monkeypatch):
+    """Blocks of one element each bound nothing but themselves: the plain sum over all elements."""
+    scene, poses = case
+    culled = cc.ElasticFoundation(scene, (40, 30))
+    for side in (1, 64):
+        monkeypatch.setattr(grids, "BLOCK_SIDE", side)
+        other = cc.ElasticFoundation(scene, (40, 30), compiled=False)
+        np.testing.assert_allclose(other.wrenches(poses), culled.wrenches(poses), rtol=1e-10, atol=1e-7)
+        np.testing.assert_allclose(other.gaps(poses), culled.gaps(poses), rtol=1e-10)
+
+
+@pytest.mark.parametrize("from_middle_mm", [20.0, 26.0, 29.5])
+@pytest.mark.parametrize("direction", [[1.0, 0.0, 0.0], [0.6, -0.8, 0.0], [1.0, 1.0, 1.0]])
+def test_bounds_hold_at_all_points_of_a_block_in_a_hollow(from_middle_mm, direction):
+    """A body around a spherical hollow, g = R - |p|, is bent towards the body, as in the notch of a femur."""
+    hollow_mm, outwards = 30.0, np.array(direction) / np.linalg.norm(direction)
+    centre, half = from_middle_mm * outwards, np.array([1.0, 0.3, 1.5])
+    curvature = 1.0 / (from_middle_mm - np.linalg.norm(half))  # the largest in the block
+    tangent = (hollow_mm - from_middle_mm, *-outwards, curvature)
+    offsets = half * np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 9)] * 3), axis=-1).reshape(-1, 3)
+    distances = hollow_mm - np.linalg.norm(centre + offsets, axis=1)
+    bounds = np.array([point_bound.py_func(tangent, *offset) for offset in offsets])
+    assert block_bound.py_func(MESH_FIELD, tangent, half[None], 0) <= distances.min()
+    assert (bounds <= distances + 1e-12).all()
+    assert (distances - bounds).max() < 2.0 * curvature * half @ half  # and not so low that nothing is left out
+
+
+def in_c(model):
+    return [bed.compiled is not None for bed in model._patches]
+
+
+@needs_compiler
+@pytest.mark.usefixtures("as_shipped")
+@pytest.mark.parametrize(
+    ("name", "grid", "law"),
+    [
+        ("knee", (37, 21), "log"),  # blocks that are not full
+        ("patellofemoral", (30, 20), "linear"),
+        ("hip", (60, 60), "linear"),
+    ],
+)
+def test_c_and_numba_have_the_same_loads_and_jacobian_to_rounding(name, grid, law):
+    scene = cc.load_scene(name, law=law)
+    compiled, loops = (cc.ElasticFoundation(scene, grid, compiled=c) for c in (True, False))
+    assert all(in_c(compiled))
+    assert not any(in_c(loops))
+    poses = contact_pose(loops) + SPREAD * np.random.default_rng(1).normal(size=(300, 6))
+    wrenches = loops.wrenches(poses)
+    touching = (wrenches != 0.0).any(axis=2)
+    assert 0.1 < touching.mean() < 0.95
+    np.testing.assert_array_equal((compiled.wrenches(poses) != 0.0).any(axis=2), touching)
+    for a, b in zip(compiled.jacobian(poses), loops.jacobian(poses), strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-12 * np.abs(b).max())
+
+
+def test_without_a_compiler_and_for_other_surfaces_numba_runs(monkeypatch, tmp_path):
+    assert in_c(cc.ElasticFoundation(cc.load_scene("cylinder_on_plane"))) == [False]
+    monkeypatch.setenv("CC", "no-such-compiler")
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    model = cc.ElasticFoundation(cc.load_scene("knee"), (40, 30))
+    assert in_c(model) == [False, False]
+    assert model(np.array([0.5, 27.23, 0.1, 0.0, -0.05, -0.3]))[0] < -100.0
