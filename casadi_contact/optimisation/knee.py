@@ -19,14 +19,10 @@ from casadi_contact.contact.continuity import leaps
 from casadi_contact.contact.settle import settle
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import LEVER_MM, POSE_NAMES, Array, angular_velocity_map
-from casadi_contact.core.quantities import two_digits
 from casadi_contact.optimisation.joint_mechanics import generalised_forces
 from casadi_contact.optimisation.starts import middle_pose, pose_bounds
 from casadi_contact.scenes.scene import Scene
 
-SHEAR_FREE_LOAD_N = 500.0
-_FOLLOWED = 5  # frames that poses without shear are followed from, in turn
-_MOST_SHEAR_N = 0.1 * SHEAR_FREE_LOAD_N  # where there is no place without
 SIDES = ("Fy_med", "Fy_lat")
 KNEE_LOADS = (*SIDES, "Fx", "Fz", "Tx", "Ty", "Tz")
 
@@ -87,14 +83,17 @@ def contact_expression(pose: ca.MX, loads: ca.MX) -> dict[str, ca.MX]:
     return dict(zip(COORDINATES, ca.vertsplit(-on_tibia), strict=True))
 
 
-def shear_free_poses(model: SymbolicContact, ry: Array, rz: Array) -> Array:
-    """Poses (n, 6) at given rotations (n,), (n,) [rad] where equal vertical forces on both sides of a knee cause no
-    shear, Fx = Fz = 0: what fixes the pose parameters that nothing else does. On a convex tibia there are several, and
-    frames that find none from the middle, or another than their neighbours (`leaps`), follow these. Where there is none
-    the femur stands where shear is least, and a RuntimeWarning names the frames.
+def shear_free_poses(
+    model: SymbolicContact, ry: Array, rz: Array, *, load_n: float = 500.0, followed: int = 5
+) -> Array:
+    """Poses (n, 6) at given rotations (n,), (n,) [rad] where vertical forces load_n on both sides cause no shear,
+    Fx = Fz = 0. That fixes the pose parameters that nothing else does.
 
-    Raises ValueError where rotations lie outside what the surrogate learned, the least shear found is more than a tenth
-    of the force on a side, or the scene locks or ties pose parameters.
+    A convex tibia has several such poses. Frames that find none from the middle pose, or another than their neighbours
+    (`leaps`), are followed outwards from up to `followed` frames in turn, and the motion with the fewest faults is
+    taken. Where there is none the femur stands where shear is least, with a RuntimeWarning.
+    Raises ValueError where rotations lie outside what the surrogate learned, the least shear exceeds a tenth of load_n,
+    or the scene locks or ties pose parameters.
     """
     model.scene.pose_space.check_whole("a pose without shear")
     low, high = pose_bounds(model)
@@ -107,64 +106,58 @@ def shear_free_poses(model: SymbolicContact, ry: Array, rz: Array) -> Array:
                 f"{name} reaches from {angle.min():.3g} to {angle.max():.3g} rad, the surrogate learned "
                 f"{low[column]:.3g} to {high[column]:.3g}: train one around your own cycles"
             )
-    alone, without = _without_shear(model, poses)
+    alone, without = _without_shear(model, poses, load_n)
     best, shear = alone, without
     firsts = np.flatnonzero(without == 0.0)
-    for first in firsts[:: max(1, len(firsts) // _FOLLOWED)].tolist():
+    for first in firsts[:: max(1, len(firsts) // followed)].tolist():
         if _faults(best, shear) == (0, 0, 0):
             break
-        tried = _followed(model, poses, alone[first], first)
+        tried = _outwards(model, poses, alone[first], first, load_n)
         if _faults(*tried) < _faults(best, shear):
             best, shear = tried
-    _tell_shear(shear)
+    for rows, limit in (
+        (np.isinf(shear), f"more than {0.1 * load_n:g} N"),
+        (shear > 0.0, f"up to {shear.max():.2g} N"),
+    ):
+        if rows.any():
+            said = (
+                f"no place of the femur without shear under {load_n:g} N on each side in {rows.sum()} of {len(rows)} "
+                f"frames, first in frame {rows.argmax()}: {limit} is left"
+            )
+            if np.isinf(shear).any():
+                raise ValueError(f"{said}, expected 0: are flexion and rotation those of this knee?")
+            warnings.warn(f"{said}; there the femur stands where shear is least", RuntimeWarning, stacklevel=2)
     return best
 
 
 def _faults(poses: Array, shear: Array) -> tuple[int, int, int]:
-    """How many of poses (n, 6) are lost, how many bear shear (n,) [N], and how often what is not prescribed leaps."""
+    """Numbers of frames without a pose, of frames with shear (n,) [N], and of leaps of free parameters."""
     return int(np.isinf(shear).sum()), int((shear > 0.0).sum()), int(leaps(poses)[:, :4].sum())
 
 
-def _tell_shear(shear: Array) -> None:
-    """ValueError where a shear (n,) [N] is infinite, a RuntimeWarning where it is not zero."""
-
-    def nowhere(rows: np.ndarray) -> str:
-        which = f"{int(rows.sum())} of {len(rows)} frames, first in frame {int(rows.argmax())}"
-        return f"no place of the femur without shear under {SHEAR_FREE_LOAD_N:g} N on each side is found in {which}"
-
-    if np.isinf(shear).any():
-        raise ValueError(
-            f"{nowhere(np.isinf(shear))}, nor one with {_MOST_SHEAR_N:g} N at most: are flexion and rotation those of "
-            "this knee?"
-        )
-    if shear.any():
-        said = f"{nowhere(shear > 0.0)}, as on a convex tibia: there the femur stands where shear is least"
-        warnings.warn(f"{said} ({two_digits(shear.max())} N at most)", RuntimeWarning, stacklevel=3)
-
-
-def _without_shear(model: SymbolicContact, poses: Array) -> tuple[Array, Array]:
-    """Poses (n, 6) settled under equal forces on both sides without shear, and the shear left (n,) [N]: 0 where it is
-    settled, infinite where the sides do not bear their forces or more than `_MOST_SHEAR_N` is left."""
-    sides = dict.fromkeys(model.scene.sensitive_loads, -SHEAR_FREE_LOAD_N)
+def _without_shear(model: SymbolicContact, poses: Array, load_n: float) -> tuple[Array, Array]:
+    """Poses (n, 6) settled without shear, and the shear left (n,) [N]: 0 where settled, infinite where the sides do not
+    carry load_n or more than a tenth of it is left."""
+    sides = dict.fromkeys(model.scene.sensitive_loads, -load_n)
     poses, _ = settle(model, poses, ("ty", "rx"), sides, tolerance=1.0)
     targets = {**sides, "Fx": 0.0, "Fz": 0.0}
     poses, report = settle(model, poses, ("tx", "ty", "tz", "rx"), targets, tolerance=0.1)
     loads = dict(zip(model.load_names, model(poses).T, strict=True))
     shear = np.hypot(loads["Fx"], loads["Fz"])
-    borne = np.all([np.abs(loads[name] - force) < _MOST_SHEAR_N for name, force in sides.items()], axis=0)
-    left = np.where(borne & (shear <= _MOST_SHEAR_N), shear, np.inf)
+    carried = np.all([np.abs(loads[name] - force) < 0.1 * load_n for name, force in sides.items()], axis=0)
+    left = np.where(carried & (shear <= 0.1 * load_n), shear, np.inf)
     return poses, np.where(report.converged, 0.0, left)
 
 
-def _followed(model: SymbolicContact, poses: Array, pose: Array, first: int) -> tuple[Array, Array]:
-    """`_without_shear` of poses (n, 6), each begun at its neighbour's, outwards from the one (6,) of the first frame;
-    it ends at a frame that is lost."""
-    poses, shear = poses.copy(), np.full(len(poses), np.inf)  # lost, where it does not come
+def _outwards(model: SymbolicContact, poses: Array, pose: Array, first: int, load_n: float) -> tuple[Array, Array]:
+    """`_without_shear` frame by frame, each from its neighbour's pose, outwards from the pose (6,) of the first frame;
+    it ends at a frame without a pose."""
+    poses, shear = poses.copy(), np.full(len(poses), np.inf)
     poses[first], shear[first] = pose, 0.0
     for frames, step in ((range(first + 1, len(poses)), -1), (range(first - 1, -1, -1), 1)):
         for frame in frames:
             poses[frame, :4] = poses[frame + step, :4]
-            poses[[frame]], shear[[frame]] = _without_shear(model, poses[[frame]])
+            poses[[frame]], shear[[frame]] = _without_shear(model, poses[[frame]], load_n)
             if np.isinf(shear[frame]):
                 return poses, shear
     return poses, shear

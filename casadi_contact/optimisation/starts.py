@@ -5,7 +5,7 @@ From a start in contact an optimiser finds its way, from 20 mm off it may not.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,8 +17,6 @@ from casadi_contact.core.conventions import LEVER_MM, POSE_NAMES, WRENCH_NAMES, 
 from casadi_contact.scenes.scene import Scene
 
 LEAST_START_N = 20.0  # of each patch, so that a start is in contact
-_SETTLED_N = 1.0  # how near a start comes to the target normal loads
-_LEAST_SHARE_N = 10.0 * _SETTLED_N  # of a patch under a light load: out of contact is never that near
 
 
 def pose_bounds(model: SymbolicContact) -> tuple[Array, Array]:
@@ -66,14 +64,19 @@ def start_or_default(start: ArrayLike | None, default: Array) -> Array:
 
 
 def settle_in_range(
-    model: SymbolicContact, poses: Array, rest: Array, free: Sequence[str], pressing: Mapping[str, Array]
+    model: SymbolicContact,
+    poses: Array,
+    rest: Array,
+    free: Sequence[str],
+    pressing: Mapping[str, Array],
+    tolerance_n: float = 1.0,
 ) -> Array:
-    """Poses (n, 6) brought into the learned range, locked parameters as at rest (n, 6) and as the scene says, the
-    sensitive ones settled under target normal loads (n,) by name, as far as they are free.
+    """Bring poses (n, 6) into the learned range and settle them under target normal loads (n,) by name.
 
-    Settling compares root loads, which keep their slope out of contact; where it leads out of the learned range, it
-    begins again at rest, then at the first touch of a model that knows its gaps, and where that fails too, the pose is
-    only brought into the range.
+    Sensitive pose parameters settle, as far as they are free; locked ones are as at rest (n, 6) and as the scene says.
+    Settling compares root loads, which keep their slope out of contact. Where it leads out of the learned range, it
+    begins again at rest, then at the first touch of a model that knows its gaps. Where that fails too, the pose is only
+    brought into the range.
     """
     columns = [pose_index(name) for name in free]
     locked = [i for i in range(6) if i not in columns]
@@ -86,24 +89,15 @@ def settle_in_range(
     if not pressing or not moved or not set(moved) <= set(free):
         return poses
     left = np.arange(len(poses))
-    for begin in _begins(model, poses, rest, free, pressing):
+    for begin in (poses.copy, lambda: rest, lambda: touching(model, rest, free, pressing)):
         forces = {name: target[left] for name, target in pressing.items()}
-        tried, report = settle(model, begin[left], moved, forces, tolerance=_SETTLED_N, max_iterations=30)
+        tried, report = settle(model, begin()[left], moved, forces, tolerance=tolerance_n, max_iterations=30)
         good = report.converged & ((tried >= low) & (tried <= high))[:, columns].all(axis=1)
         poses[left[good]] = tried[good]
         left = left[~good]
         if not len(left):
             break
     return poses
-
-
-def _begins(
-    model: SymbolicContact, poses: Array, rest: Array, free: Sequence[str], pressing: Mapping[str, Array]
-) -> Iterator[Array]:
-    """Where settling begins, in turn, each (n, 6)."""
-    yield poses.copy()
-    yield rest
-    yield touching(model, rest, free, pressing)
 
 
 def touching(model: SymbolicContact, poses: Array, free: Sequence[str], pressing: Mapping[str, Array]) -> Array:
@@ -121,10 +115,11 @@ def touching(model: SymbolicContact, poses: Array, free: Sequence[str], pressing
 
 
 def press_together(model: SymbolicContact, poses: Array, rest: Array, loads: Array, free: Sequence[str]) -> Array:
-    """`settle_in_range` under what presses the patches, as the total loads (n, 6) tell it.
+    """`settle_in_range` under the normal loads that total loads (n, 6) put on the patches.
 
-    What is pressed in one (a single patch, or all patches that one pose parameter sets together) bears its forces
-    among them; each of two patches its share (`shares`), `LEAST_START_N` at least, or half of a load below twice that.
+    A single patch, or patches that one pose parameter sets together, carries the total. Each of two patches carries its
+    share (`shares`), at least `LEAST_START_N`, or half of a total below twice that, but 10 N, which no pose out of
+    contact comes near to.
     """
     normals = model.scene.pressed
     if len(normals) == 1:
@@ -135,7 +130,7 @@ def press_together(model: SymbolicContact, poses: Array, rest: Array, loads: Arr
         return settle_in_range(model, poses, rest, free, {})
     first, second = shares(model.scene, loads)
     total = first + second
-    least = np.minimum(LEAST_START_N, np.maximum(0.5 * total, _LEAST_SHARE_N))
+    least = np.minimum(LEAST_START_N, np.maximum(0.5 * total, 10.0))
     first = np.clip(first, least, np.maximum(total - least, least))
     sizes = (first, np.maximum(total - first, least))
     pressing = {n.loads[0]: n.with_size(loads, size)[:, 0] for n, size in zip(normals, sizes, strict=True)}

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.contact.symbolic import symbolic
 from casadi_contact.core.conventions import POSE_NAMES, rotation
 from casadi_contact.optimisation.starts import middle_pose, press_together, shares
 
@@ -83,7 +84,7 @@ def test_a_ball_whose_origin_is_far_begins_in_its_cup_however_it_is_turned():
         size_n = 3e4 * np.maximum(distance - free_mm, 0.0) ** 2
         return np.concatenate([size_n * moved / np.maximum(distance, 1e-9), 0.0 * moved], axis=1)[:, None]
 
-    model = cc.contact.symbolic(cc.CallableModel(scene, wrenches, lambda poses: free_mm - off(poses)[1]))
+    model = symbolic(cc.CallableModel(scene, wrenches, lambda poses: free_mm - off(poses)[1]))
     middle = start - np.pad(0.5 * down, (0, 3))
     widths = (6.0, 1.0, 6.0, 0.2, 0.2, 0.2)
     model.record["pose_range"] = {name: (m - w, m + w) for name, m, w in zip(POSE_NAMES, middle, widths, strict=True)}
