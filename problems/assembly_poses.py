@@ -59,9 +59,9 @@ def read_assembly_cycle(path: Path, assembly: Assembly) -> AssemblyCycle:
     for body in assembly.bodies:
         known |= {f"{body}_{quantity(name).column}": ("pose", body, name) for name in POSE_NAMES}
         known |= {f"{body}_{name}_N": ("applied", body, name) for name in ("Fx", "Fy", "Fz")}
-    for contact in assembly.contacts:
-        names = (*contact.model.load_names, *CENTRES)
-        known |= {f"{contact.name}_{quantity(name).column}": ("loads", contact.name, name) for name in names}
+    for part in assembly.contacts:
+        names = (*part.model.load_names, *CENTRES)
+        known |= {f"{part.name}_{quantity(name).column}": ("loads", part.name, name) for name in names}
     known |= {f"{pull.name}_N": ("tensions", "", pull.name) for pull in assembly.pulls}
     table = TextColumns.read(path, "cycle file")
     table.require("time_s")

@@ -17,12 +17,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation
-from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.polar.dish_slopes import RADII, dish_slopes
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
@@ -124,7 +124,7 @@ class Dish:
     travel_mm: Array
 
 
-def balanced(model: ContactModel, radii_mm: Array, loads: Array, start: Array) -> Dish:
+def balanced(model: PolarFoundation | ElasticFoundation, radii_mm: Array, loads: Array, start: Array) -> Dish:
     """A dish's poses settled from a start (n, 6); ValueError where one has no equilibrium."""
     targets = dict(zip(BALANCED, loads.T, strict=True))
     poses, report = settle(model, start, FREE, targets, tolerance=0.01)
@@ -161,11 +161,15 @@ def design(contact: DishContact, bounds: Array, frames: int) -> tuple[Dish, Dish
     opti.set_initial(radii, own)
     opti.set_initial(peak, first.peaks_mpa.max())
     opti.set_initial(q, (first.poses[:, COLUMNS] / steps).T)
-    ipopt = {"hessian_approximation": "limited-memory", "limited_memory_max_history": 30, "mu_strategy": "adaptive"}
+    ipopt: dict[str, Any] = {
+        "hessian_approximation": "limited-memory",
+        "limited_memory_max_history": 30,
+        "mu_strategy": "adaptive",
+    }
     options = {"print_time": False, "detect_simple_bounds": True}
-    opti.solver("ipopt", options, {"print_level": 0, "sb": "yes", "tol": 1e-6, "max_iter": 200, **ipopt})
+    opti.solver("ipopt", options, ipopt)
     found = opti.solve()
-    best, at = found.value(radii), found.value(poses).T
+    best, at = np.asarray(found.value(radii)), np.asarray(found.value(poses)).T
     return (
         first,
         balanced(PolarFoundation(contact.with_radii(best), RAYS), best, loads, at),

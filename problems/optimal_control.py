@@ -21,7 +21,6 @@ import casadi as ca
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-import casadi_contact as cc
 from casadi_contact.contact.settle import settle
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, WRENCH_NAMES, Array
@@ -33,6 +32,7 @@ from casadi_contact.optimisation.starts import pose_bounds, pose_steps, press_to
 from casadi_contact.optimisation.verification.verdict import judge, own_model
 from casadi_contact.pictures.page import new_page, save_page
 from casadi_contact.scenes.pose_file import write_poses
+from casadi_contact.workflow.contact_source import load_contact
 from problems import knee_simulator
 from problems.knee_simulator import Rig
 
@@ -153,10 +153,13 @@ def forward(model: SymbolicContact, control: Control) -> Array:
 
 
 def main(
-    surrogate: str = "knee", scene: str = "", intervals: int = 50, out: Path = Path("results/optimal_control")
+    surrogate: str | None = None,
+    scene: str | None = None,
+    intervals: int = 50,
+    out: Path = Path("results/optimal_control"),
 ) -> None:
     """Find the actuators that carry a simulated cycle's loads, on a surrogate or on the foundation of a scene."""
-    model: SymbolicContact = cc.foundation(scene) if scene else cc.load_surrogate(surrogate)
+    model = load_contact(surrogate, scene)
     wanted = simulated(model)
     control = solve(model, wanted, intervals)
     driven = forward(model, control)

@@ -23,6 +23,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -169,7 +170,7 @@ def build(
     grid = Collocation(intervals, 3, duration_s)
     points, times = 3 * intervals, grid.times_s
 
-    def flexion(time_s: Array) -> Array:
+    def flexion(time_s: Any) -> Any:
         return np.radians(10.0 + 0.5 * (depth_deg - 10.0) * (1.0 - np.cos(2.0 * np.pi * time_s / duration_s)))
 
     opti = ca.Opti()
@@ -217,8 +218,8 @@ def build(
     opti.set_initial(a, 0.2)
     opti.set_initial(knee, (held[:, [0, 1, 3]] / steps).T)
     nlp = {"x": opti.x, "p": opti.p, "f": opti.f, "g": opti.g}
-    bounds = {"lbg": opti.debug.value(opti.lbg), "ubg": opti.debug.value(opti.ubg)}
-    start = opti.debug.value(opti.x, opti.initial())
+    bounds = {"lbg": np.asarray(opti.debug.value(opti.lbg)), "ubg": np.asarray(opti.debug.value(opti.ubg))}
+    start = np.asarray(opti.debug.value(opti.x, opti.initial()))
     return Squat(grid, nlp, bounds, start, ca.Function("unpack", [opti.x], [phi, a, pose]))
 
 
@@ -244,7 +245,11 @@ def trade_off(squat: Squat, weights: Iterable[float]) -> dict[float, Array]:
     for weight in sorted(weights, reverse=True):
         x = solve(far, weight, x)
         found.append(x)
-    return {w: solve(near, w, min(found, key=lambda x, w=w: float(cost(x, w)))) for w in weights}
+
+    def cheapest(weight: float) -> Array:
+        return min(found, key=lambda x: float(cost(x, weight)))
+
+    return {weight: solve(near, weight, cheapest(weight)) for weight in weights}
 
 
 def main(
