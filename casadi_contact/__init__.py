@@ -17,9 +17,12 @@ __all__ = [
     "ContactInOpti",
     "CupFoundation",
     "ElasticFoundation",
+    "MuscleContact",
     "PolarFoundation",
+    "PoseEstimation",
     "RayCastFoundation",
     "Scene",
+    "StaticEquilibrium",
     "build",
     "choose",
     "foundation",
@@ -49,6 +52,9 @@ if TYPE_CHECKING:
     from casadi_contact.optimisation.assembly.file import load_assembly
     from casadi_contact.optimisation.contact_frames import ContactFrames
     from casadi_contact.optimisation.contact_in_opti import ContactInOpti
+    from casadi_contact.optimisation.muscle_contact import MuscleContact
+    from casadi_contact.optimisation.pose_estimation import PoseEstimation
+    from casadi_contact.optimisation.static_equilibrium import StaticEquilibrium
     from casadi_contact.optimisation.verification.verify import verify
     from casadi_contact.scenes.loading import load_scene
     from casadi_contact.scenes.scene import Scene
@@ -64,9 +70,12 @@ else:
         "ContactInOpti": "optimisation.contact_in_opti",
         "CupFoundation": "contact.cup.foundation",
         "ElasticFoundation": "contact.elements.foundation",
+        "MuscleContact": "optimisation.muscle_contact",
         "PolarFoundation": "contact.polar.foundation",
+        "PoseEstimation": "optimisation.pose_estimation",
         "RayCastFoundation": "contact.ray_cast",
         "Scene": "scenes.scene",
+        "StaticEquilibrium": "optimisation.static_equilibrium",
         "build": "cli.pipeline",
         "choose": "workflow.benchmark.choose",
         "foundation": "contact.choice",

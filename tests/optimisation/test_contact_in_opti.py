@@ -221,10 +221,10 @@ def test_the_start_lies_in_the_learned_range_and_in_contact(knee):
     [
         ({}, "target"),
         ({"Fy_med": 600.0}, "Fy_med pulls"),
-        ({"Fy": -600.0}, "unknown load 'Fy', expected one of Fy_med"),
-        ({"Fy_med": [-600.0, -500.0]}, "expected a finite number, or one for each of 1 frames"),
-        ({"Fy_med": np.full(40, -600.0)}, r"^Fy_med is .*, expected a finite number, or one for each of 1 frames"),
-        ({"Fy_med": np.nan}, "expected a finite number"),
+        ({"Fy": -600.0}, "unknown load"),
+        ({"Fy_med": [-600.0, -500.0]}, "frames"),
+        ({"Fy_med": np.full(40, -600.0)}, "^Fy_med"),
+        ({"Fy_med": np.nan}, "finite"),
     ],
 )
 def test_wrong_wishes_are_refused(knee, wanted, said):
@@ -242,14 +242,14 @@ def test_a_total_that_pulls_is_refused_as_a_single_side_is():
     ("settings", "said"),
     [
         ({"frames": 0}, "frames is 0"),
-        ({"frames": 2.5}, "frames is 2.5, expected a whole number"),
-        ({"locked": {"rz": -2.0}}, "rz is locked at -2 to -2, the surrogate learned"),
-        ({"locked": {"rz": -30.0}}, "rz reaches 30, expected radians: is it in degrees"),
-        ({"locked": {"rz": np.nan}}, "rz is nan, expected a finite number"),
+        ({"frames": 2.5}, "whole"),
+        ({"locked": {"rz": -2.0}}, "learned"),
+        ({"locked": {"rz": -30.0}}, "degrees"),
+        ({"locked": {"rz": np.nan}}, "finite"),
         ({"locked": {"rz": [[-0.1, -0.2], [-0.3, -0.4]]}, "frames": 4}, "one for each of 4 frames"),
-        ({"locked": {"rz": ca.SX.sym("flexion")}}, "rz is flexion, expected a finite number"),
-        ({"locked": {"flexion": 0.0}}, "unknown pose parameter 'flexion'"),
-        ({"locked": dict.fromkeys(("tx", "tz", "rx", "ry", "rz"), 0.0) | {"ty": 27.0}}, "all free pose parameters"),
+        ({"locked": {"rz": ca.SX.sym("flexion")}}, "finite"),
+        ({"locked": {"flexion": 0.0}}, "flexion"),
+        ({"locked": dict.fromkeys(("tx", "tz", "rx", "ry", "rz"), 0.0) | {"ty": 27.0}}, "locked"),
         ({"loads": ("Fy_med", "My")}, "My"),
     ],
 )
@@ -275,10 +275,10 @@ def test_numbers_for_each_frame_come_as_a_row_a_column_or_a_matrix_of_casadi(kne
 @pytest.mark.parametrize(
     ("start", "said"),
     [
-        ({"poses": np.zeros((3, 6))}, "got 3 poses, expected one, or one for each of 2 frames"),
-        ({"poses": np.zeros((2, 5))}, r"shape \(2, 5\), expected \(n, 6\)"),
-        ({"targets": {"Fy_medial": -600.0, "Fy_lat": -400.0}}, "Fy_medial.*, expected"),
-        ({"targets": {"Fy_med": [-600.0] * 3, "Fy_lat": -400.0}}, "one for each of 2 frames"),
+        ({"poses": np.zeros((3, 6))}, "3 poses"),
+        ({"poses": np.zeros((2, 5))}, "shape"),
+        ({"targets": {"Fy_medial": -600.0, "Fy_lat": -400.0}}, "Fy_medial"),
+        ({"targets": {"Fy_med": [-600.0] * 3, "Fy_lat": -400.0}}, "frames"),
     ],
 )
 def test_a_wrong_start_is_refused(knee, start, said):

@@ -55,11 +55,11 @@ def test_starts_lie_on_the_space(ball):
 @pytest.mark.parametrize(
     ("locked", "said"),
     [
-        ({"rx": 0.1}, "locked: rx is locked at 0.05 by the scene, given up to 0.05 off that, .* leave rx out"),
-        ({"tx": 0.4, "tz": 0.0}, "locked: tz is tied to tx by the scene, given up to 0.4 off that"),
-        ({"tz": 0.4}, "locked: tz is tied to tx by the scene, which is not given"),
-        ({"ry": ca.MX.sym("ry")}, "locked to an expression: ry is locked at 0 by the scene"),
-        ({"rz": -30.0}, "locked: rz reaches 30, expected radians: is it in degrees"),
+        ({"rx": 0.1}, "rx"),
+        ({"tx": 0.4, "tz": 0.0}, "tied"),
+        ({"tz": 0.4}, "not given"),
+        ({"ry": ca.MX.sym("ry")}, "expression"),
+        ({"rz": -30.0}, "degrees"),
     ],
 )
 def test_locks_of_a_problem_that_contradict_the_scene_are_refused(ball, locked, said):
@@ -74,5 +74,5 @@ def test_locks_of_a_problem_that_agree_with_the_scene_are_not_needed(ball):
 @needs_compiler
 def test_what_needs_all_six_says_which_are_held():
     knee = PolarFoundation(scene_held("knee", {"locked": {"tz": 0.0}}), Rays(8, 2))
-    with pytest.raises(ValueError, match=r"moves all six .* tz is locked at 0 by the scene: take it out"):
+    with pytest.raises(ValueError, match="all six"):
         shear_free_poses(knee, np.zeros(1), np.zeros(1))

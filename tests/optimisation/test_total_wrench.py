@@ -58,7 +58,7 @@ def test_a_centre_of_pressure_is_that_of_all_that_presses(model):
 
 def test_of_one_side_alone_there_is_none():
     scene = knee(ONE_SIDE)
-    with pytest.raises(ValueError, match=r"hold no Fy, expected all of .* in total or of every patch"):
+    with pytest.raises(ValueError, match="hold no Fy"):
         total_selection(scene.load_names, scene.patch_names)
     with pytest.raises(ValueError, match="cop_ap"):
         PoseTargets.of(scene, {"cop_ap": np.zeros(1)})
