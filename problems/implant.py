@@ -13,8 +13,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from casadi_contact.cli.propose import name_of_mesh
-from casadi_contact.cli.propose import scene as propose_scene
+from casadi_contact.cli.scene_commands import name_of_mesh
+from casadi_contact.cli.scene_commands import scene as propose_scene
 from casadi_contact.core.files.reading import existing_file
 from casadi_contact.core.terminal import run_program
 from casadi_contact.geometry.mesh import FORMATS

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from casadi_contact.cli import pipeline
-from casadi_contact.cli.arguments import (
+from casadi_contact.cli.options import (
     DEFAULT_PRESET,
     Cycles,
     ModelName,
@@ -24,6 +24,7 @@ from casadi_contact.cli.arguments import (
     Scheduler,
     Table,
     console,
+    say,
     say_shipped,
 )
 from casadi_contact.core.files.writing import folder_lock
@@ -46,15 +47,16 @@ def build(
     scheduler: Scheduler = None,
     out: Out = None,
     force_tol: Annotated[
-        float | None, typer.Option(help="RMS error wanted of every force [N]: samples and sizes follow, not the preset")
+        float | None,
+        typer.Option(help="largest RMS error of every force [N]: samples and sizes follow it"),
     ] = None,
-    torque_tol: Annotated[float | None, typer.Option(help="RMS error wanted of every torque [N·mm], likewise")] = None,
+    torque_tol: Annotated[float | None, typer.Option(help="largest RMS error of every torque [N·mm], likewise")] = None,
 ) -> None:
     """Sample, train, evaluate and export; run again after an interruption to go on."""
-    files, within = [*(cycles or []), *(more_cycles or [])], force_tol is not None or torque_tol is not None
+    files, to_tolerance = [*(cycles or []), *(more_cycles or [])], force_tol is not None or torque_tol is not None
     pipeline.check_table(table, files, model)
-    if within:
-        project = _project_within(scene, out, preset, table, force_tol, torque_tol)
+    if to_tolerance:
+        project = _project_to_tolerance(scene, out, preset, table, force_tol, torque_tol)
     else:
         project = Project.open(scene, preset or DEFAULT_PRESET, out)
     with folder_lock(project.folder), cluster_workers(scheduler) as executor:
@@ -62,19 +64,19 @@ def build(
             "samples": lambda: _sample(project, files, table, model, executor),
             "training": lambda: _train(project, executor),
         }
-        if within:
-            stages = {"samples and training": lambda: _train_within(project, files, model, executor)}
+        if to_tolerance:
+            stages = {"samples and training": lambda: _train_to_tolerance(project, files, model, executor)}
         stages |= {
             "evaluation": lambda: _evaluate(project),
             "export": lambda: _export(project),
             "report": lambda: _report(project),
         }
         for number, (stage, run) in enumerate(stages.items(), start=1):
-            console.print(f"stage {number} of {len(stages)}: {stage}", highlight=False)
+            say(f"stage {number} of {len(stages)}: {stage}")
             run()
 
 
-def _project_within(
+def _project_to_tolerance(
     scene: str,
     out: Path | None,
     preset: str | None,
@@ -83,14 +85,11 @@ def _project_within(
     torque_tol: float | None,
 ) -> Project:
     """The project of a build whose scene has these tolerances [N, N·mm]."""
-    if preset is not None:
-        raise ValueError(f"got --preset {preset} and a tolerance, expected one: samples and sizes follow the tolerance")
-    if table is not None:
-        raise ValueError(
-            "got a table of samples and a tolerance, expected one: samples are drawn as the tolerance asks"
-        )
-    wanted = [f"{tol:.15g}{unit}" for tol, unit in ((force_tol, "N"), (torque_tol, "Nmm")) if tol is not None]
-    folder = Path("results") / "-".join([Path(scene).stem, *wanted]) if out is None else out
+    for option, value in (("--preset", preset), ("--table", table)):
+        if value is not None:
+            raise ValueError(f"got {option} {value} and a tolerance, expected one: the tolerance decides what is sa")
+    names = [f"{tol:.15g}{unit}" for tol, unit in ((force_tol, "N"), (torque_tol, "Nmm")) if tol is not None]
+    folder = Path("results") / "-".join([Path(scene).stem, *names]) if out is None else out
     project = Project.open(scene, DEFAULT_PRESET, folder)
     return replace(project, scene=scene_to_tolerance(project.scene, force_tol, torque_tol))
 
@@ -132,7 +131,7 @@ def calibrate(scene: SceneName, preset: PresetName = DEFAULT_PRESET, out: Out = 
     with progress_bars(console, cure="what is calibrated so far is kept, the rest is as it was") as update:
         paths = pipeline.calibrate(project, update)
     for path in paths:
-        console.print(f"calibrated {path}", highlight=False)
+        say(f"calibrated {path}")
 
 
 def evaluate(scene: SceneOrSurrogate, preset: PresetName = DEFAULT_PRESET, out: Out = None) -> None:
@@ -166,22 +165,22 @@ def _sample(
 ) -> None:
     if table is not None:
         samples = pipeline.take_table(project, table)
-        console.print(f"{len(samples)} samples of {table} in {project.samples_path}", highlight=False)
+        say(f"{len(samples)} samples of {table} in {project.samples_path}")
         return
     with progress_bars(console) as update:
         samples, report = pipeline.sample(project, cycle_files, update, executor, models=model_pair(model))
-    console.print(str(report), highlight=False)
+    say(report)
     for domain, share in samples.dropped_shares().items():
         reasons = samples.provenance["dropped"].get(domain, {})
         listed = "; ".join(f"{reason} ({count})" for reason, count in reasons.items())
         if listed:
-            console.print(f"{domain}: {share:.1%} of the plan dropped: {listed}", highlight=False)
+            say(f"{domain}: {share:.1%} of the plan dropped: {listed}")
     for domain, reason in samples.provenance.get("left_out", {}).items():
-        console.print(f"{domain} left out: {reason}", highlight=False)
-    console.print(f"{len(samples)} samples in {project.samples_path}", highlight=False)
+        say(f"{domain} left out: {reason}")
+    say(f"{len(samples)} samples in {project.samples_path}")
 
 
-def _train_within(project: Project, files: list[Path], model: str, executor: Executor | None) -> None:
+def _train_to_tolerance(project: Project, files: list[Path], model: str, executor: Executor | None) -> None:
     with progress_bars(console) as update:
         train_to_tolerance(project, files, update, executor, model_pair(model))
 
@@ -190,7 +189,7 @@ def _train(project: Project, executor: Executor | None, structure: str | None = 
     with progress_bars(console) as update:
         paths = pipeline.train(project, update, executor, structure=structure)
     for path in paths:
-        console.print(f"surrogate in {path}", highlight=False)
+        say(f"surrogate in {path}")
 
 
 def _evaluate(project: Project) -> None:
@@ -199,22 +198,22 @@ def _evaluate(project: Project) -> None:
     for table in evaluation_tables(content):
         console.print(table)
     if remark := fine_grid_remark(content, project.scene):
-        console.print(remark, highlight=False, markup=False, soft_wrap=True)
-    console.print(f"evaluation in {path}", highlight=False)
+        say(remark)
+    say(f"evaluation in {path}")
 
 
 def _report(project: Project) -> None:
     path = pipeline.report(project)
     for structure, surrogate in project_surrogates(project).items():
-        console.print(f"{structure}: {fitness(surrogate)}", highlight=False, markup=False, soft_wrap=True)
+        say(f"{structure}: {fitness(surrogate)}")
         if surrogate.scene.tolerances != project.scene.tolerances:
             text = ", ".join(f"{load} {tolerance:g}" for load, tolerance in surrogate.scene.tolerances.items())
-            console.print(f"judged by the tolerances it was trained for: {text}", highlight=False, soft_wrap=True)
-    console.print(f"report in {path}", highlight=False)
+            say(f"with the tolerances it was trained for: {text}")
+    say(f"report in {path}")
 
 
 def _export(project: Project, *, kernel_only: bool = False, fmu: bool = False, contact_model: bool = False) -> None:
     if not contact_model:
         say_shipped(project, "exporting")
     for path in pipeline.export(project, kernel_only=kernel_only, fmu=fmu, contact_model=contact_model):
-        console.print(f"exported {path}", highlight=False)
+        say(f"exported {path}")

@@ -26,7 +26,6 @@ from casadi_contact.surrogate.calibration import calibrate as calibrated
 from casadi_contact.workflow.benchmark.evaluate import evaluate as evaluate_models
 from casadi_contact.workflow.benchmark.front_file import read_front
 from casadi_contact.workflow.benchmark.measure import measure_project
-from casadi_contact.workflow.presets import PRESETS
 from casadi_contact.workflow.project import (
     Project,
     available_motion,
@@ -36,25 +35,9 @@ from casadi_contact.workflow.project import (
     project_surrogates,
     read_motion,
 )
-from casadi_contact.workflow.samples import DrawnModel, check_table, draw, sample, take_table
-from casadi_contact.workflow.train import structures_for_scene, train
-
-__all__ = [
-    "PRESETS",
-    "Project",
-    "build",
-    "calibrate",
-    "chart",
-    "check_table",
-    "evaluate",
-    "export",
-    "read_motion",
-    "report",
-    "sample",
-    "structures_for_scene",
-    "take_table",
-    "train",
-]
+from casadi_contact.workflow.samples import DrawnModel, check_table, draw, take_table
+from casadi_contact.workflow.samples import sample as sample
+from casadi_contact.workflow.train import train
 
 
 def build(

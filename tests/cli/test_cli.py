@@ -11,8 +11,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 import casadi_contact
-from casadi_contact.cli.examples import _EXAMPLES
-from casadi_contact.cli.main import app
+from casadi_contact.cli.main import EXAMPLES, app
 from casadi_contact.core.terminal import new_app, progress_bars, run_app, run_program
 from tests.support.interrupted import Interrupted, interrupts_remembered
 
@@ -43,8 +42,8 @@ def test_a_terminal_of_few_letters_shows_what_it_can():
 def test_every_command_shows_examples_that_it_accepts(monkeypatch):
     """Each example is parsed by its command as the shell would hand it over; nothing is run."""
     group = typer_group()
-    assert set(_EXAMPLES) - {""} == set(group.commands)
-    for lines in _EXAMPLES.values():
+    assert set(EXAMPLES) - {""} == set(group.commands)
+    for lines in EXAMPLES.values():
         for line in lines:
             name, *arguments = line.split()
             group.commands[name].make_context(name, arguments)

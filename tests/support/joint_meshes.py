@@ -1,20 +1,20 @@
-"""Meshes of joints made from formulas, and what a proposal finds in them."""
+"""Meshes of joints made from formulas, and their analysis by a proposal."""
 
 import numpy as np
 import trimesh
 
 from casadi_contact.geometry.mesh import checked_mesh
 from casadi_contact.workflow.proposal.frame import frame_of
-from casadi_contact.workflow.proposal.sight import sight_of
+from casadi_contact.workflow.proposal.joint_geometry import joint_geometry
 from tests.support.meshes import ball_mesh, cap_mesh, groove, sheet_mesh, shell_mesh, unit
 
 POLE, DOWN = unit(np.array([0.2, 0.8, 0.5])), np.array([0.0, -1.0, 0.0])
 
 
-def seen(moving, fixed, **known):
-    """Meeting, regions, joint and frame of two meshes, as a proposal finds them one after another."""
-    sight = sight_of({"moving": moving, "fixed": fixed}, upright="axes" not in known)
-    return sight.meeting, sight.regions, sight.joint, frame_of(sight, **known)
+def analysed(moving, fixed, **options):
+    """Placement, patches, joint and frame of two meshes."""
+    geometry = joint_geometry({"moving": moving, "fixed": fixed}, upright="axes" not in options)
+    return geometry.placement, geometry.patches, geometry.joint, frame_of(geometry, **options)
 
 
 def ball_in_cup(move=lambda points: points):

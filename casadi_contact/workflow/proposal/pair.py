@@ -1,4 +1,4 @@
-"""Two meshes and how near they are to each other: what the proposal of a scene is found from."""
+"""Two meshes and how near they are to each other: the input of every step of the proposal."""
 
 from __future__ import annotations
 
@@ -8,28 +8,32 @@ import numpy as np
 
 from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.distance_field import DistanceField, build_field
-from casadi_contact.geometry.triangle_mesh import TriangleMesh, joined_by_edges
+from casadi_contact.geometry.triangle_mesh import TriangleMesh
 
-_SPACING_MM = 1.5
-_COARSE_MM = 4.0  # longest edge of triangles whose centres alone tell where the surface is
-_FULL_SIZE_MM = 40.0  # across: a fixed surface smaller than this, of a finger, is looked at on a smaller scale
-_FULL_PIECE_MM = 28.0  # across: a surface whose largest piece is smaller, less than a plateau of a knee, carries less
-_PIECE_SHARE = 0.25  # of the area, in the largest piece: less, and the file is in fragments
-_MOST_POINTS = 6000
-_FACING = 0.5  # cos of the angle between a fixed normal and the direction to the moving body, at least
-_AHEAD = 0.7  # cos of the angle to the direction of moving
-_LEAST_CURVED = 2e-3  # mean square of the angle [rad] that normals differ by, for their lines to have a centre
-_TOUCH_MM = 0.02
-_TOUCH_STEPS = 100
+
+@dataclass(frozen=True)
+class PairSettings:
+    """Lengths [mm] of a large joint; they are multiplied by `Pair.scale`."""
+
+    spacing_mm: float = 1.5  # of the distance field
+    longest_edge_mm: float = 4.0  # triangles with longer edges are divided: their centres represent the surface
+    full_size_mm: float = 40.0  # extent of the fixed surface of a large joint
+    most_points: int = 6000
+    facing_cos: float = 0.5  # least cosine between a fixed normal and the direction to the moving body
+    ahead_cos: float = 0.7  # least cosine between a normal and the direction of motion
+    touch_mm: float = 0.02
+    most_steps: int = 100
+
+
+SETTINGS = PairSettings()
 
 
 @dataclass(frozen=True, eq=False)
 class Pair:
     """Points (n, 3) of the fixed mesh, their outward normals and areas [mm²], and the moving mesh's distance field.
 
-    scale: of this joint's size to that of large ones, 1 at most: what the lengths of this subpackage are multiplied by.
-    carrying: the same of its largest piece, whose square is the share of a large joint's load that it carries.
-    is_open: whether the fixed mesh has edges of one triangle.
+    scale: size of this joint relative to a large one, at most 1. It multiplies all lengths of the proposal.
+    is_open: the fixed mesh has open edges.
     """
 
     points_mm: Array
@@ -38,98 +42,81 @@ class Pair:
     field: DistanceField
     moving: TriangleMesh
     scale: float
-    carrying: float
     is_open: bool
 
     @classmethod
     def of(cls, moving: TriangleMesh, fixed: TriangleMesh) -> Pair:
-        """The fixed mesh's triangles by their centres, large ones divided, thinned out evenly where there are very
-        many."""
-        scale = min(1.0, across_mm(fixed) / _FULL_SIZE_MM)
-        carrying = min(scale, across_mm(largest_piece(fixed)) / _FULL_PIECE_MM)
+        """Represent the fixed mesh by the centres of its triangles; divide large ones, thin out very many evenly."""
+        scale = min(1.0, extent_mm(fixed) / SETTINGS.full_size_mm)
         is_open = bool(len(fixed.boundary_edges))
-        fixed = _divided(fixed, scale * _COARSE_MM)
-        chosen = np.linspace(0, len(fixed.faces) - 1, min(len(fixed.faces), _MOST_POINTS)).round().astype(int)
+        fixed = _divided(fixed, scale * SETTINGS.longest_edge_mm)
+        count = min(len(fixed.faces), SETTINGS.most_points)
+        chosen = np.linspace(0, len(fixed.faces) - 1, count).round().astype(int)
         vectors = fixed.area_vectors_mm2[chosen] * (len(fixed.faces) / len(chosen))
         areas = np.linalg.norm(vectors, axis=1)
+        field = build_field(moving, scale * SETTINGS.spacing_mm)
         points = fixed.corners_mm[chosen].mean(axis=1)
-        return cls(
-            points,
-            vectors / areas[:, None],
-            areas,
-            build_field(moving, scale * _SPACING_MM),
-            moving,
-            scale,
-            carrying,
-            is_open,
-        )
+        return cls(points, vectors / areas[:, None], areas, field, moving, scale, is_open)
 
-    def turned_round(self) -> Pair:
-        """The same with the outside of the moving surface where its inside is."""
+    def turned_inside_out(self) -> Pair:
+        """The same pair with the orientation of the moving surface reversed."""
         moving = TriangleMesh(self.moving.name, self.moving.vertices_mm, self.moving.faces[:, ::-1])
-        return replace(self, field=build_field(moving, self.scale * _SPACING_MM), moving=moving)
+        return replace(self, field=build_field(moving, self.scale * SETTINGS.spacing_mm), moving=moving)
 
     def distances(self, R: Array, t: Array) -> tuple[Array, Array]:
-        """Signed distances (n,) [mm] of the fixed points from the moving body and their gradients (n, 3), fixed frame,
-        with the moving body turned by R and moved by t."""
-        distance, slope = self.field((self.points_mm - t) @ R)
-        return distance, slope @ R.T
+        """Signed distances (n,) [mm] of the fixed points from the moving body at (R, t), and their gradients (n, 3) in
+        the fixed frame."""
+        distance, gradient = self.field((self.points_mm - t) @ R)
+        return distance, gradient @ R.T
 
     def near(self, R: Array, t: Array, reach_mm: float, *, backs: bool = False) -> np.ndarray:
-        """True (n,) for fixed points within reach of the moving body that face it; backs: that face away from it."""
-        distance, slope = self.distances(R, t)
-        facing = np.einsum("nk,nk->n", slope, self.normals) * (1.0 if backs else -1.0)
-        return np.asarray((distance < reach_mm) & (facing > _FACING))
+        """Mask (n,) of fixed points within reach of the moving body that face it (backs: that face away from it)."""
+        distance, gradient = self.distances(R, t)
+        facing = np.einsum("nk,nk->n", gradient, self.normals) * (1.0 if backs else -1.0)
+        return np.asarray((distance < reach_mm) & (facing > SETTINGS.facing_cos))
 
     def dropped(self, R: Array, t: Array, direction: Array) -> Array | None:
-        """The translation (3,) at which the body, coming along a direction from clear of the fixed one, first touches
-        it: steps of the smallest gap never pass a surface. None where it passes by, and where it comes with the
-        hollow of an open surface ahead: behind one, distances are negative however far it is."""
+        """The translation (3,) of first touch if the moving body comes along a direction from far away.
+
+        Steps of the smallest gap never pass a surface. None if the body passes by, or comes with the hollow side of an
+        open surface ahead, behind which distances are negative.
+        """
         size = np.linalg.norm(np.ptp(self.points_mm, axis=0)) + np.linalg.norm(np.ptp(self.moving.vertices_mm, axis=0))
-        here = self.moving.vertices_mm @ R.T + t
-        back = (here @ direction).max() - (self.points_mm @ direction).min()
+        vertices = self.moving.vertices_mm @ R.T + t
+        back = (vertices @ direction).max() - (self.points_mm @ direction).min()
         t, travelled = t - (back + 1.0) * direction, 0.0
-        for _ in range(_TOUCH_STEPS):
+        for _ in range(SETTINGS.most_steps):
             gap = float(self.distances(R, t)[0].min())
-            if gap < _TOUCH_MM:
-                return t if gap > -self.scale * _SPACING_MM else None
+            if gap < SETTINGS.touch_mm:
+                return t if gap > -self.scale * SETTINGS.spacing_mm else None
             t, travelled = t + gap * direction, travelled + gap
             if travelled > 2.0 * size:
                 return None
         return t
 
     def touching(self, R: Array, t: Array, direction: Array) -> Array:
-        """The translation (3,) near `t` at which the bodies just touch, moved along a direction, back where they
-        overlap. Only where the bodies face along the direction: walls that it slides past do not count."""
-        for _ in range(_TOUCH_STEPS):
-            distance, slope = self.distances(R, t)
-            facing = (slope @ direction > _AHEAD) & (self.normals @ direction < -_AHEAD)
+        """The translation (3,) near `t` at which the bodies just touch, moved along a direction or back.
+
+        Counts only points at which both surfaces face along the direction, not walls that the body slides past.
+        """
+        for _ in range(SETTINGS.most_steps):
+            distance, gradient = self.distances(R, t)
+            ahead = SETTINGS.ahead_cos
+            facing = (gradient @ direction > ahead) & (self.normals @ direction < -ahead)
             gap = float(distance[facing].min(initial=np.inf))
-            if not _TOUCH_MM < abs(gap) < np.inf:
+            if not SETTINGS.touch_mm < abs(gap) < np.inf:
                 break
             t = t + gap * direction
         return t
 
 
-def across_mm(mesh: TriangleMesh) -> float:
+def extent_mm(mesh: TriangleMesh) -> float:
     """Largest extent along an axis."""
     return float(np.ptp(mesh.vertices_mm, axis=0).max())
 
 
-def largest_piece(mesh: TriangleMesh) -> TriangleMesh:
-    """That of the largest area of the pieces that do not hang together, as the two facets of a vertebra; all of it
-    where the file is in fragments."""
-    group = joined_by_edges(mesh.faces)[0]
-    areas = np.bincount(group, weights=mesh.areas_mm2)
-    if areas.max() < _PIECE_SHARE * areas.sum():
-        return mesh
-    used, faces = np.unique(mesh.faces[group == np.argmax(areas)], return_inverse=True)
-    return TriangleMesh(mesh.name, mesh.vertices_mm[used], faces.reshape(-1, 3))
-
-
 def _divided(mesh: TriangleMesh, longest_mm: float) -> TriangleMesh:
-    """The mesh with triangles halved until no edge is longer; flat faces from CAD are a few large ones. As it is where
-    most of its surface is made of small ones."""
+    """The mesh with edges halved until none is longer, unless most of its area has short edges already."""
     import trimesh
 
     edges = np.linalg.norm(mesh.corners_mm - np.roll(mesh.corners_mm, 1, axis=1), axis=2).max(axis=1)
@@ -140,31 +127,32 @@ def _divided(mesh: TriangleMesh, longest_mm: float) -> TriangleMesh:
     return TriangleMesh(mesh.name, np.asarray(vertices), np.asarray(faces))
 
 
-def centre_of_normals(points_mm: Array, normals: Array, weights: Array) -> Array:
-    """The point (3,) that lines through the points along their normals pass nearest to: a sphere's centre, a condyle's
-    axis. It stays near the points where the lines are nearly parallel."""
+def unit_rows(vectors: Array) -> Array:
+    """Vectors (n, 3) divided by their lengths."""
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
+
+
+def centre_of_normals(points_mm: Array, normals: Array, weights: Array, regularisation: float = 2e-3) -> Array:
+    """The point (3,) nearest to the lines through the points along their normals: a sphere's centre, a condyle's axis.
+
+    Minimises Σ w |(I - n nᵀ)(x - p)|² + regularisation · |x - mean|², which stays near the points if the lines are
+    nearly parallel.
+    """
     across = np.eye(3) - normals[:, :, None] * normals[:, None, :]
     weights = weights / weights.sum()
     middle = weights @ points_mm
-    held = _LEAST_CURVED * np.eye(3)
-    return np.asarray(
-        middle
-        + np.linalg.solve(
-            np.einsum("n,nij->ij", weights, across) + held,
-            np.einsum("n,nij,nj->i", weights, across, points_mm - middle),
-        )
-    )
+    matrix = np.einsum("n,nij->ij", weights, across) + regularisation * np.eye(3)
+    return np.asarray(middle + np.linalg.solve(matrix, np.einsum("n,nij,nj->i", weights, across, points_mm - middle)))
 
 
 def axis_of_normals(points_mm: Array, normals: Array, weights: Array) -> tuple[Array, Array]:
-    """A point (3,) on the axis about which the points turn most nearly within their surface, and its unit direction
-    (3,): a spool's.
+    """A point (3,) on the axis of revolution of a surface, and the axis' unit direction (3,).
 
-    With v + ω × x the speed of a point x, that is the least Σ w (n·v + (x × n)·ω)² with |ω| = 1, over all screws.
+    With the velocity v + ω × x of a point x, it minimises Σ w (n·v + (x × n)·ω)² with |ω| = 1 over all screws.
     """
     middle = weights @ points_mm / weights.sum()
     rows = np.sqrt(weights)[:, None] * np.hstack([normals, np.cross(points_mm - middle, normals)])
     of_v, mixed, of_w = rows[:, :3].T @ rows[:, :3], rows[:, :3].T @ rows[:, 3:], rows[:, 3:].T @ rows[:, 3:]
-    best_v = -np.linalg.pinv(of_v, hermitian=True) @ mixed  # of each ω
+    best_v = -np.linalg.pinv(of_v, hermitian=True) @ mixed  # for each ω
     turn = np.linalg.eigh(of_w + mixed.T @ best_v)[1][:, 0]
     return np.asarray(middle + np.cross(turn, best_v @ turn)), turn

@@ -1,4 +1,4 @@
-"""From two mesh files to a proposed scene, and what was understood of them."""
+"""From two mesh files to a proposed scene, with what was recognised and what the user must check."""
 
 from __future__ import annotations
 
@@ -14,64 +14,59 @@ from casadi_contact.core.conventions import Array, Update
 from casadi_contact.core.quantities import FORCE, TORQUE, of_kind, quantity, three_digits
 from casadi_contact.geometry.mesh import MM_PER_UNIT, load_mesh
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
+from casadi_contact.optimisation.verification.unmodelled_load import unmodelled_load_shares, unmodelled_load_words
 from casadi_contact.samples.reference import ReferenceReport, reference_poses
 from casadi_contact.samples.settings import ALONE_COUNTS
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.scenes.shapes.mesh_bodies import MOST_BOTH_SIDES, THIN_MM, outer_side, shell_thickness
+from casadi_contact.scenes.shapes.mesh_bodies import MOST_BOTH_SIDES, THIN_MM, body_mesh, outer_side, shell_thickness
 from casadi_contact.workflow.project import reference_motion_cycles
-from casadi_contact.workflow.proposal.damage import folds, holes, rough, specks, spikes
-from casadi_contact.workflow.proposal.frame import frame_of
-from casadi_contact.workflow.proposal.grids import converged_grids
-from casadi_contact.workflow.proposal.joint import Joint
-from casadi_contact.workflow.proposal.open_questions import (
-    beyond_elements,
-    coarse_coordinates,
-    shells_passed,
-    unsettled,
+from casadi_contact.workflow.proposal.convergence import (
+    REST_SHARE,
+    converged_grids,
+    converged_spacing,
+    gap_slope,
+    rest_loads,
 )
-from casadi_contact.workflow.proposal.pair import Pair, across_mm, largest_piece
-from casadi_contact.workflow.proposal.rest import REST_SHARE, gap_slope, motion, rest_pose
-from casadi_contact.workflow.proposal.sight import Sight, sight_of
-from casadi_contact.workflow.proposal.spacings import at_rest
+from casadi_contact.workflow.proposal.frame import Frame, frame_of
+from casadi_contact.workflow.proposal.joint_geometry import Joint, JointGeometry, joint_geometry
+from casadi_contact.workflow.proposal.pair import extent_mm
 from casadi_contact.workflow.proposal.tables import MATERIALS, direction_of, first_tables
 
-_MOST_DROPPED = 0.6  # of a domain, where the reference motion itself reaches an edge
-_TOLERANCE = 0.01  # of the largest load
-_LARGEST_LOAD = 1.5  # reference loads of a patch, in a made-up motion
-_TEST_CYCLES, _TEST_POSES = 2, 40
-_MOSTLY = 0.9  # of the frames of two cycles with a pose, for the others to be tried: those without take seconds each
-_OFFSETS_MM = (0.5, 2.0)  # of D1 and D2 in a translation of a large joint that its motion leaves out
 _STEPS = ("surfaces", "pose at rest", "two cycles", "element grids", "reference motion", "done")
-_LEAST_GUESSED_MM = 10.0  # across the larger body: smaller, and files in centimetres look like a joint's in millimetres
-_LEAST_LEVER_MM = 10.0  # of the force that a torque's tolerance is 1 % of: a ball turns about its centre
+_UNMODELLED = {
+    "beyond_open_edges": "whether the moving part ends at its open edges",
+    "on_walls": "what walls carry",
+    "outside_patches": "what lies outside of the patches",
+    "at_sharp_edges": "what sharp edges carry",
+}
 
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A scene, its pose at rest (6,), the poses (n, 6) of those frames of its reference motion that settle, of how many
-    frames, and what the meshes told and did not."""
+    """A scene, its pose at rest (6,), and the poses (n, 6) of those frames of its reference motion that settle.
+
+    frames: how many were tried. findings: what was recognised in the meshes; open_questions: what the user must check.
+    """
 
     scene: Scene
     joint: Joint
     rest_pose: Array
     poses: Array
     frames: int
-    told: list[str]
-    untold: list[str]
+    findings: list[str]
+    open_questions: list[str]
 
-
-@dataclass(frozen=True, eq=False)
-class _Draft:
-    """How the bodies were seen, along which direction (3,) they press, the meshes as in their files and the thickness
-    of each; and what grows as the scene is tried: its tables, what the meshes told, and what they did not."""
-
-    sight: Sight
-    direction: list[float]
-    meshes: dict[str, TriangleMesh]
-    shells_mm: dict[str, float]
-    tables: dict[str, Any]
-    told: list[str]
-    untold: list[str]
+    def __str__(self) -> str:
+        kind = "" if self.joint.kind == "other" else f"a joint like a {self.joint.kind}, "
+        settled, share = len(self.poses), len(self.poses) / max(self.frames, 1)
+        return "\n".join(
+            [
+                f"{kind}patches: {', '.join(self.joint.patches)}",
+                *self.findings,
+                *(f"not given by the meshes: {question}" for question in self.open_questions),
+                f"{settled} of {self.frames} reference frames settle ({share:.1%})",
+            ]
+        )
 
 
 def propose(
@@ -85,12 +80,16 @@ def propose(
     material: str | None = None,
     units: str | None = None,
     progress: Update = lambda what, done, total, remark: None,
+    test_cycles: int = 2,
+    test_poses: int = 40,
+    least_settled: float = 0.9,
 ) -> Proposal:
-    """Look at the meshes, propose a scene, and try it: see the modules of this subpackage for what is found how.
+    """Analyse the meshes, propose a scene, and try it.
 
-    progress: told of each step before it begins, as of `progress_bars`.
+    Element grids are chosen at ``test_poses`` poses of the first ``test_cycles`` cycles. The whole reference motion is
+    tried if at least ``least_settled`` of these frames settle: frames without a pose take seconds each.
 
-    Raises FileNotFoundError, and ValueError for meshes that cannot work, saying what to do.
+    Raises FileNotFoundError, and ValueError for meshes that cannot work, with the remedy.
     """
 
     def begin(step: str) -> None:
@@ -98,170 +97,148 @@ def propose(
 
     begin("surfaces")
     files = {"moving": Path(moving), "fixed": Path(fixed)}
-    draft = _drafted(files, name, side=side, kind=kind, axes=axes, material=material, units=units)
-    tables, told, untold = draft.tables, draft.told, draft.untold
-    begin("pose at rest")
-    model, pose = _put_to_rest(draft)
-    begin("two cycles")
-    poses, report = _reference(tables, cycles=_TEST_CYCLES)
-    tables["tolerances"] = _tolerances(model, poses)
-    begin("element grids")
-    convergence = converged_grids(Scene.from_tables(tables), poses[:: max(1, len(poses) // _TEST_POSES)])
-    tables["grids"] = convergence.grids
-    (told if convergence.enough else untold).append(f"{'' if convergence.enough else 'enough elements: '}{convergence}")
-    begin("reference motion")
-    if report.converged.mean() > _MOSTLY:
-        poses, report = _reference(tables)
-    final = ElasticFoundation(Scene.from_tables(tables))
-    tables["sampling"] |= _lost_at_edges(final, poses)
-    untold += [*unsettled(final.scene, report), *beyond_elements(final, poses)]
-    untold += shells_passed(final, poses, draft.shells_mm)
-    begin("done")
-    return Proposal(Scene.from_tables(tables), draft.sight.joint, pose, poses, report.converged.size, told, untold)
-
-
-def _drafted(
-    files: Mapping[str, Path],
-    name: str,
-    *,
-    side: str | None,
-    kind: str | None,
-    axes: Sequence[str] | None,
-    material: str | None,
-    units: str | None,
-) -> _Draft:
-    """What the surfaces alone tell."""
-    unit, meshes = _meshes(files, units)
+    unit, meshes = load_meshes(files, units)
     if np.array_equal(meshes["moving"].vertices_mm, meshes["fixed"].vertices_mm):
         raise ValueError(
             f"{files['moving']} and {files['fixed']} hold the same body, expected the two that touch each other"
         )
-    sight = sight_of(meshes, kind, upright=axes is None)
-    pair, meeting = sight.pair, sight.meeting
-    frame = frame_of(sight, side, axes)
+    geometry = joint_geometry(meshes, kind, upright=axes is None)
+    frame = frame_of(geometry, side, axes)
     if axes is not None:
-        sight = replace(sight, joint=sight.joint.pressed_along(frame.directions(meeting.pressing)))
-    joint = sight.joint
-    made_of = material or ("cartilage" if meeting.together else "polyethylene")
-    tables = first_tables(sight, frame, files, unit, MATERIALS[made_of], name)
-    told = [f"both files are in {unit}", *frame.told]
-    untold = [*coarse_coordinates(meshes, unit), *frame.untold]
-    damages = (specks, spikes, folds, holes, rough)
-    untold += [question for mesh in meshes.values() for damage in damages for question in damage(mesh)]
-    why = " (--material)" if material else _guess(meeting.together)
-    untold.append(f"the material's stiffness and thickness: taken as {made_of}{why}")
-    if pair.carrying < pair.scale or (units is None and pair.scale < 1.0):
-        untold.insert(0, _small(pair, meshes["fixed"], unit))
-    told.insert(1, "the files place both bodies in one frame" if meeting.together else "each body has its own frame")
-    if sight.regions.passed_over and kind is None:
-        untold.append(
-            "a second place of contact, small and clearly apart: taken for part of the one patch (--joint knee or "
-            "patella makes two patches)"
-        )
-    if sight.places > len(joint.patches):
-        told.append(f"the bodies touch in {sight.places} places, one patch: turning shifts no load between them")
-    shells = {body: shell_thickness(mesh) for body, mesh in meshes.items()}
-    if made_of == "cartilage" and (layers := [each for each in shells.values() if each < THIN_MM]):
+        along = frame.directions(geometry.placement.pressing)
+        geometry = replace(geometry, joint=geometry.joint.pressed_along(along))
+    made_of = material or ("cartilage" if geometry.placement.together else "polyethylene")
+    findings, questions = _remarks(geometry, frame, unit, made_of, chosen=material is not None)
+    tables = first_tables(geometry, frame, files, unit, MATERIALS[made_of], name)
+    joint, direction = geometry.joint, direction_of(geometry, frame)
+    shells_mm = {body: shell_thickness(mesh) for body, mesh in meshes.items()}
+    if made_of == "cartilage" and (layers := [mm for mm in shells_mm.values() if mm < THIN_MM]):
         tables["material"]["thickness"] = round(sum(layers), 1)
-        told.append(
-            f"thin shells of {' and '.join(f'{each:.2g}' for each in layers)} mm: the elastic layer's thickness"
-        )
-    if shells["moving"] < THIN_MM:
-        tables["geometry"]["shell"] = _shell(sight)
-    return _Draft(sight, direction_of(joint, frame, meeting), meshes, shells, tables, told, untold)
+        sizes = " and ".join(f"{mm:.2g}" for mm in layers)
+        findings.append(f"thin shells of {sizes} mm: the elastic layer's thickness")
+    if shells_mm["moving"] < THIN_MM:
+        tables["geometry"]["shell"] = _shell(geometry)
 
-
-def _put_to_rest(draft: _Draft) -> tuple[ElasticFoundation, Array]:
-    """The draft's model and its pose at rest (6,), or at the start where none is found; both go into its tables, with
-    how stiff contact is there and what to begin with for samples and motion."""
-    tables, joint, direction = draft.tables, draft.sight.joint, draft.direction
-    one_sided = tables["geometry"].get("shell") == "outer"  # which is no thin shell
-    thickness = {"moving": np.inf if one_sided else draft.shells_mm["moving"], "fixed": draft.shells_mm["fixed"]}
-    resting = at_rest(tables, draft.meshes, thickness, lambda model: rest_pose(model, joint, direction))
-    model, pose, scene = resting.model, resting.pose, resting.model.scene
-    if resting.remark:
+    begin("pose at rest")
+    one_sided = tables["geometry"].get("shell") == "outer"  # only one of its surfaces has a distance field
+    thickness_mm = {**shells_mm, "moving": np.inf if one_sided else shells_mm["moving"]}
+    rest = converged_spacing(tables, meshes, thickness_mm, joint, direction)
+    scene, pose = rest.model.scene, rest.pose
+    if rest.spacing_remark:
         tables["geometry"]["spacing"] = scene.geometry["spacing"]
-        (draft.told if resting.enough else draft.untold).append(resting.remark)
-    if resting.reason:
-        draft.untold.append(
-            f"a pose at rest under {three_digits(REST_SHARE * scene.reference_load)} N a patch: {resting.reason}"
-        )
+        (findings if rest.fine_enough else questions).append(rest.spacing_remark)
+    if rest.reason:
+        load = three_digits(REST_SHARE * scene.reference_load)
+        questions.append(f"a pose at rest under {load} N a patch: {rest.reason}")
         pose = scene.start_pose
     tables["geometry"]["start_pose"] = [round(float(v), 4) for v in pose]
-    tables["loads"]["gap_slope"] = gap_slope(model, pose, direction)
-    tables["sampling"] = _sampling(joint, draft.sight.pair.scale)
-    tables |= motion(scene, joint, _LARGEST_LOAD * scene.reference_load)
-    return model, pose
+    tables["loads"]["gap_slope"] = gap_slope(rest.model, pose, direction)
+    tables["sampling"] = _sampling(joint, geometry.pair.scale)
+    tables |= made_up_motion(scene, joint)
+
+    begin("two cycles")
+    poses, report = _reference(tables, test_cycles)
+    tables["tolerances"] = _tolerances(rest.model, poses)
+    begin("element grids")
+    convergence = converged_grids(Scene.from_tables(tables), poses[:: max(1, len(poses) // test_poses)])
+    tables["grids"] = convergence.grids
+    if convergence.fine_enough:
+        findings.append(str(convergence))
+    else:
+        questions.append(f"enough elements: {convergence}")
+    begin("reference motion")
+    if report.converged.mean() > least_settled:
+        poses, report = _reference(tables)
+    model = ElasticFoundation(Scene.from_tables(tables))
+    tables["sampling"] |= _dropped_at_edges(model, poses)
+    questions += _questions_about_motion(model, poses, report, shells_mm)
+    begin("done")
+    return Proposal(Scene.from_tables(tables), joint, pose, poses, report.converged.size, findings, questions)
 
 
-def _shell(sight: Sight) -> str:
-    """Which side of a moving shell counts: the outer one where it is one side and what touches is of it, else both."""
-    one = sight.regions.round and outer_side(sight.pair.moving, sight.regions.anchors_mm)[1] <= MOST_BOTH_SIDES
-    return "outer" if one else "whole"
+def load_meshes(
+    files: Mapping[str, Path], unit: str | None, least_mm: float = 10.0
+) -> tuple[str, dict[str, TriangleMesh]]:
+    """The unit, and both meshes [mm]: the given unit, else mm or m, in which they have the size of a joint.
 
-
-def _guess(together: bool) -> str:
-    """Why a material is guessed, and what to do where the guess is wrong."""
-    if together:
-        return ", since the files share a frame, as a scan's do; an implant's may as well (--material polyethylene)"
-    return ", since the files do not share a frame, as a scan's would (--material cartilage)"
-
-
-def _small(pair: Pair, fixed: TriangleMesh, unit: str) -> str:
-    """The question about a size at which a large joint's file in another unit would look the same, or about loads."""
-    if pair.scale < 1.0:
-        across = across_mm(fixed)
-        return f"the size: a fixed surface {across:.2g} mm across is taken for a small joint's, in {unit} (--units)"
-    across = across_mm(largest_piece(fixed))
-    return f"the loads: the fixed surface is in pieces of {across:.2g} mm at most, and is loaded as a small joint"
-
-
-def _meshes(files: Mapping[str, Path], asked: str | None) -> tuple[str, dict[str, TriangleMesh]]:
-    """The unit in which both meshes have the size of a joint's, and the meshes as in their files [mm]; no unit but the
-    one that is asked for. Centimetres and inches are never guessed, since they would do for most files in millimetres
-    or metres: bodies of a few millimetres, if these they are, are asked about."""
+    Bodies of less than `least_mm` in all are not guessed: they may be files in centimetres or inches.
+    """
     errors = []
-    for unit in dict.fromkeys((*(() if asked is None else (asked,)), "mm", "m")):
+    for candidate in (unit,) if unit else ("mm", "m"):
         try:
-            meshes = {body: load_mesh(path, unit) for body, path in files.items()}
+            meshes = {body: load_mesh(path, candidate) for body, path in files.items()}
         except ValueError as error:
             errors.append(str(error))
             continue
-        if asked not in (None, unit):
-            break  # the files are in another unit than the one that is asked for
-        across = max(map(across_mm, meshes.values()))
-        if asked is None and across < _LEAST_GUESSED_MM:
-            sizes = [f"{across * MM_PER_UNIT[other]:.3g} mm across in {other}" for other in ("mm", "cm", "inch")]
+        extent = max(map(extent_mm, meshes.values()))
+        if unit is None and extent < least_mm:
+            sizes = [f"{extent * MM_PER_UNIT[other]:.3g} mm across in {other}" for other in ("mm", "cm", "inch")]
             raise ValueError(
                 f"the larger of {' and '.join(path.name for path in files.values())} is {', '.join(sizes)}, expected "
-                f"{_LEAST_GUESSED_MM:g} mm and more for a size that tells the unit: say which it is with --units"
+                f"at least {least_mm:g} mm: say which unit it is with --units"
             )
-        return unit, meshes
-    wrong = {error.partition(" is ")[0] for error in errors}  # in mm one file, in m the other one
-    cure = " Say so with --units" if len(wrong) == 1 else " No unit does for both files: scale one"
-    cure = cure if "is the file in" in errors[0] else ""
-    raise ValueError(next((error for error in errors if "mm across" not in error), errors[0] + cure))
+        return candidate, meshes
+    raise ValueError(next((error for error in errors if "mm across" not in error), f"{errors[0]} (--units)"))
 
 
-def _sampling(joint: Joint, scale: float) -> dict[str, Any]:
-    """Settings of the sampling. The made-up motion moves no translation: offsets of a small joint's are as small as it
-    is, of a large joint's as `sampling.envelopes` assumes."""
+def _remarks(
+    geometry: JointGeometry, frame: Frame, unit: str, material: str, *, chosen: bool
+) -> tuple[list[str], list[str]]:
+    """Findings and open questions about the surfaces."""
+    together = geometry.placement.together
+    findings = [f"both files are in {unit}", *frame.findings]
+    findings.insert(1, "the files place both bodies in one frame" if together else "each body has its own frame")
+    if geometry.contact_areas > len(geometry.joint.patches):
+        areas = geometry.contact_areas
+        findings.append(f"the bodies touch in {areas} places, one patch: turning shifts no load between them")
+    if chosen:
+        why = " (--material)"
+    elif together:
+        why = ", since the files share a frame, as a scan's do; an implant's may as well (--material polyethylene)"
+    else:
+        why = ", since the files do not share a frame, as a scan's would (--material cartilage)"
+    questions = [*frame.open_questions, f"the material's stiffness and thickness: taken as {material}{why}"]
+    if geometry.pair.scale < 1.0:
+        questions.insert(0, f"the size and the loads: taken for a small joint's, in {unit} (--units)")
+    return findings, questions
+
+
+def _shell(geometry: JointGeometry) -> str:
+    """Which side of a thin moving shell touches: "outer" if it is convex and has one outer side, else "whole"."""
+    patches = geometry.patches
+    one = patches.round and outer_side(geometry.pair.moving, patches.anchors_mm)[1] <= MOST_BOTH_SIDES
+    return "outer" if one else "whole"
+
+
+def _sampling(joint: Joint, scale: float, offsets_mm: Sequence[float] = (0.5, 2.0)) -> dict[str, Any]:
+    """Settings of the sampling. A small joint's translations outside of its motion vary by scaled offsets (D1, D2)."""
     if joint.kind == "knee":
         return {"d3_minimum_widths": {"tz": 3.0, "ry": 0.3}}
     still = [name for name in ("tx", "ty", "tz") if name not in joint.sensitive_pose] if scale < 1.0 else []
-    offsets = {name: [round(scale * offset, 2) for offset in _OFFSETS_MM] for name in still}
+    offsets = {name: [round(scale * offset, 2) for offset in offsets_mm] for name in still}
     own = {"fixed_offsets": offsets} if offsets else {}
     return {"counts": dict(ALONE_COUNTS), "liftoff_mm": 0.4, **own}
 
 
-def _lost_at_edges(model: ElasticFoundation, poses: Array) -> dict[str, Any]:
-    """Settings of the sampling where contact reaches an edge in some of the poses (n, 6): what is lost there is told,
-    and no reason to refuse what is left."""
-    return {"most_dropped": _MOST_DROPPED} if model.at_edge(poses).any() else {}
+def made_up_motion(scene: Scene, joint: Joint, load_ratio: float = 1.5) -> dict[str, Any]:
+    """A [motion] for a joint without a built-in one: every patch carries 10 to 100 % of 1.5 reference loads, and the
+    body rotates by up to 6 degrees about axes that the loads do not determine. A knee walks and needs none."""
+    if joint.kind == "knee":
+        return {}
+    mean = rest_loads(scene, joint, 0.55 * load_ratio * scene.reference_load)
+    harmonics: dict[str, Any] = {f"{name}_N": [round(v, 1), round(-0.8 * v, 1), 0.0] for name, v in mean.items()}
+    turns = {"rx": [0.0, 0.04, 0.02], "ry": [0.0, 0.02, 0.04], "rz": [0.0, -0.1, 0.05]}
+    harmonics |= {f"{name}_rad": curve for name, curve in turns.items() if name not in joint.sensitive_pose}
+    return {"motion": {"cycles": 4, "duration_s": 1.0, "deviation": 0.03, "harmonics": harmonics}}
+
+
+def _dropped_at_edges(model: ElasticFoundation, poses: Array, most_dropped: float = 0.6) -> dict[str, Any]:
+    """If contact reaches an edge in the poses (n, 6), sampling may drop a larger share of its plan."""
+    return {"most_dropped": most_dropped} if model.at_edge(poses).any() else {}
 
 
 def _reference(tables: Mapping[str, Any], cycles: int | None = None) -> tuple[Array, ReferenceReport]:
-    """The settled poses (n, 6) of the scene's reference motion, or of its first cycles, and what became of each."""
+    """The settled poses (n, 6) of the scene's reference motion, or of its first cycles."""
     scene = Scene.from_tables(tables)
     model = ElasticFoundation(scene, scene.grids["settle"])
     poses, report = reference_poses(model, reference_motion_cycles(scene, ())[:cycles], every_cycle=False)
@@ -270,10 +247,41 @@ def _reference(tables: Mapping[str, Any], cycles: int | None = None) -> tuple[Ar
     return poses[report.converged], report
 
 
-def _tolerances(model: ElasticFoundation, poses: Array) -> dict[str, float]:
-    """1 % of the largest force in the reference motion for every force; of the largest torque, or of that force at a
-    least lever, for every torque."""
+def _tolerances(
+    model: ElasticFoundation, poses: Array, share: float = 0.01, least_lever_mm: float = 10.0
+) -> dict[str, float]:
+    """1 % of the largest force in the poses for every force; of the largest torque, at least that force times a least
+    lever, for every torque: a ball turns about its centre without torque."""
     largest = dict(zip(model.load_names, np.abs(model(poses)).max(axis=0).tolist(), strict=True))
     of = {kind: max(largest[name] for name in of_kind(model.load_names, kind)) for kind in (FORCE, TORQUE)}
-    of[TORQUE] = max(of[TORQUE], _LEAST_LEVER_MM * of[FORCE])
-    return {name: float(f"{_TOLERANCE * of[quantity(name).kind]:.2g}") for name in model.load_names}
+    of[TORQUE] = max(of[TORQUE], least_lever_mm * of[FORCE])
+    return {name: float(f"{share * of[quantity(name).kind]:.2g}") for name in model.load_names}
+
+
+def _questions_about_motion(
+    model: ElasticFoundation, poses: Array, report: ReferenceReport, shells_mm: Mapping[str, float]
+) -> list[str]:
+    """Frames without a pose, and load in the poses (n, 6) that the model may miss."""
+    questions, scene, failed = [], model.scene, ~report.converged
+    if failed.any():
+        whose = "made up" if "motion" in scene.tables else "measured in another knee"
+        questions.append(
+            f"whether it can move so: {int(failed.sum())} of {failed.size} frames tried of the reference motion "
+            f"({whose}) find no pose ({report.reason[failed][0]}); give measured cycles of this joint"
+        )
+    if len(body_mesh(scene.geometry, "fixed").boundary_edges):
+        questions.append("whether the part ends at the fixed mesh's open edges: taken as cut there (open_edges)")
+    if reached := int(model.at_edge(poses).any(axis=1).sum()):
+        questions.append(
+            f"what carries load beyond the elements: in {reached} of {len(poses)} frames contact reaches an edge where "
+            "the surface goes on or is cut; such poses are no samples to learn from"
+        )
+    unmodelled = unmodelled_load_words(unmodelled_load_shares(model, poses))
+    questions += [f"{_UNMODELLED[where]}: {words}" for where, words in unmodelled.items()]
+    overlap_mm = float(-model.gaps(poses).min())
+    if scene.geometry.get("shell") == "whole" and overlap_mm > 0.5 * shells_mm["moving"]:
+        questions.append(
+            f"which side of the moving shell counts: overlaps reach {overlap_mm:.2g} mm of its "
+            f"{shells_mm['moving']:.2g} mm, and beyond half of it loads fall"
+        )
+    return questions

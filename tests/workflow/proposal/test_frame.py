@@ -6,7 +6,7 @@ import pytest
 from casadi_contact.core.conventions import rotation
 from casadi_contact.geometry.mesh import axes_rotation, checked_mesh
 from casadi_contact.geometry.placement import Placement
-from tests.support.joint_meshes import DOWN, POLE, ball_in_cup, button_on_groove, condyles_in_dishes, revolved, seen
+from tests.support.joint_meshes import DOWN, POLE, analysed, ball_in_cup, button_on_groove, condyles_in_dishes, revolved
 from tests.support.meshes import ball_mesh, shell_mesh
 
 
@@ -20,24 +20,24 @@ def test_a_ball_turns_about_its_own_centre_wherever_its_file_s_origin_is(far_mm)
         checked_mesh("cup", *shell_mesh(16.4, 22.0, 2.0, 1.3, DOWN)),
     )
     aside = np.array([0.0, far_mm, 0.0])
-    frame = seen(checked_mesh("ball", ball.vertices_mm + aside, ball.faces), cup)[3]
+    frame = analysed(checked_mesh("ball", ball.vertices_mm + aside, ball.faces), cup)[3]
     centre = frame.points(aside[None], "moving")[0]
     np.testing.assert_allclose(centre, 0.0, atol=0.3 if far_mm == 40.0 else 1.5)
     assert frame.offsets_mm["fixed"] == (0.0, 0.0, 0.0)
-    assert any("from what it turns about" in line for line in frame.told) == (far_mm == 40.0)
+    assert any("from what it turns about" in line for line in frame.findings) == (far_mm == 40.0)
 
 
 def test_a_turned_scan_is_turned_back():
     """z up and x forwards in the file, as scanners have it: superior is the file's z."""
     to_file = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    frame = seen(*ball_in_cup(lambda points: points @ to_file.T))[3]
+    frame = analysed(*ball_in_cup(lambda points: points @ to_file.T))[3]
     assert frame.axes == ("y", "z", "x")
     np.testing.assert_allclose(frame.directions(to_file @ POLE), POLE, atol=1e-12)
 
 
 def test_a_left_ball_and_cup_are_mirrored_into_right_ones():
     mirrored = [checked_mesh(m.name, m.vertices_mm * [1.0, 1.0, -1.0], m.faces[:, ::-1]) for m in ball_in_cup()]
-    frame = seen(*mirrored, side="left")[3]
+    frame = analysed(*mirrored, side="left")[3]
     assert frame.mirror == "z"
     np.testing.assert_allclose(frame.directions(POLE * [1.0, 1.0, -1.0]), POLE, atol=1e-12)
 
@@ -48,10 +48,10 @@ def test_a_femur_flexes_about_its_condyles_wherever_the_scan_s_origin_lies(to_fi
     far = np.array([300.0, -200.0, 800.0])
     bodies = zip(("femur", "insert"), condyles_in_dishes(), strict=True)
     meshes = [checked_mesh(name, points @ to_file.T + far, faces) for name, (points, faces) in bodies]
-    meeting, regions, joint, frame = seen(*meshes)
-    assert (joint.kind, meeting.together) == ("knee", True)
+    placement, patches, joint, frame = analysed(*meshes)
+    assert (joint.kind, placement.together) == ("knee", True)
     np.testing.assert_allclose(frame.points(far[None], "moving")[0], 0.0, atol=1.0)
-    anchors = frame.points(regions.anchors_mm, "moving")
+    anchors = frame.points(patches.anchors_mm, "moving")
     np.testing.assert_allclose(anchors[anchors[:, 2].argsort()], [[0.0, 0.0, -22.0], [0.0, 0.0, 22.0]], atol=1.0)
 
 
@@ -67,27 +67,27 @@ def test_a_scan_that_stands_askew_is_set_upright(turn_deg, turned):
     far, R = np.array([300.0, -200.0, 800.0]), rotation(np.radians(turn_deg))
     bodies = zip(("femur", "insert"), condyles_in_dishes(), strict=True)
     meshes = [checked_mesh(name, points @ R.T + far, faces) for name, (points, faces) in bodies]
-    _, _, joint, frame = seen(*meshes)
+    _, _, joint, frame = analysed(*meshes)
     assert (joint.kind, len(joint.patches)) == ("knee", 2)
     assert any(frame.rotation_deg) == turned
     if turned:
         middle, above = placed(frame, "moving", far + np.array([np.zeros(3), 10.0 * R[:, 1]]))
         np.testing.assert_allclose(middle, 0.0, atol=1.0)
         np.testing.assert_allclose(above - middle, [0.0, 10.0, 0.0], atol=0.3)
-        assert any("askew by 2" in line for line in frame.told)
+        assert any("askew by 2" in line for line in frame.findings)
 
 
 def test_a_groove_stands_upright_though_the_scan_has_the_button_nearer_to_one_facet():
     """That facet alone faces 24 degrees off the direction in which both are pressed."""
-    meeting, _, joint, frame = seen(*button_on_groove(24.0, aside=3.0))
-    assert meeting.together
+    placement, _, joint, frame = analysed(*button_on_groove(24.0, aside=3.0))
+    assert placement.together
     assert (joint.kind, frame.rotation_deg) == ("patella", (0.0, 0.0, 0.0))
 
 
 def test_given_axes_are_kept_as_they_are():
     R = rotation(np.radians([20.0, 8.0, -12.0]))
     meshes = [checked_mesh("body", points @ R.T, faces) for points, faces in condyles_in_dishes()]
-    frame = seen(*meshes, axes=("x", "y", "z"))[3]
+    frame = analysed(*meshes, axes=("x", "y", "z"))[3]
     assert frame.rotation_deg == (0.0, 0.0, 0.0)
 
 
@@ -95,6 +95,6 @@ def test_a_spool_turns_about_the_axis_of_its_file():
     """Its normals meet in no point: about the one nearest to all of them flexion would move it across its notch."""
     spool, faces = revolved(lambda z: 9.0 + 0.466 * np.sqrt(z**2 + 2.0), 2.6, 9.0)
     notch = checked_mesh("notch", *revolved(lambda z: 9.3 + 0.45 * np.sqrt(z**2 + 2.0), 1.5, 8.0))
-    _, _, joint, frame = seen(checked_mesh("spool", spool, faces[:, ::-1]), notch)
+    _, _, joint, frame = analysed(checked_mesh("spool", spool, faces[:, ::-1]), notch)
     assert not joint.pressing
     assert frame.offsets_mm["moving"] == (0.0, 0.0, 0.0)

@@ -6,19 +6,19 @@ import trimesh
 
 from casadi_contact.core.conventions import rotation
 from casadi_contact.geometry.mesh import checked_mesh
-from casadi_contact.workflow.proposal.meeting import meeting_of
 from casadi_contact.workflow.proposal.pair import Pair, centre_of_normals
-from tests.support.joint_meshes import DOWN, POLE, ball_in_cup, ball_on_box, seen
+from casadi_contact.workflow.proposal.placement import contact_placement
+from tests.support.joint_meshes import DOWN, POLE, analysed, ball_in_cup, ball_on_box
 from tests.support.meshes import ball_mesh, cap_mesh, sheet_mesh, slab_mesh
 
 
 @pytest.mark.parametrize("far", [np.zeros(3), np.array([300.0, -200.0, 800.0])])
 def test_a_ball_presses_along_the_pole_of_its_cup_wherever_the_scan_s_origin_lies(far):
-    meeting, regions, joint, frame = seen(*ball_in_cup(lambda points: points + far))
-    assert meeting.together
-    assert meeting.pressing @ POLE > np.cos(np.radians(3.0))
+    placement, patches, joint, frame = analysed(*ball_in_cup(lambda points: points + far))
+    assert placement.together
+    assert placement.pressing @ POLE > np.cos(np.radians(3.0))
     assert (joint.kind, joint.patches, joint.sensitive) == ("hip", ("contact",), ["F"])
-    np.testing.assert_allclose(regions.anchors_mm[0], far, atol=0.5)  # the ball's centre
+    np.testing.assert_allclose(patches.anchors_mm[0], far, atol=0.5)  # the ball's centre
     assert frame.axes == ("x", "y", "z")
     centre = frame.points(far[None], "moving")[0]
     np.testing.assert_allclose(centre, 0.0, atol=0.6)
@@ -26,10 +26,10 @@ def test_a_ball_presses_along_the_pole_of_its_cup_wherever_the_scan_s_origin_lie
 
 @pytest.mark.parametrize("triangles_mm", [None, 3.0])
 def test_large_flat_triangles_tell_where_a_surface_is_as_small_ones_do(triangles_mm):
-    meeting, regions, joint, _ = seen(*ball_on_box(triangles_mm))
-    np.testing.assert_allclose(meeting.pressing, [0.0, -1.0, 0.0], atol=1e-3)
-    np.testing.assert_allclose(meeting.translation_mm, 0.0, atol=0.2)
-    np.testing.assert_allclose(regions.anchors_mm, [[0.0, 20.0, 0.0]], atol=0.3)
+    placement, patches, joint, _ = analysed(*ball_on_box(triangles_mm))
+    np.testing.assert_allclose(placement.pressing, [0.0, -1.0, 0.0], atol=1e-3)
+    np.testing.assert_allclose(placement.translation_mm, 0.0, atol=0.2)
+    np.testing.assert_allclose(patches.anchors_mm, [[0.0, 20.0, 0.0]], atol=0.3)
     assert (joint.kind, joint.patches) == ("other", ("contact",))
 
 
@@ -46,22 +46,22 @@ def test_an_open_condyle_touches_with_its_outside_and_never_with_its_hollow():
 def test_an_open_surface_inside_out_is_refused():
     ball, box = ball_on_box(3.0)
     top = box.part(box.normals[:, 1] > 0.9)
-    assert meeting_of(Pair.of(ball, top)).together
+    assert contact_placement(Pair.of(ball, top)).together
     inside_out = checked_mesh("top", top.vertices_mm, top.faces[:, ::-1])
     with pytest.raises(ValueError, match="the fixed surface faces away from the moving one"):
-        meeting_of(Pair.of(ball, inside_out))
+        contact_placement(Pair.of(ball, inside_out))
 
 
 def test_an_open_condyle_inside_out_is_refused_and_a_hollow_cup_on_a_ball_is_none():
     condyle, faces = cap_mesh(25.0, 1.5, 1.2)
     box = trimesh.creation.box((44.0, 8.0, 22.0)).subdivide_to_size(1.5)
     insert = checked_mesh("insert", box.vertices, box.faces)
-    assert len(seen(checked_mesh("condyle", condyle, faces), insert)[2].patches) == 1
+    assert len(analysed(checked_mesh("condyle", condyle, faces), insert)[2].patches) == 1
     with pytest.raises(ValueError, match=r"over \d+ mm² with its inside out, expected its outside towards it: turn"):
-        seen(checked_mesh("condyle", condyle, faces[:, ::-1]), insert)
+        analysed(checked_mesh("condyle", condyle, faces[:, ::-1]), insert)
     cup, faces = cap_mesh(16.5, 1.5, 1.2)  # a bowl: upside down, and its inside out as it was, it covers the ball
     ball = checked_mesh("ball", *ball_mesh(16.0, 2.5))
-    assert len(seen(checked_mesh("cup", cup * [1.0, -1.0, 1.0], faces), ball)[2].patches) == 1
+    assert len(analysed(checked_mesh("cup", cup * [1.0, -1.0, 1.0], faces), ball)[2].patches) == 1
 
 
 def flat_backed(side_mm, back_mm, height):
@@ -84,17 +84,17 @@ def test_parts_with_flat_backs_meet_with_the_sides_that_bear(made):
     dome, faces = made(*flat_backed(20.0, 5.0, lambda x, z: np.sqrt(16.0**2 - x**2 - z**2)))
     moving = checked_mesh("dome", dome * [1.0, -1.0, 1.0] + np.array([0.0, 60.0, 0.0]), faces[:, ::-1])
     trough = made(*flat_backed(24.0, -4.0, lambda x, z: 16.3 - np.sqrt(16.3**2 - z**2) + 0.0 * x))
-    meeting = meeting_of(Pair.of(moving, checked_mesh("trough", *trough)))
-    np.testing.assert_array_equal(meeting.pressing, DOWN)
-    assert not meeting.together
+    placement = contact_placement(Pair.of(moving, checked_mesh("trough", *trough)))
+    np.testing.assert_array_equal(placement.pressing, DOWN)
+    assert not placement.together
 
 
 def test_plates_meet_with_their_planes():
     """No curved side is there to meet: edges do not count for one."""
     plate, faces = slab_mesh(*sheet_mesh(16.0, 1.0), 3.0)
     moving = checked_mesh("moving", plate + np.array([0.0, 40.0, 0.0]), faces)
-    meeting = meeting_of(Pair.of(moving, checked_mesh("fixed", plate, faces)))
-    np.testing.assert_array_equal(np.abs(meeting.pressing), [0.0, 1.0, 0.0])
+    placement = contact_placement(Pair.of(moving, checked_mesh("fixed", plate, faces)))
+    np.testing.assert_array_equal(np.abs(placement.pressing), [0.0, 1.0, 0.0])
 
 
 def test_lines_along_the_normals_of_a_sphere_meet_at_its_centre_and_those_of_a_plane_nowhere():

@@ -1,4 +1,4 @@
-"""Arguments and options that several commands share, and where all of them print."""
+"""Arguments and options that several commands share, and how all of them print."""
 
 from __future__ import annotations
 
@@ -43,7 +43,13 @@ Scheduler = Annotated[
     str | None,
     typer.Option(help="address or file of a Dask scheduler whose workers do the work; the cores here if left out"),
 ]
+Force = Annotated[bool, typer.Option("--force", help="replace files that exist")]
 Out = Annotated[Path | None, typer.Option(help="folder of all results; results/SCENE-PRESET (-TOLERANCE) if left out")]
+
+
+def say(*lines: object) -> None:
+    """Print lines as they are: unwrapped, and without markup."""
+    console.print(*map(str, lines), sep="\n", highlight=False, markup=False, soft_wrap=True)
 
 
 def check_html(out: Path) -> None:
@@ -53,6 +59,6 @@ def check_html(out: Path) -> None:
 
 
 def say_shipped(project: Project, doing: str) -> None:
-    """That a folder holds nothing yet, so that the scene's shipped surrogates are taken."""
+    """Say that shipped surrogates are taken, if a folder holds no results yet."""
     if not project.has_results and project.surrogate is None and shipped_surrogates(project.scene):
-        console.print(f"nothing built in {project.folder}: {doing} the shipped surrogates", highlight=False)
+        say(f"nothing built in {project.folder}: {doing} the shipped surrogates")

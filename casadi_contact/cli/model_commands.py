@@ -1,0 +1,179 @@
+"""Commands that look at models: ``info``, ``report``, ``show``, ``page``, ``chart``, ``speed``, ``choose``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from casadi_contact.cli import pipeline
+from casadi_contact.cli.options import (
+    DEFAULT_PRESET,
+    Out,
+    PresetName,
+    SceneName,
+    SceneOrSurrogate,
+    Scheduler,
+    SurrogateName,
+    check_html,
+    console,
+    say,
+    say_shipped,
+)
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.core.files.writing import writable_folder
+from casadi_contact.core.terminal import numbers, progress_bars
+from casadi_contact.core.workers import cluster_workers
+from casadi_contact.optimisation.verification.fitness import fitness
+from casadi_contact.pictures.contact_picture import draw_contact, loads_text, pressures_text
+from casadi_contact.pictures.contact_pose import contact_pose
+from casadi_contact.pictures.fit_picture import draw_fit, surface_fits
+from casadi_contact.pictures.live.joint_page import write_joint_page
+from casadi_contact.pictures.report.surrogate_page import write_report
+from casadi_contact.pictures.report.tables import choice_table, kernel_speed_tables, read_kernel_speed
+from casadi_contact.scenes.loading import load_scene
+from casadi_contact.scenes.pose_file import read_poses
+from casadi_contact.surrogate.load import load_surrogate
+from casadi_contact.workflow.benchmark.choose import choose as choose_model
+from casadi_contact.workflow.benchmark.speed import speed as time_kernels
+from casadi_contact.workflow.project import Project
+
+
+def info(surrogate: SurrogateName) -> None:
+    """Say what a surrogate was trained on and how wrong it is."""
+    say(load_surrogate(surrogate).info())
+
+
+def report(
+    surrogate: SurrogateName,
+    out: Annotated[Path | None, typer.Option(help="page to write; report.html beside the file if left out")] = None,
+) -> None:
+    """Write one page (HTML) that says what a surrogate is fit for, where it was sampled and how wrong it is."""
+    folder = Path(surrogate).parent
+    loaded = load_surrogate(surrogate)
+    path = folder / "report.html" if out is None else out
+    check_html(path)
+    writable_folder(path.parent)
+    write_report({loaded.title: loaded}, folder, path)
+    say(fitness(loaded), f"report in {path}")
+
+
+def show(
+    scene: SceneName,
+    pose: Annotated[
+        str | None, typer.Option(help="tx,ty,tz,rx,ry,rz in mm and rad; 0.1 mm of overlap if left out")
+    ] = None,
+    poses: Annotated[
+        Path | None, typer.Option(help="CSV, .sto or .mot of poses (tx ... rz): a strip of small pictures")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="picture file; SCENE_contact.png if left out")] = None,
+) -> None:
+    """Draw the pressure on the fixed surface and the moving one in section, and how well smooth surfaces fit meshes."""
+    model = ElasticFoundation(load_scene(scene))
+    if pose is not None and poses is not None:
+        raise ValueError("got both --pose and --poses, expected one of them")
+    if poses is not None:
+        shown = read_poses(poses)
+    else:
+        expected = "six numbers tx,ty,tz,rx,ry,rz"
+        shown = np.array([contact_pose(model) if pose is None else numbers(pose, "pose", expected)])
+    path = Path(f"{model.scene.name}_contact.png") if out is None else out
+    writable_folder(path.parent)
+    draw_contact(model, shown, path)
+    at = f" at {loads_text(model, shown[0], model.load_names)}" if len(shown) == 1 else f" of {len(shown)} poses"
+    say(f"picture{at} in {path}")
+    if len(shown) == 1:
+        say(pressures_text(model, shown[0]))
+    if fits := surface_fits(model):
+        fit_path = path.with_stem(f"{path.stem}_fit")
+        draw_fit(model, fit_path)
+        say(*fits, f"picture of the fit in {fit_path}")
+
+
+def page(
+    scene: SceneName,
+    poses: Annotated[
+        Path | None,
+        typer.Option(help="CSV, .sto or .mot of poses to scrub through; else a reference cycle"),
+    ] = None,
+    surrogate: Annotated[
+        str | None, typer.Option(help="a ready surrogate or the path of a .h5 file; the scene's shipped one else")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="page to write; SCENE.html if left out")] = None,
+) -> None:
+    """Write the joint as one HTML file that moves: sliders, loads, pressures and settling, computed in the browser.
+
+    It works offline, from a file. Compiling its kernel takes the extra "page" (ziglang), and a minute.
+    """
+    path = Path(f"{load_scene(scene).name}.html") if out is None else out
+    check_html(path)
+    writable_folder(path.parent)
+    cycle = write_joint_page(scene, path, None if poses is None else str(poses), surrogate)
+    size = path.stat().st_size / 1e6
+    say(cycle.source, f"page of {size:.2f} MB in {path}")
+
+
+def chart(
+    scene: SceneOrSurrogate,
+    preset: PresetName = DEFAULT_PRESET,
+    peers: Annotated[
+        bool, typer.Option("--peers", help="measure the peers too (pip install casadi_contact[peers])")
+    ] = False,
+    scheduler: Scheduler = None,
+    out: Out = None,
+) -> None:
+    """Train a ladder of sizes, measure speed and accuracy of everything in one run, and draw the charts."""
+    project = Project.open(scene, preset, out)
+    with cluster_workers(scheduler) as executor, progress_bars(console) as update:
+        paths = pipeline.chart(
+            project,
+            peers=peers,
+            update=update,
+            tell=lambda what: update("measuring", 0, 1, what),
+            executor=executor,
+        )
+    for path in paths:
+        say(f"written {path}")
+
+
+def speed(scene: SceneOrSurrogate, preset: PresetName = DEFAULT_PRESET, out: Out = None) -> None:
+    """Time compiled kernels against CasADi graphs, elastic foundations and the machine's limit.
+
+    Where nothing has been built in the folder, the shipped surrogates of the scene are timed.
+    """
+    project = Project.open(scene, preset, out)
+    say_shipped(project, "timing")
+    path = time_kernels(project)
+    for table in kernel_speed_tables(read_kernel_speed(path)):
+        console.print(table)
+    say(f"times in {path}")
+
+
+def choose(
+    scene: SceneOrSurrogate,
+    force_tol: Annotated[float | None, typer.Option(help="largest RMS error over the forces [N]")] = None,
+    torque_tol: Annotated[float | None, typer.Option(help="largest RMS error over the torques [N·mm]")] = None,
+    loads: Annotated[str | None, typer.Option(help="only these, as Fy_med,Fy_lat; all if left out")] = None,
+    preset: PresetName = DEFAULT_PRESET,
+    out: Out = None,
+) -> None:
+    """Name the cheapest model of the chart that meets a tolerance, and train it if it is not on disk.
+
+    Where nothing has been built in the folder, the answer comes from the chart shipped for the scene.
+    """
+    names = None if loads is None else [name.strip() for name in loads.split(",")]
+    with progress_bars(console) as update:
+        choice = choose_model(
+            scene,
+            force_tolerance_n=force_tol,
+            torque_tolerance_nmm=torque_tol,
+            loads=names,
+            preset=preset,
+            folder=out,
+            update=update,
+        )
+    console.print(choice_table(choice))
+    say(choice.measured)
+    say(f"in Python: {choice.python}")

@@ -1,0 +1,164 @@
+"""Commands that make scenes and cycles: ``scene``, ``cut``, ``cycle``."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from casadi_contact.cli import pipeline
+from casadi_contact.cli.options import DEFAULT_PRESET, Cycles, Force, ModelName, Out, PresetName, console, say
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.core.conventions import POSE_NAMES
+from casadi_contact.core.files.writing import writable_folder, write_text
+from casadi_contact.core.terminal import progress_bars
+from casadi_contact.geometry.mesh import MM_PER_UNIT
+from casadi_contact.pictures.scene_picture import draw_scene
+from casadi_contact.samples.models import model_pair
+from casadi_contact.scenes.joint_cycle import joint_cycle_from_curves, write_joint_cycle
+from casadi_contact.scenes.load_cycle import cycle_from_curves, write_cycle
+from casadi_contact.scenes.loading import load_scene
+from casadi_contact.scenes.opensim.mapping import ColumnMap, mapped_curves
+from casadi_contact.scenes.opensim.table import TIME, read_opensim_table
+from casadi_contact.scenes.pose_file import poses_from_curves, write_poses
+from casadi_contact.scenes.shapes.checks import scene_name
+from casadi_contact.workflow.project import Project, has_gait
+from casadi_contact.workflow.proposal.cuts import CutSettings, cut_scene, find_cuts
+from casadi_contact.workflow.proposal.joint_geometry import JOINTS
+from casadi_contact.workflow.proposal.propose import propose
+from casadi_contact.workflow.proposal.tables import MATERIALS, scene_text
+
+SIDES = ("right", "left")
+
+
+def name_of_mesh(mesh: Path) -> str:
+    """A scene's name made of a mesh file's; raises ValueError, which names --out, where it cannot be one."""
+    try:
+        return scene_name("_".join(mesh.stem.split()))
+    except ValueError as error:
+        raise ValueError(f"the scene cannot be named after {mesh.name} ({error}): name it with --out") from None
+
+
+def scene(
+    moving: Annotated[Path, typer.Argument(help="mesh of the moving body: STL, OBJ, PLY or VTP")],
+    fixed: Annotated[Path, typer.Argument(help="mesh of the fixed body, which carries the elements")],
+    side: Annotated[str | None, typer.Option(help=f"of the body: {' or '.join(SIDES)}")] = None,
+    joint: Annotated[str | None, typer.Option(help=f"{', '.join(JOINTS)}; recognised if left out")] = None,
+    axes: Annotated[
+        str | None,
+        typer.Option(
+            help="file axes that are posterior, superior, medial (left: lateral), as -x,y,-z; recognised if left out"
+        ),
+    ] = None,
+    material: Annotated[str | None, typer.Option(help=f"{' or '.join(MATERIALS)}; guessed if left out")] = None,
+    units: Annotated[
+        str | None, typer.Option(help=f"of both files: {', '.join(MM_PER_UNIT)}; mm or m, by size, if left out")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="scene file; the fixed mesh's name and .toml if left out")] = None,
+    force: Force = False,
+) -> None:
+    """Propose a scene for two mesh files, try it, and write it with a picture of what was recognised."""
+    options = {"side": (side, SIDES), "joint": (joint, JOINTS), "material": (material, MATERIALS)}
+    for option, (value, allowed) in {**options, "units": (units, MM_PER_UNIT)}.items():
+        if value is not None and value not in tuple(allowed):
+            raise ValueError(f"--{option} is {value!r}, expected {' or '.join(allowed)}")
+    path = _scene_file("--out", Path(f"{name_of_mesh(fixed)}.toml") if out is None else out)
+    name, picture = scene_name(path.stem), path.with_suffix(".png")
+    _check_free("--out", [path, picture], force)
+    with progress_bars(console, cure="nothing is written") as progress:
+        proposal = propose(
+            moving,
+            fixed,
+            name=name,
+            side=side,
+            kind=joint,
+            axes=None if axes is None else [axis.strip() for axis in axes.split(",")],
+            material=material,
+            units=units,
+            progress=progress,
+        )
+    remarks = [f"Proposed from {moving.name} (moving) and {fixed.name} (fixed):", *str(proposal).splitlines()]
+    write_text(path, scene_text(proposal.scene, remarks, path.parent))
+    draw_scene(ElasticFoundation(load_scene(path)), proposal.rest_pose, proposal.poses, picture)
+    say(proposal, f"scene in {path}, picture in {picture}")
+
+
+def cut(
+    scene: Annotated[str, typer.Argument(help="the path of a mesh scene's .toml, its patches whole")],
+    to: Annotated[Path | None, typer.Option(help="file of the cut scene; SCENE_parts.toml if left out")] = None,
+    cycles: Cycles = None,
+    preset: PresetName = DEFAULT_PRESET,
+    model: ModelName = "foundation",
+    worth: Annotated[
+        float, typer.Option(help="share of the error that one more part must remove: less for more parts")
+    ] = CutSettings.worth,
+    out: Out = None,
+    force: Force = False,
+) -> None:
+    """Find where to cut the patches of a mesh scene into parts, from samples of its contact model without training.
+
+    Samples are drawn where the folder holds none.
+    """
+    settings, path = CutSettings(worth=worth), Path(scene)
+    path = _scene_file("--to", path.with_name(f"{path.stem}_parts.toml") if to is None else to)
+    _check_free("--to", [path], force)
+    project = Project.open(scene, preset, out)
+    with progress_bars(console) as update:
+        samples, _ = pipeline.sample(project, cycles or [], update, models=model_pair(model))
+        patches = find_cuts(project.scene, samples, update, settings=settings)
+    parts = cut_scene(project.scene, [each.cuts_mm for each in patches], [each.bounds_mm for each in patches])
+    sampled = [*(word for file in cycles or [] for word in ("--cycles", str(file))), "--model", model]
+    command = project.command("cut", *sampled, "--worth", f"{worth:g}")
+    write_text(path, scene_text(parts, [f"Cut into parts by {command}:", *map(str, patches)], path.parent))
+    say(*patches, f"scene in {path}")
+    if len(parts.parts) > len(project.scene.parts):
+        say("its networks: " + shlex.join(["casadi-contact", "build", str(path), "--preset", "parts", *sampled]))
+
+
+def cycle(
+    file: Annotated[Path, typer.Argument(help="an OpenSim .mot or .sto file")],
+    maps: Annotated[
+        list[str], typer.Option("--map", help="COLUMN=NAME:UNIT, such as knee_angle_r=-rz:deg; once per curve")
+    ],
+    out: Annotated[
+        Path | None, typer.Option(help="CSV file to write; cycle.csv or poses.csv in this folder if left out")
+    ] = None,
+    scene: Annotated[
+        str | None, typer.Option(help="scene (name or file) that the cycle is of; a knee's if left out")
+    ] = None,
+) -> None:
+    """Turn columns of an OpenSim file into a load cycle, for --cycles and the problems: rz, ry, Fy_med, Fy_lat, and
+    cop_ap or Tz, cop_ml or Tx; of another joint's --scene the pose parameters that were measured and a load for each
+    other one; or into poses, for show --poses: tx, ty, tz, rx, ry, rz.
+    """
+    own = None if scene is None else load_scene(scene)
+    table = read_opensim_table(file)
+    try:
+        curves = mapped_curves(table, [ColumnMap.parse(text) for text in maps])
+        are_poses = set(curves) <= {TIME, *POSE_NAMES}
+        path = out or Path("poses.csv" if are_poses else "cycle.csv")
+        if are_poses:
+            write_poses(curves[TIME], poses_from_curves(curves), path)
+        elif own is None or has_gait(own):
+            write_cycle(cycle_from_curves(path.stem, curves), path)
+        else:
+            write_joint_cycle(joint_cycle_from_curves(path.stem, curves, own), path)
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from None
+    count = len(curves[TIME])
+    say(f"{count} poses in {path}" if are_poses else f"cycle of {count} frames in {path}")
+
+
+def _scene_file(option: str, path: Path) -> Path:
+    if path.suffix != ".toml":
+        raise ValueError(f"{option} is {path}, expected a scene file, for example my.toml")
+    return path
+
+
+def _check_free(option: str, paths: list[Path], force: bool) -> None:
+    """Raises, before minutes of work, ValueError for files that would be replaced and OSError for no right to write."""
+    if not force and (existing := [str(path) for path in paths if path.exists()]):
+        raise ValueError(f"{' and '.join(existing)} would be replaced: give another {option}, or --force")
+    writable_folder(paths[0].parent)
