@@ -15,7 +15,7 @@ from casadi_contact.contact.callable_model import CallableModel
 from casadi_contact.contact.pressure_law import law_of, pressures
 from casadi_contact.contact.pressures import PressedElements, PressureSummary
 from casadi_contact.core.conventions import Array, as_poses, rotation
-from casadi_contact.geometry.rays import RayCaster
+from casadi_contact.geometry.triangle_mesh import RayCaster
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.mesh_bodies import body_mesh
 from casadi_contact.scenes.shapes.mesh_patches import patch_mesh

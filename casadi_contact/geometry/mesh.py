@@ -1,17 +1,19 @@
 """Triangle meshes of real joints: read, checked and cleaned, in mm and in the library's axes.
 
-STL, OBJ and PLY are read by trimesh, VTP by `geometry.vtp`. What cannot work is refused with what was got, what was
-expected and the cure; degenerate and repeated triangles are dropped and counted.
+`geometry.mesh_formats` reads files. Errors say what was got, expected, and the remedy. Degenerate and repeated
+triangles are dropped and counted.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from casadi_contact.core.conventions import Array
+from casadi_contact.core.conventions import Array, rotation
 from casadi_contact.core.files.reading import existing_file
 from casadi_contact.geometry.mesh_checks import (
     Box,
@@ -21,18 +23,51 @@ from casadi_contact.geometry.mesh_checks import (
     check_orientation,
     check_outside,
 )
-from casadi_contact.geometry.mesh_formats import read_by_trimesh
-from casadi_contact.geometry.placement import Placement
+from casadi_contact.geometry.mesh_formats import read_by_trimesh, read_vtp
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
-from casadi_contact.geometry.vtp import read_vtp
 
 MM_PER_UNIT = {"m": 1000.0, "mm": 1.0, "cm": 10.0, "inch": 25.4}
 FILE_AXES = ("x", "y", "z")  # axes as they are in the file
-AS_IN_FILE = Placement()
 FORMATS = (".stl", ".obj", ".ply", ".vtp")
 _SMALLEST_MM, _LARGEST_MM = 4.0, 1000.0  # across: a joint's parts lie well between, a wrong unit does not
 _LEAST_HEIGHT = 1e-6  # of a triangle over its longest edge: flatter ones have no usable normal
 _MOST_DROPPED = 0.5  # of the triangles: a sheet written twice, back on back, is still the same sheet
+
+
+MIRRORS = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Placement:
+    """p' = R·M·p + offset for points p [mm] of a mesh in the library's axes.
+
+    offset_mm: along x, y, z. rotation_deg: about x, y, z as of a pose, R = Rx·Ry·Rz. mirror: the axis whose sign M
+    turns ("z" makes a left joint a right one), none if empty.
+    """
+
+    offset_mm: tuple[float, ...] = (0.0, 0.0, 0.0)
+    rotation_deg: tuple[float, ...] = (0.0, 0.0, 0.0)
+    mirror: str = ""
+
+    @classmethod
+    def from_table(cls, table: Mapping[str, Any]) -> Placement:
+        """From a scene's checked [geometry.placement] of one body; where the file puts it for an empty one."""
+        offset, turned = (tuple(table.get(key, (0.0, 0.0, 0.0))) for key in ("offset", "rotation_deg"))
+        return cls(offset, turned, table.get("mirror", ""))
+
+    def points(self, points_mm: Array) -> Array:
+        """Points (n, 3) [mm] where they lie in the body's frame."""
+        if self == Placement():
+            return points_mm
+        signs = [-1.0 if axis == self.mirror else 1.0 for axis in MIRRORS]
+        return (points_mm * signs) @ rotation(np.radians(self.rotation_deg)).T + self.offset_mm
+
+    def faces(self, faces: np.ndarray) -> np.ndarray:
+        """Triangles (f, 3) whose outside is still outside: turned where the mesh is mirrored."""
+        return faces[:, ::-1] if self.mirror else faces
+
+
+AS_IN_FILE = Placement()
 
 
 def axes_rotation(axes: Sequence[str]) -> Array:

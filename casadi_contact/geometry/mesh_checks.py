@@ -8,8 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.geometry.rays import RayCaster
-from casadi_contact.geometry.triangle_mesh import TriangleMesh, directed_edges, point_words, undirected_edges
+from casadi_contact.geometry.triangle_mesh import RayCaster, TriangleMesh, directed_edges, point_words, undirected_edges
 
 Box = tuple[tuple[float, ...], tuple[float, ...]]  # lowest and highest corner [mm]
 _MANIFOLD_MARGIN_MM = 3.0  # about contact: normals there are fitted to vertices two edges away

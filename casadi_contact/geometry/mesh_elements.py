@@ -11,9 +11,8 @@ from casadi_contact.geometry.creases import beside_creases
 from casadi_contact.geometry.distance_field import DistanceField, field_parts
 from casadi_contact.geometry.elements import Cells
 from casadi_contact.geometry.projection import LEAST_UPWARD, ParallelProjection, Projection, axis_name
-from casadi_contact.geometry.rays import RayCaster
 from casadi_contact.geometry.smooth_surface import SmoothSurface
-from casadi_contact.geometry.triangle_mesh import TriangleMesh
+from casadi_contact.geometry.triangle_mesh import RayCaster, TriangleMesh
 
 _LEAST_NET_AREA = 0.3  # of the whole: a closed body has none, a half-sphere half
 _ITERATIONS = 6

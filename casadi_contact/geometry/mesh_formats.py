@@ -1,19 +1,25 @@
-"""Triangles of STL, OBJ and PLY files: read by trimesh, which takes some damaged files for whole ones."""
+"""Vertices and triangles of mesh files: STL, OBJ and PLY by trimesh, VTK PolyData (.vtp) here."""
 
 from __future__ import annotations
 
+import base64
 import io
 import re
-from itertools import pairwise
+import zlib
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.core.files.reading import MOST_MESH, checked_size, one_line
+from casadi_contact.core.files.reading import MOST_MESH, MOST_UNPACKED, checked_size, one_line
 
 _RELATIVE = re.compile(rb"^[ \t]*f[ \t](?:[^\n]*[ \t])?(?:-|0+(?:[/\s]|$))", re.MULTILINE)  # or 0
+_VTK_TYPES = {
+    **{f"{sign}Int{bits}": f"{letter}{bits // 8}" for sign, letter in (("", "i"), ("U", "u")) for bits in (32, 64)},
+    **{"Float32": "f4", "Float64": "f8", "Int8": "i1", "UInt8": "u1"},
+}
 
 
 def read_by_trimesh(path: Path) -> tuple[Array, np.ndarray]:
@@ -26,86 +32,24 @@ def read_by_trimesh(path: Path) -> tuple[Array, np.ndarray]:
     kind = path.suffix[1:].lower()
     try:
         whole = path.read_bytes()
-        if kind == "stl":
-            _check_stl_size(whole)
-        elif kind == "obj":
+        if kind == "obj":
             whole = re.sub(rb"#[^\r\n]*", b"", whole).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-            _check_corners(whole)
             whole = _with_absolute_indices(whole)
-        else:
-            _check_ply_lines(whole)
         # Not by its path: trimesh would read files that the mesh names.
         content: Any = trimesh.load(io.BytesIO(whole), file_type=kind, force="mesh", process=False)
-        if kind == "stl" and _is_ascii_stl(whole):
-            _check_facets(whole, len(content.faces))
         return np.asarray(content.vertices), np.asarray(content.faces)
-    except Exception as error:  # trimesh's readers raise whatever the damage led to
-        equal = ", of faces with equally many corners if it is binary" if kind == "ply" else ""  # trimesh asks for it
+    except Exception as error:  # trimesh's readers raise many kinds of errors for damaged files
         raise ValueError(
-            f"mesh {path} cannot be read ({one_line(error)}), expected a whole {kind.upper()} file{equal}"
+            f"mesh {path} cannot be read ({one_line(error)}), expected a whole {kind.upper()} file"
         ) from None
 
 
-def _check_stl_size(content: bytes) -> None:
-    """Raise ValueError for binary STL of another size than its triangles need (STL: 84 bytes, 50 a triangle)."""
-    claimed = _claimed(content)
-    if not _is_ascii_stl(content) and len(content) != _size_of(claimed):
-        raise ValueError(f"it claims {claimed} triangles in {len(content)} bytes, expected {_size_of(claimed)}")
-
-
-def _claimed(content: bytes) -> int:
-    return int.from_bytes(content[80:84], "little")
-
-
-def _size_of(triangles: int) -> int:
-    return 84 + 50 * triangles
-
-
-def _is_ascii_stl(content: bytes) -> bool:
-    """By its words, which the header of a binary file may hold as well."""
-    return b"facet" in content[:1000].lower() and len(content) != _size_of(_claimed(content))
-
-
-def _check_facets(content: bytes, read: int) -> None:
-    """Raise ValueError for ASCII STL of which facets were not read: those of a solid that is cut short."""
-    begun = len(re.findall(rb"^\s*facet\s+normal\b", content, re.IGNORECASE | re.MULTILINE))
-    if begun != read:
-        raise ValueError(f"{begun} facets begin and {read} end in a whole solid")
-
-
-def _check_ply_lines(content: bytes) -> None:
-    """Raise ValueError for ASCII PLY that ends before the last element that its header counts, or within it."""
-    head, _, body = content.partition(b"end_header")
-    words = [line.split() for line in head.splitlines()]
-    if [b"format", b"ascii"] not in (line[:2] for line in words):
-        return  # of binary PLY trimesh knows the size
-    rows = [line for line in body.splitlines()[1:] if line.strip()]
-    for line, first_property in pairwise([each for each in words if each[:1] in ([b"element"], [b"property"])]):
-        if line[0] != b"element":
-            continue
-        name, count = line[1].decode(), int(line[2])
-        if len(rows) < count:
-            raise ValueError(f"it ends after {len(rows)} of the {count} {name} lines that its header counts")
-        if count and first_property[1] == b"list" and len(last := rows[count - 1].split()) <= int(last[0]):
-            raise ValueError(f"it ends in a {name} with {len(last) - 1} of {int(last[0])} corners")
-        rows = rows[count:]
-
-
-def _check_corners(content: bytes) -> None:
-    """Raise ValueError for a face of an OBJ file with fewer than three corners, which trimesh would leave out."""
-    for number, line in enumerate(content.splitlines(), start=1):
-        words = line.split()
-        if words[:1] == [b"f"] and len(words) < 4 and not line.rstrip().endswith(b"\\"):
-            raise ValueError(f"line {number} is a face of {len(words) - 1} corners, expected three or more")
-
-
 def _with_absolute_indices(content: bytes) -> bytes:
-    """An OBJ file whose triangles name vertices from the first on: -1 is the last vertex before the triangle.
+    """An OBJ file with relative indices (-1 is the last vertex before the face) made absolute, without texture.
 
-    The same content where no vertex is named so; else texture and normals are left out. ValueError for a vertex that is
-    not there, and for 0, which names none (Wavefront OBJ: indices begin with 1).
+    The same content if it has none. ValueError for a vertex that does not exist, and for index 0 (Wavefront OBJ).
     """
-    joined = content.replace(b"\\\r\n", b"").replace(b"\\\n", b"")
+    joined = content.replace(b"\\\n", b"")
     if not _RELATIVE.search(joined):
         return content
     lines, vertices = [], 0
@@ -115,12 +59,84 @@ def _with_absolute_indices(content: bytes) -> bytes:
             vertices += 1
             lines.append(line)
         elif words[:1] == [b"f"]:
-            lines.append(b"f " + b" ".join(_absolute(word, vertices) for word in words[1:]))
+            indices = [int(word.split(b"/")[0]) for word in words[1:]]
+            if wrong := [index for index in indices if index == 0 or index < -vertices]:
+                raise ValueError(f"a triangle names vertex {wrong[0]} after {vertices} vertices")
+            lines.append(b"f " + b" ".join(b"%d" % (k if k > 0 else vertices + k + 1) for k in indices))
     return b"\n".join(lines) + b"\n"
 
 
-def _absolute(word: bytes, vertices: int) -> bytes:
-    index = int(word.split(b"/")[0])
-    if index == 0 or index < -vertices:
-        raise ValueError(f"a triangle names vertex {index} after {vertices} vertices")
-    return b"%d" % (index if index > 0 else vertices + index + 1)
+def read_vtp(path: Path) -> tuple[Array, np.ndarray]:
+    """Vertices (v, 3) and triangles (f, 3) of a .vtp file, as in OpenSim's geometry folders.
+
+    It reads `Points` and `Polys` in ASCII or inline base64 (plain or zlib), and divides polygons into fans. Raises
+    ValueError for other files. Source: VTK file formats, XML formats.
+    """
+    checked_size(path, MOST_MESH)
+    try:
+        content = path.read_bytes()
+        if b"<!DOCTYPE" in content or b"\0" in content:  # entities can expand without end; UTF-16 would hide them
+            raise ValueError("it has a document type or is not UTF-8")
+        root = ElementTree.fromstring(content)
+        vertices, faces, offset = [], [], 0
+        for piece in root.iter("Piece"):
+            if piece.get("NumberOfPoints") == "0":
+                continue  # its arrays may be left out
+            if piece.get("NumberOfStrips", "0") != "0":
+                raise ValueError("it has triangle strips, expected polygons")
+            points = _vtk_array(root, piece.find("Points/DataArray")).astype(float).reshape(-1, 3)
+            cells = {array.get("Name"): array for array in piece.findall("Polys/DataArray")}
+            connectivity, ends = (_vtk_array(root, cells.get(name)) for name in ("connectivity", "offsets"))
+            faces.append(_fans(connectivity.astype(np.int64), ends.astype(np.int64)) + offset)
+            vertices.append(points)
+            offset += len(points)
+        return np.concatenate(vertices), np.concatenate(faces)
+    except Exception as error:  # damaged bytes lead to many kinds of errors in expat, base64, zlib and NumPy
+        raise ValueError(
+            f"mesh {path} cannot be read ({one_line(error)}), expected a VTK PolyData file in ascii or inline base64"
+        ) from None
+
+
+def _vtk_array(root: ElementTree.Element, array: ElementTree.Element | None) -> np.ndarray:
+    if array is None:
+        raise ValueError("it lacks points, connectivity or offsets")
+    order = "<" if root.get("byte_order", "LittleEndian") == "LittleEndian" else ">"
+    dtype = np.dtype(order + _VTK_TYPES[array.get("type", "")])
+    text = array.text or ""
+    if array.get("format") == "ascii":
+        return np.array(text.split(), dtype=dtype.newbyteorder("="))
+    if array.get("format") != "binary":
+        raise ValueError(f"its data is {array.get('format')!r}")
+    header = np.dtype(order + _VTK_TYPES[root.get("header_type", "UInt32")])
+    return np.frombuffer(_decode("".join(text.split()), header, "compressor" in root.attrib), dtype=dtype)
+
+
+def _decode(text: str, header: np.dtype, compressed: bool) -> bytes:
+    """Bytes of an inline array: (size, data); or zlib blocks behind (count, size, last size, compressed sizes ...),
+    a header with base64 of its own."""
+    if not compressed:
+        return base64.b64decode(text)[header.itemsize :]
+
+    def numbers(count: int) -> np.ndarray:
+        size = count * header.itemsize
+        return np.frombuffer(base64.b64decode(text[: 4 * -(-size // 3)])[:size], dtype=header)
+
+    blocks = int(numbers(1)[0])
+    data, out = base64.b64decode(text[4 * -(-(3 + blocks) * header.itemsize // 3) :]), b""
+    for length in map(int, numbers(3 + blocks)[3:]):
+        out += zlib.decompressobj().decompress(data[:length], MOST_UNPACKED)
+        data = data[length:]
+        if len(out) >= MOST_UNPACKED:
+            raise ValueError(f"it unpacks to more than {MOST_UNPACKED} bytes")
+    return out
+
+
+def _fans(connectivity: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Polygons (a, b, c, d, ...) as triangles (a, b, c), (a, c, d), ... (t, 3); ends: where each polygon ends."""
+    starts = np.concatenate([[0], ends])[:-1].astype(np.int64)
+    if np.any(ends < starts) or ends[-1:].sum() != len(connectivity):
+        raise ValueError(f"its polygons end at {ends[-1:]}, expected rising offsets up to {len(connectivity)}")
+    count = np.maximum(ends - starts - 2, 0)  # triangles of each polygon
+    first = np.repeat(starts, count)
+    k = np.arange(len(first)) - np.repeat(np.cumsum(count) - count, count)
+    return connectivity[np.stack([first, first + k + 1, first + k + 2], axis=1)]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.geometry.surfaces import signed_distance
+from casadi_contact.geometry.surface_distances import signed_distance
 
 
 def distance(surface, points):

@@ -5,8 +5,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.core.conventions import rotation
-from casadi_contact.geometry.mesh import checked_mesh
-from casadi_contact.geometry.placement import Placement
+from casadi_contact.geometry.mesh import Placement, checked_mesh
 from tests.support.meshes import cap_mesh, groove, mesh_scene_text, sheet_mesh, write_obj
 
 POSE = np.array([0.4, 19.8, 0.3, 0.02, 0.1, -0.05])

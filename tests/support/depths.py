@@ -6,7 +6,7 @@ from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.contact.cup.foundation import CupFoundation
 from casadi_contact.contact.polar.ray_hits import ray_hits
 from casadi_contact.core.conventions import rotation
-from casadi_contact.geometry.field_derivatives import distance_slopes
+from casadi_contact.geometry.surface_distances import distance_gradients
 
 
 def law_of(model):
@@ -24,9 +24,9 @@ def depths(model, p, surface, pose):
     if isinstance(model, CellFoundation):
         c, n = surface.places[:, :3], surface.places[:, 3:]
         depth = np.zeros(len(c))
-        outside = distance_slopes(model.patches[p].body, (c - t) @ R)[0] >= 0.0
+        outside = distance_gradients(model.patches[p].body, (c - t) @ R)[0] >= 0.0
         for _ in range(3):
-            g, slope = distance_slopes(model.patches[p].body, (c - depth[:, None] * n - t) @ R)
+            g, slope = distance_gradients(model.patches[p].body, (c - depth[:, None] * n - t) @ R)
             along = np.einsum("ij,ij->i", slope, n @ R)
             depth -= g / np.maximum(-along, 0.05)  # a distance that is level, or falls the other way, tells no depth
         return np.where(outside, 0.0, np.maximum(depth, 0.0))

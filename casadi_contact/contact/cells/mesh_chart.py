@@ -21,9 +21,9 @@ from scipy.spatial import cKDTree
 
 from casadi_contact.contact.cells.charts import Surface, surface_at
 from casadi_contact.core.conventions import Array
-from casadi_contact.geometry.field_derivatives import field_derivatives
 from casadi_contact.geometry.mesh_elements import grid_on_mesh
 from casadi_contact.geometry.projection import LEAST_UPWARD, Lines
+from casadi_contact.geometry.surface_distances import field_derivatives
 from casadi_contact.scenes.scene import Scene
 
 _BLUNT = 0.08  # curvature [1/mm] up to which cells are as large as on the flat

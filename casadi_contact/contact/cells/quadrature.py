@@ -24,8 +24,8 @@ from casadi_contact.contact.elements.loops import STEEPEST_FIELD, point_distance
 from casadi_contact.contact.pressure_law import pressure, pressure_slopes
 from casadi_contact.contact.pressures import MOMENTS
 from casadi_contact.core.conventions import Array, wrench_about_origin
-from casadi_contact.geometry.field_derivatives import distance_derivatives, distance_slopes
 from casadi_contact.geometry.moving_surface import MovingSurface
+from casadi_contact.geometry.surface_distances import distance_derivatives, distance_gradients
 
 WIDTH_MM = 0.02  # of the smoothed max(d, 0)
 FLATTEST, FLATTEST_WIDTH = 0.3, 0.1  # cos of the angle between ray and surface that flatter rays count as
@@ -144,11 +144,11 @@ class Quadrature:
     def _nodes(self, R: Array, t: Array, used: np.ndarray) -> _Nodes:
         p = self.patch
         c, n = p.c[used], p.n[used]
-        g, slope = distance_slopes(self.body, (c - t) @ R)
+        g, slope = distance_gradients(self.body, (c - t) @ R)
         start, moves = _start(-g)
         by_start = moves[:, None] * wrench_about_origin(slope @ R.T, c - t)
         x = c - start[:, None] * n
-        g, slope = distance_slopes(self.body, (x - t) @ R)
+        g, slope = distance_gradients(self.body, (x - t) @ R)
         G = slope @ R.T
         m = positive_floor(-np.einsum("ij,ij->i", G, n))[0]
         d = start - g / m

@@ -32,8 +32,8 @@ from casadi_contact.contact.foundation_source import C_FOLDER, braces
 from casadi_contact.core.compiler import DATA_FILE
 from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.distance_field import field_parts
-from casadi_contact.geometry.field_derivatives import round_body
 from casadi_contact.geometry.moving_surface import HALF_SPACE, MESH_FIELD, MovingSurface
+from casadi_contact.geometry.surface_distances import round_body
 from casadi_contact.networks.kernel.source import c_text
 
 STRIDE = 2  # nodes of the field for one of these

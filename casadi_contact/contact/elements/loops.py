@@ -14,7 +14,7 @@ from casadi_contact.contact.pressure_law import pressure
 from casadi_contact.core.compilation import announce_compilation, njit
 from casadi_contact.geometry.distance_field import CURVATURE_REACH_MM, field_curvature
 from casadi_contact.geometry.moving_surface import MESH_FIELD
-from casadi_contact.geometry.surfaces import signed_distance, signed_distance_value
+from casadi_contact.geometry.surface_distances import signed_distance, signed_distance_value
 
 STEEPEST_FIELD = 1.1  # slope of a mesh's distance field: 1, and what its spline overshoots at sharp edges
 

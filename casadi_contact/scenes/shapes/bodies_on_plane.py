@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from casadi_contact.geometry.elements import Cells
-from casadi_contact.geometry.height_field import plane
+from casadi_contact.geometry.elements import Cells, plane
 from casadi_contact.geometry.moving_surface import MovingSurface, cylinder, half_space, sphere
 from casadi_contact.scenes.shapes.shape import Geometry, Parameter, Shape
 

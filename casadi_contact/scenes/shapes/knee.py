@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.geometry.elements import Cells
-from casadi_contact.geometry.height_field import dish, shift
+from casadi_contact.geometry.elements import Cells, dish, shift
 from casadi_contact.geometry.moving_surface import MovingSurface, swept_arcs
 from casadi_contact.scenes.shapes.checks import fail, table_of
 from casadi_contact.scenes.shapes.shape import Geometry, Parameter, Shape

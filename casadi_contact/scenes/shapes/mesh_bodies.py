@@ -11,13 +11,11 @@ import numpy as np
 
 from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.distance_field import DistanceField, build_field
-from casadi_contact.geometry.mesh import FILE_AXES, load_mesh
+from casadi_contact.geometry.mesh import FILE_AXES, Placement, load_mesh
 from casadi_contact.geometry.mesh_checks import Box
-from casadi_contact.geometry.placement import Placement
 from casadi_contact.geometry.projection import DOWN
-from casadi_contact.geometry.rays import RayCaster
 from casadi_contact.geometry.smooth_surface import SmoothSurface
-from casadi_contact.geometry.triangle_mesh import TriangleMesh
+from casadi_contact.geometry.triangle_mesh import RayCaster, TriangleMesh
 from casadi_contact.scenes.shapes.mesh_files import file_digest
 from casadi_contact.scenes.shapes.own_model import patch_anchors
 

@@ -37,8 +37,7 @@ from pathlib import Path
 from typing import Any
 
 from casadi_contact.core.files.reading import MOST_MESH, checked_size, sha256_of
-from casadi_contact.geometry.mesh import FILE_AXES, MM_PER_UNIT, axes_rotation
-from casadi_contact.geometry.placement import MIRRORS
+from casadi_contact.geometry.mesh import FILE_AXES, MIRRORS, MM_PER_UNIT, axes_rotation
 from casadi_contact.scenes.shapes.checks import fail, identifier, number, table_of
 
 BODIES = ("moving", "fixed")

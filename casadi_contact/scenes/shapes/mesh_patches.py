@@ -12,8 +12,7 @@ from casadi_contact.core.conventions import Array, rotation
 from casadi_contact.geometry.distance_field import DistanceField
 from casadi_contact.geometry.elements import Cells
 from casadi_contact.geometry.projection import LEAST_UPWARD, Projection, projection_of
-from casadi_contact.geometry.rays import RayCaster
-from casadi_contact.geometry.triangle_mesh import TriangleMesh
+from casadi_contact.geometry.triangle_mesh import RayCaster, TriangleMesh
 from casadi_contact.scenes.shapes.mesh_bodies import body_field, body_mesh, field_spacing, patch_box, patch_view
 from casadi_contact.scenes.shapes.shape import Geometry
 

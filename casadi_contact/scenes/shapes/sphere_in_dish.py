@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from casadi_contact.geometry.elements import Cells
-from casadi_contact.geometry.height_field import dish
+from casadi_contact.geometry.elements import Cells, dish
 from casadi_contact.geometry.moving_surface import MovingSurface, sphere
 from casadi_contact.scenes.shapes.checks import fail
 from casadi_contact.scenes.shapes.shape import Geometry, Parameter, Shape

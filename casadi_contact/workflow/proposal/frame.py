@@ -10,8 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.geometry.mesh import axes_rotation
-from casadi_contact.geometry.placement import Placement
+from casadi_contact.geometry.mesh import Placement, axes_rotation
 from casadi_contact.geometry.projection import axis_name
 from casadi_contact.workflow.proposal.joint_geometry import JointGeometry
 from casadi_contact.workflow.proposal.placement import REACH_MM

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from casadi_contact.core.conventions import rotation
-from casadi_contact.geometry.mesh import axes_rotation, checked_mesh
-from casadi_contact.geometry.placement import Placement
+from casadi_contact.geometry.mesh import Placement, axes_rotation, checked_mesh
 from tests.support.joint_meshes import DOWN, POLE, analysed, ball_in_cup, button_on_groove, condyles_in_dishes, revolved
 from tests.support.meshes import ball_mesh, shell_mesh
 

@@ -1,4 +1,4 @@
-"""Second derivatives of a distance field (`geometry.distance_field`), and those of the analytic bodies' distances."""
+"""Signed distance g of a `geometry.moving_surface` of any family, with first and second derivatives."""
 
 from __future__ import annotations
 
@@ -6,8 +6,52 @@ import numpy as np
 
 from casadi_contact.core.compilation import njit
 from casadi_contact.core.conventions import Array
-from casadi_contact.geometry.distance_field import field_distances, field_hessian
-from casadi_contact.geometry.moving_surface import CYLINDER, HALF_SPACE, MESH_FIELD, MovingSurface
+from casadi_contact.geometry.distance_field import field_distance, field_distances, field_hessian, field_value
+from casadi_contact.geometry.moving_surface import (
+    CYLINDER,
+    HALF_SPACE,
+    MESH_FIELD,
+    NUMBERS_PER_ARC,
+    SWEPT_ARCS,
+    MovingSurface,
+)
+
+
+@njit(inline="always")
+def signed_distance(family, parameters, x, y, z):
+    """g(q) and its gradient (g, gx, gy, gz) at the point q = (x, y, z) of the moving frame."""
+    if family == SWEPT_ARCS:
+        last = int(parameters[0]) - 1
+        radius = parameters[1]
+        arc = 0
+        base = 3
+        dx = x - parameters[base]
+        dy = y - parameters[base + 1]
+        while arc < last and dx * parameters[base + 3] + dy * parameters[base + 4] > 0.0:
+            arc += 1
+            base += NUMBERS_PER_ARC
+            dx = x - parameters[base]
+            dy = y - parameters[base + 1]
+        dz = z - parameters[2]
+        rho = max(np.sqrt(dx * dx + dy * dy), 1e-12)
+        out = rho - parameters[base + 2]
+        distance = max(np.sqrt(out * out + dz * dz), 1e-12)
+        scale = out / (distance * rho)
+        return distance - radius, scale * dx, scale * dy, dz / distance
+    if family == CYLINDER:
+        rho = max(np.sqrt(x * x + y * y), 1e-12)
+        return rho - parameters[0], x / rho, y / rho, 0.0
+    if family == MESH_FIELD:
+        return field_distance(parameters, x, y, z)
+    return -y, 0.0, -1.0, 0.0
+
+
+@njit(inline="always")
+def signed_distance_value(family, parameters, x, y, z):
+    """g(q) alone."""
+    if family == MESH_FIELD:
+        return field_value(parameters, x, y, z)
+    return signed_distance(family, parameters, x, y, z)[0]
 
 
 def distance_derivatives(surface: MovingSurface, points: Array) -> tuple[Array, Array, Array]:
@@ -18,19 +62,19 @@ def distance_derivatives(surface: MovingSurface, points: Array) -> tuple[Array, 
     """
     if surface.family == MESH_FIELD:
         return field_derivatives(surface.parameters, points)
-    slopes, hessians = np.zeros((len(points), 3)), np.zeros((len(points), 3, 3))
+    gradients, hessians = np.zeros((len(points), 3)), np.zeros((len(points), 3, 3))
     if surface.family == HALF_SPACE:
-        slopes[:, 1] = -1.0
-        return -points[:, 1], slopes, hessians
+        gradients[:, 1] = -1.0
+        return -points[:, 1], gradients, hessians
     across, centre, radius = round_body(surface)
     offset = (points - centre) * across
     distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-12)
-    slopes = offset / distance[:, None]
-    hessians = (np.diag(across) - slopes[:, :, None] * slopes[:, None, :]) / distance[:, None, None]
-    return distance - radius, slopes, hessians
+    gradients = offset / distance[:, None]
+    hessians = (np.diag(across) - gradients[:, :, None] * gradients[:, None, :]) / distance[:, None, None]
+    return distance - radius, gradients, hessians
 
 
-def distance_slopes(surface: MovingSurface, points: Array) -> tuple[Array, Array]:
+def distance_gradients(surface: MovingSurface, points: Array) -> tuple[Array, Array]:
     """g (n,) and ∇g (n, 3), as of `distance_derivatives`, in a fraction of its time."""
     if surface.family != MESH_FIELD:
         return distance_derivatives(surface, points)[:2]
