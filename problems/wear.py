@@ -121,12 +121,12 @@ def main(
     write_columns(out / "wear.csv", {**named, "depth_mm": depth, "sliding_mm_per_cycle": slid}, digits=5)
     view = view_of(model)  # as the moving body presses
     right, up = view.right.of(centres), view.up.of(centres)
-    page = new_page(10.0, 5.0)
+    page = new_page(10.0, 4.0)
     for axis, values, label in zip(
         page.subplots(1, 2), (1e3 * depth, slid), ("worn [µm]", "slid under pressure in a cycle [mm]"), strict=True
     ):
         image = axis.scatter(right, up, c=np.where(values > 0.0, values, np.nan), s=1.0, marker="s", cmap="viridis")
-        page.colorbar(image, ax=axis, label=label)
+        page.colorbar(image, ax=axis, label=label, orientation="horizontal")
         name_axes(axis, view)
     save_page(page, out / "wear.png")
 
