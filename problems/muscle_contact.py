@@ -9,7 +9,9 @@ compared with.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -51,8 +53,7 @@ def main(
     walk = walk_of(rotations, inverse_dynamics, muscles, parameters, maps)
     settings = MuscleSettings(exponent=exponent, margin_mm=margin_mm)
     if all_six:
-        every = {"balanced": tuple(COORDINATES), "free": ("tx", "ty", "tz", "rx")}
-        settings = MuscleSettings(exponent=exponent, margin_mm=margin_mm, **every)
+        settings = replace(settings, balanced=tuple(COORDINATES), free=("tx", "ty", "tz", "rx"))
     problem = MuscleContact(load_contact(surrogate, scene), walk, settings)
     result = problem.solve()
     model = problem.contact_model
@@ -71,7 +72,7 @@ def main(
     reserves = {name: f"{np.abs(curve).max():.2g} {coordinate_unit(name)}" for name, curve in result.reserves.items()}
     print(f"largest reserves: {reserves}; largest activation: {result.activations.max():.2f}")
     out.mkdir(parents=True, exist_ok=True)
-    columns = {"time_s": walk.time_s}
+    columns: dict[str, Any] = {"time_s": walk.time_s}
     columns |= {quantity(name).column: result.poses[:, k] for k, name in enumerate(POSE_NAMES)}
     columns |= {quantity(name).column: result.loads[:, k] for k, name in enumerate(KNEE_LOADS)}
     for k, name in enumerate(walk.muscles.names):

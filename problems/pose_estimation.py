@@ -13,6 +13,7 @@ parameters, loads and centres of pressure with their units (rz_rad, Fy_med_N, co
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -116,7 +117,11 @@ def write_frames(
     on_elements: Array,
 ) -> None:
     """A row for each frame. A new output column is one more entry of `columns`, (n,) values by name."""
-    columns = {"frame": range(problem.frames), "time_s": measured.time_s, "cycle_percent": measured.percent}
+    columns: dict[str, Any] = {
+        "frame": range(problem.frames),
+        "time_s": measured.time_s,
+        "cycle_percent": measured.percent,
+    }
     columns |= {quantity(name).column: result.poses[:, k] for k, name in enumerate(POSE_NAMES)}
     found = problem.targets.evaluate(result.loads)
     for k, (name, target) in enumerate(problem.targets.values.items()):

@@ -9,6 +9,7 @@ flexions stand in one IPOPT problem.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -58,7 +59,7 @@ def main(
         shown = np.append(pose[:3], np.degrees(pose[3:5]))
         print(f"{-np.degrees(pose[5]):11.1f}  {' '.join(f'{v:8.4f}' for v in shown)}  {np.abs(misfit).max():9.1e}")
     out.mkdir(parents=True, exist_ok=True)
-    columns = {quantity(name).column: result.poses[:, k] for k, name in enumerate(POSE_NAMES)}
+    columns: dict[str, Any] = {quantity(name).column: result.poses[:, k] for k, name in enumerate(POSE_NAMES)}
     for k, name in enumerate(WRENCH_NAMES):
         unit = quantity(name).kind.plain_unit
         columns |= {f"{name}_given_{unit}": given[:, k], f"{name}_contact_{unit}": result.wrenches[:, k]}

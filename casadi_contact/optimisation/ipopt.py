@@ -7,6 +7,7 @@ from enum import Enum
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from casadi_contact.core.interrupts import was_interrupted
 
@@ -19,6 +20,14 @@ class FrameOutcome(Enum):
     OVERLOADED = "solved only by reserves beyond their size"
     NO_LOAD = "no load"
     NOT_SOLVED = "not solved"
+
+
+def frame_outcomes(solved: np.ndarray, *others: tuple[np.ndarray, FrameOutcome]) -> np.ndarray:
+    """`FrameOutcome` of each frame (n,): SOLVED or NOT_SOLVED, and others where their masks (n,) are True."""
+    outcome = np.full(len(solved), FrameOutcome.NOT_SOLVED, dtype=object)
+    for rows, other in ((solved, FrameOutcome.SOLVED), *others):
+        outcome[rows] = other
+    return outcome
 
 
 def ipopt_options(

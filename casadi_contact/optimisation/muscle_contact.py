@@ -36,7 +36,7 @@ import numpy as np
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import POSE_NAMES, Array
 from casadi_contact.optimisation.contact_frames import ContactFrames
-from casadi_contact.optimisation.ipopt import FrameOutcome, IpoptOutcome, ipopt_options
+from casadi_contact.optimisation.ipopt import FrameOutcome, IpoptOutcome, frame_outcomes, ipopt_options
 from casadi_contact.optimisation.knee import (
     COORDINATES,
     KNEE_LOADS,
@@ -215,9 +215,8 @@ class MuscleContact:
         }
         worst_n = np.abs([in_newtons(name) * curve for name, curve in left.items()]).max(axis=0)
         shares = [np.abs(curve) / settings.reserve_sizes[name] for name, curve in given.items()]
-        overloaded = np.max([*shares, *soleus.T], axis=0) > 1.0
-        outcome = np.where(overloaded, FrameOutcome.OVERLOADED, FrameOutcome.SOLVED)
-        outcome = np.where((worst_n <= settings.tolerance_n) & ipopt.solved, outcome, FrameOutcome.NOT_SOLVED)
+        solved = (worst_n <= settings.tolerance_n) & ipopt.solved
+        overloaded = solved & (np.max([*shares, *soleus.T], axis=0) > 1.0)
         return MuscleContactResult(
             activations=activations,
             muscle_forces_n=forces,
@@ -226,7 +225,7 @@ class MuscleContact:
             reserves=given,
             unbalanced=left,
             soleus=soleus[:, 0] if soleus.size else None,
-            outcome=outcome,
+            outcome=frame_outcomes(solved, (overloaded, FrameOutcome.OVERLOADED)),
             ipopt=ipopt,
             seconds=seconds,
         )

@@ -75,7 +75,7 @@ def _on_reference(problem: PoseEstimation, result: PoseResult, reference: Contac
     frame_solver = problem.frame_solver()
     final = result.poses.copy()
     begin = problem.contact.variables(poses).reshape(len(poses), -1)
-    for k in rows:
+    for k in rows.tolist():
         answer, spent = frame_solver.solve(begin[k], k) if problem.in_range(poses[[k]])[0] else (None, 0)
         iterations += spent
         if answer is None:

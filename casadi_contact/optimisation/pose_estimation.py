@@ -32,7 +32,7 @@ from casadi_contact.contact.settle import settle
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, Array, pose_index
 from casadi_contact.optimisation.contact_frames import ContactFrames
-from casadi_contact.optimisation.ipopt import FrameOutcome, IpoptOutcome, least_squares_options
+from casadi_contact.optimisation.ipopt import FrameOutcome, IpoptOutcome, frame_outcomes, least_squares_options
 from casadi_contact.optimisation.pose_targets import PoseTargets
 from casadi_contact.optimisation.starts import pose_bounds, pose_steps, start_or_default, touching
 from casadi_contact.scenes.joint_cycle import JointCycle
@@ -165,8 +165,7 @@ class PoseEstimation:
         errors = targets.errors(loads)
         # Without smoothness frames stand alone: one that meets its targets is solved, whatever IPOPT met in another.
         met = targets.met(errors) & (ipopt.solved or self.smoothness == 0.0)
-        outcome = np.where(met, FrameOutcome.SOLVED, FrameOutcome.NOT_SOLVED)
-        outcome[~targets.loaded] = FrameOutcome.NO_LOAD
+        outcome = frame_outcomes(met, (~targets.loaded, FrameOutcome.NO_LOAD))
         return PoseResult(poses, loads, errors, outcome, ipopt, 0.0)
 
     def frame_solver(self) -> FrameSolver:
@@ -191,7 +190,7 @@ class PoseEstimation:
         """
         frame_solver, loaded, iterations = self.frame_solver(), self.targets.loaded, 0
         done = np.zeros(len(x), dtype=bool)
-        waiting = deque((k, k) for k in np.flatnonzero(solved))
+        waiting = deque((k, k) for k in np.flatnonzero(solved).tolist())
         while waiting:
             begin, frame = waiting.popleft()
             if not 0 <= frame < len(x) or done[frame] or not loaded[frame]:

@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
 from casadi_contact.optimisation.contact_frames import ContactFrames
-from casadi_contact.optimisation.ipopt import FrameOutcome, IpoptOutcome, ipopt_options
+from casadi_contact.optimisation.ipopt import FrameOutcome, IpoptOutcome, frame_outcomes, ipopt_options
 from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection
 from casadi_contact.optimisation.starts import middle_pose, press_together, start_or_default
 
@@ -187,7 +187,7 @@ class StaticEquilibrium:
             poses=poses,
             wrenches=self.model(poses, self.contact.load_names) @ self._total.T,
             misfit_n=self.misfit_n(poses),
-            outcome=np.where(solved, FrameOutcome.SOLVED, FrameOutcome.NOT_SOLVED),
+            outcome=frame_outcomes(solved),
             ipopt=replace(ipopt, iterations=iterations),
             seconds=time.perf_counter() - began,
         )
