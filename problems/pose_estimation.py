@@ -12,6 +12,7 @@ parameters, loads and centres of pressure with their units (rz_rad, Fy_med_N, co
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from casadi_contact.core.conventions import POSE_NAMES, Array
 from casadi_contact.core.machine import write_summary
 from casadi_contact.core.quantities import quantity
 from casadi_contact.core.terminal import run_program
-from casadi_contact.optimisation.pose_continuation import continue_on
+from casadi_contact.optimisation.pose_continuation import continue_on, motion_of
 from casadi_contact.optimisation.pose_estimation import PoseEstimation, PoseResult
 from casadi_contact.optimisation.pose_targets import check_targets
 from casadi_contact.optimisation.verification.verdict import Verdict, judge, own_model
@@ -63,6 +64,10 @@ def estimate(model: SymbolicContact, measured: LoadCycle | JointCycle, out: Path
         result = continue_on(problem, result, reference)
     names = problem.targets.load_names
     verdict = judge(model, result.poses, result.solved, reference, names, result.on_reference)
+    verdict = replace(verdict, without_load=~problem.targets.loaded)
+    if (motion := motion_of(problem)) is not None:  # a frame beside a leap is not verified
+        steps = motion.leaping(result.poses, result.solved)
+        verdict = replace(verdict, leaps=np.append(steps, False) | np.append(False, steps))
     on_elements = elements_say(problem, result, reference)
 
     print(verdict)
