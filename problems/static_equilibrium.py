@@ -44,10 +44,10 @@ def main(
     neutral = [pose_index(name) for name in ("tx", "tz", "ry")]
     rest[:, neutral] = model.scene.start_pose[neutral]
     rest[:, pose_index("rz")] = -angles
-    free = [name for name in POSE_NAMES if not space.bound(name) and (soft or name != "rz")]
+    free = [name for name in POSE_NAMES if not space.constraint_text(name) and (soft or name != "rz")]
     given = np.tile(numbers(loads, "loads"), (len(angles), 1))
     problem = StaticEquilibrium(
-        model, given, free=free, rest=space.onto(rest), stiffness=SOFT_TISSUE if soft else None, about="moving"
+        model, given, free=free, rest=space.project(rest), stiffness=SOFT_TISSUE if soft else None, about="moving"
     )
     result = problem.solve(restarts=restarts)
     verdict = judge(model, result.poses, result.solved, own_model(model.scene))

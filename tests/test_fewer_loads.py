@@ -7,7 +7,7 @@ import casadi_contact as cc
 from casadi_contact.cli import pipeline
 from casadi_contact.pictures.report.tables import evaluation_tables, read_evaluation
 from casadi_contact.scenes.load_cycle import write_cycle
-from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.loading import scene_from_text
 from casadi_contact.scenes.walking import reference_cycle
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from casadi_contact.workflow.presets import PRESETS, Effort, Preset
@@ -19,7 +19,7 @@ TINY = Preset(0.02, {"patch": {"": Effort(((8, 8),), 3.0)}})
 
 def asking_for(*names):
     text = f'format = 1\nname = "fewer"\nlike = "knee"\n[loads]\nnames = {list(names)}\n[tolerances]\n'
-    return Scene.from_toml(text + "\n".join(f"{name} = 5.0" for name in names))
+    return scene_from_text(text + "\n".join(f"{name} = 5.0" for name in names))
 
 
 def test_one_side_is_built_about_one_cycle(tmp_path, monkeypatch):

@@ -9,7 +9,7 @@ import typer
 
 from casadi_contact.core.terminal import PlainConsole
 from casadi_contact.samples.models import MODELS
-from casadi_contact.scenes.ready_files import ready_scenes
+from casadi_contact.scenes.loading import ready_scenes
 from casadi_contact.surrogate.load import ready_surrogates
 from casadi_contact.workflow.presets import PRESETS
 from casadi_contact.workflow.project import Project, shipped_surrogates

@@ -42,7 +42,7 @@ def advance_to_contact(model: ContactModel, poses: Array, target: Mapping[str, A
     def moved(rows: np.ndarray, travel_mm: Array) -> Array:
         after = poses[rows]
         after[:, :3] += travel_mm[:, None] * along[rows]
-        return space.onto(after)
+        return space.project(after)
 
     everyone = np.arange(len(poses))
     by_travel = moved(everyone, np.ones(len(poses))) - moved(everyone, np.zeros(len(poses)))
@@ -128,7 +128,7 @@ def press_until(
 def touching_start(model: ContactModel) -> Array:
     """The first touch (6,) from the scene's start pose; that pose itself for a model without gaps, and for a scene
     whose patches have no loading direction."""
-    start = model.scene.pose_space.onto(model.scene.start_pose)
+    start = model.scene.pose_space.project(model.scene.start_pose)
     directed = model.scene.normal_loads[0].direction is not None
     return advance_to_contact(model, start[None], {})[0] if directed and model.has_gaps else start
 

@@ -40,8 +40,7 @@ from casadi_contact.networks.functions import (
 from casadi_contact.networks.kernel.casadi_interface import casadi_interface
 from casadi_contact.networks.kernel.source import c_text, roots_source
 from casadi_contact.networks.names import UNNAMED, check_name, check_unused, name_of_batch, name_of_wrenches
-from casadi_contact.scenes.loading import load_scene
-from casadi_contact.scenes.ready_files import ready_scenes
+from casadi_contact.scenes.loading import load_scene, ready_scenes
 from casadi_contact.scenes.scene import Scene
 
 BOTH = "contact_loads_and_roots"
@@ -223,7 +222,7 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
         if direction is not None:
             deeper = touching_start(self)
             deeper[:3] += EXAMPLE_OVERLAP_MM * direction
-            deeper = self.scene.pose_space.onto(deeper)
+            deeper = self.scene.pose_space.project(deeper)
             pose = deeper if self.gaps(deeper).min() < 0.0 else pose
         return [float(value) for value in pose]
 

@@ -113,7 +113,7 @@ class Equilibrium:
         along = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-300)
         moved = np.repeat(poses[:, None], len(ways_mm), axis=1)
         moved[:, :, :3] += ways_mm[:, None] * along[:, None]
-        moved = self._space.onto(moved)
+        moved = self._space.project(moved)
         rows = np.repeat(np.arange(len(poses)), len(ways_mm))
         left = np.linalg.norm(self.residuals(moved.reshape(-1, 6), rows)[0], axis=1).reshape(moved.shape[:2])
         beside = np.pad(left, ((0, 0), (1, 1)), constant_values=np.inf)
@@ -171,7 +171,7 @@ class Equilibrium:
                 loads[:, of_loads], jacobian[:, of_loads], roots[0][:, patch], roots[1][:, patch], n0
             )
             r[:, columns] = vector - wanted / np.sqrt(n0 * np.where(size > 0.0, size, 1.0))
-        slope = self._space.along(slope)[..., list(self.free)] * self.free_scales
+        slope = self._space.pull_back(slope)[..., list(self.free)] * self.free_scales
         lost = ~np.isfinite(slope).all(axis=(1, 2)) | ~np.isfinite(r).all(axis=1)
         r[lost], slope[lost], misfit[lost] = np.nan, np.nan, np.nan
         return r, slope, misfit
@@ -180,7 +180,7 @@ class Equilibrium:
         """Poses (n, 6) after comparable steps (n, free) of the free parameters, what is tied to them following."""
         moved = poses.copy()
         moved[:, list(self.free)] += steps * self.free_scales
-        return self._space.onto(moved)
+        return self._space.project(moved)
 
     @property
     def _space(self) -> PoseSpace:
@@ -220,4 +220,4 @@ def _root_vector(force: Array, slope: Array, s: Array, ds: Array, n0: float) -> 
 
 def start_copy(model: ContactModel, poses: ArrayLike) -> Array:
     """A writable copy of checked poses, with what the model's scene locks or ties put in place."""
-    return model.scene.pose_space.onto(as_poses(poses).copy())
+    return model.scene.pose_space.project(as_poses(poses).copy())

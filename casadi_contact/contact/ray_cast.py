@@ -17,8 +17,7 @@ from casadi_contact.contact.pressures import PressedElements, PressureSummary
 from casadi_contact.core.conventions import Array, as_poses, rotation
 from casadi_contact.geometry.triangle_mesh import RayCaster
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.scenes.shapes.mesh_bodies import body_mesh
-from casadi_contact.scenes.shapes.mesh_patches import patch_mesh
+from casadi_contact.scenes.shapes.mesh_bodies import body_mesh, patch_mesh
 
 LARGEST_DEPTH_MM = 20.0
 

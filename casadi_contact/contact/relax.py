@@ -70,7 +70,7 @@ class _DampedMotion:
         """The pose (6,) of a state."""
         pose = self.start.copy()
         pose[self._free] = _halves(state)[0] * self.equations.free_scales
-        return self._space.onto(pose)
+        return self._space.project(pose)
 
     def rate(self, _: float, state: Array) -> Array:
         """d state/dt (2k,), by damping alone where loads are not finite: integration then crosses that border."""
@@ -85,7 +85,7 @@ class _DampedMotion:
         pose, size = self.pose(state), len(self._free)
         slope = np.zeros((2 * size, 2 * size))
         by_pose = self.equations.model.jacobian(pose[None])[1][0, self._loads]
-        by_q = self._space.along(by_pose)[:, self._free] * self.equations.free_scales
+        by_q = self._space.pull_back(by_pose)[:, self._free] * self.equations.free_scales
         by_q = np.where(np.isfinite(by_q), by_q, 0.0)
         slope[:size, size:] = np.eye(size)
         slope[size:, :size] = -self._motion(pose).T @ by_q / _MASS
@@ -104,7 +104,7 @@ class _DampedMotion:
     def _motion(self, pose: Array) -> Array:
         """A (targets, k)."""
         moved = _conjugate_motion(self.equations.model, self.equations.names, pose)
-        return np.asarray(self._space.along(moved)[:, self._free] * self.equations.free_scales)
+        return np.asarray(self._space.pull_back(moved)[:, self._free] * self.equations.free_scales)
 
 
 def _halves(state: Array) -> tuple[Array, Array]:

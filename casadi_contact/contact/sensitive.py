@@ -51,7 +51,7 @@ def sensitive_directions(
         raise ValueError(f"got {len(poses)} poses, expected one: tx ty tz [mm] rx ry rz [rad]")
     of_load = newton_scales(model.load_names, lever_mm)
     of_pose = np.array([1.0] * 3 + [lever_mm] * 3)
-    scaled = model.scene.pose_space.along(model.jacobian(poses)[1][0]) / of_load[:, None] / of_pose
+    scaled = model.scene.pose_space.pull_back(model.jacobian(poses)[1][0]) / of_load[:, None] / of_pose
     if not np.isfinite(scaled).all():
         raise ValueError("the model's loads are not finite at this pose, expected a pose at which it gives numbers")
     if not scaled.any():

@@ -107,7 +107,9 @@ class ContactFrames:
         rows: dict[str, ca.MX] = {}
         normals = self._scene.normal_loads
         roots = dict(zip(normals, ca.vertsplit(self.roots), strict=True))
-        roots |= {normal: total_root(self.roots) for normal in self._scene.pressed if normal not in roots}
+        roots |= {
+            normal: total_root(self.roots) for normal in self._scene.controllable_normal_loads if normal not in roots
+        }
         for normal, root in roots.items():
             if set(normal.loads) <= set(targets):
                 rows |= self._normal_rows(root, normal, [self._row(name, targets[name]) for name in normal.loads])
@@ -135,7 +137,7 @@ class ContactFrames:
             rest[:, pose_index(name)] = value
         moved = [pose_index(name) for name in POSE_NAMES[:3] if name in self.free]
         rest[:, moved] = rotate_about_anchors(self.model, middle, rest)[:, moved]
-        rest = space.onto(rest)
+        rest = space.project(rest)
         if not np.isfinite(self.lower).any():  # nothing learned: the middle touches in one orientation only
             rest = touching(self.model, rest, self.free, {})
         begin = rest if poses is None else self.each_frame(poses)
@@ -143,7 +145,7 @@ class ContactFrames:
         normals = self._scene.normal_loads
         self.model.check_loads([name for name in targets if centre_of_pressure(name, normals) is None] or None)
         pressing: dict[str, Array] = {}
-        for normal in self._scene.pressed:
+        for normal in self._scene.controllable_normal_loads:
             if set(normal.loads) <= set(targets):
                 forces = np.stack([_numbers(name, targets[name], self.frames) for name in normal.loads], axis=1)
                 pressing |= dict(zip(normal.loads, normal.at_least(forces, LEAST_START_N).T, strict=True))
@@ -165,7 +167,7 @@ class ContactFrames:
         the inverse of `variables`, for as many frames as there are poses."""
         moved = poses.copy()
         moved[:, self.columns] = np.asarray(values).reshape(len(poses), -1) * self._scales
-        return self._scene.pose_space.onto(moved)
+        return self._scene.pose_space.project(moved)
 
     def _row(self, name: str, value: Any) -> Any:
         """A value for each frame, (1, n)."""
@@ -234,8 +236,8 @@ def total_root(roots: ca.MX) -> ca.MX:
 
 
 def pose_in_space(space: PoseSpace, poses: ca.MX) -> ca.MX:
-    """`PoseSpace.onto` as an expression of poses (6 x n)."""
-    if space.whole:
+    """`PoseSpace.project` as an expression of poses (6 x n)."""
+    if space.unconstrained:
         return poses
     return ca.mtimes(ca.sparsify(ca.DM(space.matrix)), poses) + ca.repmat(ca.DM(space.offset), 1, poses.shape[1])
 

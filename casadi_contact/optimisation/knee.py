@@ -35,7 +35,7 @@ def check_knee(what: str, scene: Scene, load_names: Sequence[str], needed: Seque
             f"{what} needs a knee with two sides, but scene {scene.name} has the loads {', '.join(load_names)}, "
             f"expected {', '.join(needed)}: take the scene knee or one like it"
         )
-    scene.pose_space.check_whole(what)
+    scene.pose_space.check_unconstrained(what)
 
 
 # Coordinates of inverse dynamics, each with the pose parameter it belongs to.
@@ -95,7 +95,7 @@ def shear_free_poses(
     Raises ValueError where rotations lie outside what the surrogate learned, the least shear exceeds a tenth of load_n,
     or the scene locks or ties pose parameters.
     """
-    model.scene.pose_space.check_whole("a pose without shear")
+    model.scene.pose_space.check_unconstrained("a pose without shear")
     low, high = pose_bounds(model)
     poses = np.tile(middle_pose(model), (len(rz), 1))
     for name, angle in (("ry", ry), ("rz", rz)):

@@ -216,7 +216,7 @@ class PoseEstimation:
         poses[:, columns] = np.clip(poses[:, columns], low[columns], high[columns])
         for name, curve in self.measured.items():
             poses[:, pose_index(name)] = curve
-        poses = model.scene.pose_space.onto(poses)
+        poses = model.scene.pose_space.project(poses)
         pressing, sensitive, rows = targets.pressing, model.scene.sensitive_pose, np.arange(self.frames)
         if not pressing:
             return self._settle_from_touch(poses, self._settle_rows(poses, rows))

@@ -86,7 +86,7 @@ class PoseTargets:
     @property
     def pressing(self) -> dict[str, Array]:
         """Targets that normal loads are made of, of those that are targets with all their parts."""
-        normals = [n for n in self.scene.pressed if set(n.loads) <= set(self.values)]
+        normals = [n for n in self.scene.controllable_normal_loads if set(n.loads) <= set(self.values)]
         return {name: self.values[name] for normal in normals for name in normal.loads}
 
     def evaluate(self, loads: Array) -> Array:

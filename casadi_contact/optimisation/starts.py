@@ -35,7 +35,7 @@ def middle_pose(model: SymbolicContact) -> Array:
     known = np.isfinite(low) & np.isfinite(high)
     if known.any() and model.scene.normal_loads[0].direction is not None:
         pairs = zip(low, high, known, strict=True)
-        return space.onto(np.array([0.5 * (a + b) if both else 0.0 for a, b, both in pairs]))
+        return space.project(np.array([0.5 * (a + b) if both else 0.0 for a, b, both in pairs]))
     return touching_start(model)
 
 
@@ -84,7 +84,7 @@ def settle_in_range(
     poses = poses.copy()
     poses[:, columns] = np.clip(poses[:, columns], low[columns], high[columns])
     poses[:, locked] = rest[:, locked]
-    poses = model.scene.pose_space.onto(poses)
+    poses = model.scene.pose_space.project(poses)
     moved = model.scene.sensitive_pose
     if not pressing or not moved or not set(moved) <= set(free):
         return poses
@@ -121,7 +121,7 @@ def press_together(model: SymbolicContact, poses: Array, rest: Array, loads: Arr
     share (`shares`), at least `LEAST_START_N`, or half of a total below twice that, but 10 N, which no pose out of
     contact comes near to.
     """
-    normals = model.scene.pressed
+    normals = model.scene.controllable_normal_loads
     if len(normals) == 1:
         columns = [WRENCH_NAMES.index(name.partition("_")[0]) for name in normals[0].loads]
         forces = normals[0].at_least(loads[:, columns], LEAST_START_N)
@@ -141,7 +141,7 @@ def shares(scene: Scene, loads: Array) -> tuple[Array, Array]:
     """Normal loads (n,), (n,) of two patches, pressed at their anchors a along d, that make up total loads (n, 6):
     F = N₁·d₁ + N₂·d₂, and where both are pressed along one line, T·w = (N₁·a₁×d₁ + N₂·a₂×d₂)·w with
     w = a₁×d₁ - a₂×d₂; of a knee the two vertical forces at the condyles' centres with the given Fy and Tx."""
-    along = np.array([normal.direction for normal in scene.pressed])
+    along = np.array([normal.direction for normal in scene.controllable_normal_loads])
     arms = np.cross(scene.anchors_mm, along)
     apart = arms[0] - arms[1]
     rows = np.column_stack([along[0], along[1]])

@@ -118,7 +118,7 @@ class StaticEquilibrium:
         given, carried = generalised_forces(pose, loads, about=self.about), generalised_forces(pose, wrench)
         space = self.model.scene.pose_space
         forces = given - carried - ca.DM(self.stiffness) * (pose - rest)
-        if not space.whole:
+        if not space.unconstrained:
             forces = ca.mtimes(ca.sparsify(ca.DM(space.matrix.T)), forces)
         r = forces / ca.DM(POSE_IN_MM)
         return ca.Function("balance", [pose, contact, loads, rest], [r[self.contact.columns]])

@@ -22,7 +22,7 @@ def contact_pose(model: ElasticFoundation) -> Array:
     back = view_of(model).toward.pointing
 
     def pose_at(travel_mm: Array) -> Array:
-        return scene.pose_space.onto(scene.start_pose + np.pad(travel_mm[:, None] * back, ((0, 0), (0, 3))))
+        return scene.pose_space.project(scene.start_pose + np.pad(travel_mm[:, None] * back, ((0, 0), (0, 3))))
 
     def overlaps(_: np.ndarray, way_mm: Array) -> np.ndarray:
         return model.gaps(pose_at(_FARTHEST_MM - way_mm)).min(axis=1) < -_OVERLAP_MM

@@ -14,7 +14,7 @@ from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.pictures.figure import discs, name_axes, new_figure, save
 from casadi_contact.pictures.view import View, view_of
 from casadi_contact.scenes.shapes.mesh_bodies import body_field, body_mesh
-from casadi_contact.scenes.shapes.registry import shape_named
+from casadi_contact.scenes.shapes.shape import shape_named
 
 _UM_PER_MM = 1000.0
 _COLOURED_SHARE = 0.98  # of either body's vertices lie within the colour bar

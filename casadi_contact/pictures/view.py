@@ -8,7 +8,7 @@ import numpy as np
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.conventions import ANATOMY, Array
-from casadi_contact.scenes.shapes.registry import shape_named
+from casadi_contact.scenes.shapes.shape import shape_named
 
 _LEAST_MEAN_NORMAL = 0.05  # below, the elements face all ways
 _LETTERS = ("x", "y", "z")

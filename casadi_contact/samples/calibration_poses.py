@@ -31,7 +31,7 @@ def perturbed_poses(
     rng = np.random.default_rng(seed)
     poses = samples.poses[rng.integers(len(samples), size=count)]
     moves = np.where(rng.random((count, 1)) < 0.5, rng.uniform(-1.0, 1.0, (count, 6)), rng.standard_normal((count, 6)))
-    return samples.scene.pose_space.onto(poses + rng.random((count, 1)) * moves * np.repeat([move_mm, move_rad], 3))
+    return samples.scene.pose_space.project(poses + rng.random((count, 1)) * moves * np.repeat([move_mm, move_rad], 3))
 
 
 def poses_in_range(
@@ -57,7 +57,7 @@ def poses_in_range(
     kept: tuple[list[Array], list[Array]] = [], []
     wanted, at_once = (count - count // 10, count // 10), 20_000
     for _ in range(0, max(most_drawn * count, 1), at_once):
-        poses = samples.scene.pose_space.onto(low + span * rng.random((at_once, 6)))
+        poses = samples.scene.pose_space.project(low + span * rng.random((at_once, 6)))
         poses = poses[near(poses)]
         s = roots(poses)
         pressed, lifted = ((s > 0.0).any(axis=1) & (s <= largest).all(axis=1)), (s <= 0.0).all(axis=1)
@@ -81,7 +81,7 @@ def self_settled_poses(
     scene, rng = samples.scene, np.random.default_rng(seed)
     training, known = samples.select(role=TRAIN), samples.poses[samples.role != TEST]
     target: dict[str, Array] = {}
-    for load in scene.pressed:
+    for load in scene.controllable_normal_loads:
         values = training.loads(load.loads)
         values = values[(values != 0.0).any(axis=1)]
         if len(values):
@@ -92,7 +92,7 @@ def self_settled_poses(
     starts = known.min(axis=0) + np.ptp(known, axis=0) * rng.random((count, 6))
     poses, report = settle(
         surrogate,
-        scene.pose_space.onto(starts),
+        scene.pose_space.project(starts),
         scene.sensitive_pose,
         {name: shares * load for name, load in target.items()},
         tolerance=1e-2,

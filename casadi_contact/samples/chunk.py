@@ -75,7 +75,7 @@ def plan_chunks(scene: Scene, motion: ReferenceMotion, settings: SamplingSetting
     """
     chunks = []
     point = motion.point
-    for block in plan_domains(motion.envelopes, scene.pressed, scene.boundary_load, settings):
+    for block in plan_domains(motion.envelopes, scene.controllable_normal_loads, scene.boundary_load, settings):
         if DOMAINS[block.domain - 1] == "D4":
             check_liftable(scene)
         starts = motion.starts(block.inputs, scene.pose_space)

@@ -222,7 +222,7 @@ def _gather(scene: Scene, chunks: list[Chunk], drawn: list[DrawnChunk], identity
             dropped.setdefault(DOMAINS[asked.domain - 1], Counter()).update(got.dropped)
     provenance = {key: value for key, value in identity.items() if key != "scene"}
     versions = {name: package_version(name) for name in ("numpy", "scipy", "numba", "h5py")}
-    skipped = left_out(scene.pressed, SamplingSettings.from_table(identity["settings"]))
+    skipped = left_out(scene.controllable_normal_loads, SamplingSettings.from_table(identity["settings"]))
     found = {"versions": versions, "dropped": dropped, "left_out": skipped}
     lost = np.concatenate([chunk.dropped_poses for chunk in drawn])
     lost_from = np.repeat([chunk.domain for chunk in chunks], [len(chunk.dropped_poses) for chunk in drawn])

@@ -55,7 +55,7 @@ def lift_one(
     tilt, rest = pose_index(turn), tuple(name for name in free if name != turn)
     others = [pose_index(name) for name in rest]
     s, ds = model.root_loads(poses)
-    ds = space.along(ds)
+    ds = space.pull_back(ds)
     # Along the held loads: dload/dothers·dothers/dtilt + dload/dtilt = 0.
     by_pose = np.stack([_slope(model, name, poses, ds) for name in held], axis=1)
     along = np.asarray(-np.linalg.solve(by_pose[:, :, others], by_pose[:, :, tilt, None])[..., 0])
@@ -95,7 +95,7 @@ def _slope(model: ContactModel, name: str, poses: Array, root_slopes: Array) -> 
         if normal.loads == (name,):
             return root_slopes[:, p]
     model = with_loads(model, (name,))
-    return model.scene.pose_space.along(model.jacobian(poses)[1][:, model.load_names.index(name)])
+    return model.scene.pose_space.pull_back(model.jacobian(poses)[1][:, model.load_names.index(name)])
 
 
 def lift_all(model: ContactModel, poses: Array, *, liftoff_mm: float, steps: int) -> Array:
@@ -109,11 +109,11 @@ def lift_all(model: ContactModel, poses: Array, *, liftoff_mm: float, steps: int
     if not columns:
         raise ValueError(f"scene {model.scene.name} has no sensitive translation, expected one to lift along")
     space, ds = model.scene.pose_space, model.root_loads(poses)[1]
-    apart = -space.along(ds)[..., columns].sum(axis=1)
+    apart = -space.pull_back(ds)[..., columns].sum(axis=1)
     apart /= np.maximum(np.linalg.norm(apart, axis=1, keepdims=True), 1e-300)
     raised = np.repeat(poses[:, None, :], steps, axis=1)
     raised[..., columns] += apart[:, None, :] * (liftoff_mm * np.arange(1, steps + 1) / steps)[:, None]
-    return space.onto(raised)
+    return space.project(raised)
 
 
 def lift_each(model: ContactModel, poses: Array, gaps_mm: Array) -> Array:
@@ -133,10 +133,10 @@ def lift_each(model: ContactModel, poses: Array, gaps_mm: Array) -> Array:
     found, wanted = poses.copy(), -scene.gap_slope * gaps_mm
     for _ in range(_NEWTON_STEPS):
         s, slope = model.root_loads(found)
-        by_pose = scene.pose_space.along(slope)[..., columns]
+        by_pose = scene.pose_space.pull_back(slope)[..., columns]
         finite = np.asarray(np.isfinite(by_pose).all(axis=(1, 2)) & np.isfinite(s).all(axis=1))
         apart = np.abs(np.linalg.det(np.where(finite[:, None, None], by_pose, 0.0))) > _LEAST_DETERMINANT
         found[~apart] = np.nan
         step = np.linalg.solve(by_pose[apart], (wanted - s)[apart][..., None])[..., 0]
         found[np.ix_(np.flatnonzero(apart), np.array(columns))] += step
-    return scene.pose_space.onto(found)
+    return scene.pose_space.project(found)

@@ -103,7 +103,7 @@ class ReferenceMotion:
         _, nearest = cKDTree(curves / scale).query(inputs[:, columns] / scale)
         starts = self.poses.reshape(-1, 6)[nearest]
         starts[:, [pose_index(name) for name in self.point.pose_inputs]] = inputs[:, columns]
-        return starts if space is None else space.onto(starts)
+        return starts if space is None else space.project(starts)
 
 
 def reference_motion(
@@ -184,7 +184,7 @@ def reference_poses(
     poses = np.tile(begin, (len(cycles) * frames, 1))
     for name in measured:
         poses[:, pose_index(name)] = np.concatenate([t[name] for t in targets])
-    poses = scene.pose_space.onto(poses)
+    poses = scene.pose_space.project(poses)
     if progress is not None:
         progress(0, len(poses))
     if start is None:
@@ -204,7 +204,7 @@ def reference_poses(
     for anew in (_interpolate, partial(_turned, model, begin), _interpolate, _nearest):
         if report.converged.all():
             break
-        starts = scene.pose_space.onto(anew(poses.reshape(shape).copy(), report).reshape(-1, 6))
+        starts = scene.pose_space.project(anew(poses.reshape(shape).copy(), report).reshape(-1, 6))
         starts[:, given] = poses[:, given]
         poses, settled = press(starts, trust_region=anew is _nearest)
         report = _report(cycles, settled)

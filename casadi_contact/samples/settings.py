@@ -72,7 +72,8 @@ class SamplePoint:
 
     @classmethod
     def of_scene(cls, scene: Scene) -> SamplePoint:
-        """[EF15 §3.2]: the pose parameters, each sensitive one replaced by a sensitive load (see `Scene.pressed`).
+        """[EF15 §3.2]: the pose parameters, each sensitive one replaced by a load of
+        `Scene.controllable_normal_loads`.
 
         Raises ValueError unless the scene has as many sensitive pose parameters as sensitive loads.
         """
@@ -81,7 +82,7 @@ class SamplePoint:
                 f"scene {scene.name} leaves loads.sensitive_pose out: find it first "
                 "(cc.sensitive_directions, sampling.found_sensitive_pose), or give sampling.inputs"
             )
-        loads = [name for normal in scene.pressed for name in normal.loads]
+        loads = [name for normal in scene.controllable_normal_loads for name in normal.loads]
         if len(scene.sensitive_pose) != len(loads):
             raise ValueError(
                 f"scene {scene.name} has {len(scene.sensitive_pose)} sensitive pose parameters for "
@@ -179,7 +180,7 @@ class SamplingSettings:
         """
         grids = {"settle_grid": "settle", "teacher_grid": "teacher"}
         values: dict[str, Any] = {key: scene.grids[grid] for key, grid in grids.items() if grid in scene.grids}
-        base = cls(counts={**PAPER_COUNTS, **(ALONE_COUNTS if len(scene.pressed) == 1 else {})})
+        base = cls(counts={**PAPER_COUNTS, **(ALONE_COUNTS if len(scene.controllable_normal_loads) == 1 else {})})
         values["counts"] = base.counts
         known = [f.name for f in fields(cls)]
         for origin, table in (("sampling.", scene.sampling), ("", overrides)):

@@ -90,7 +90,7 @@ def driving_loads(scene: Scene) -> tuple[str, ...]:
     harmonics = scene.motion.get("harmonics")
     columns = {quantity(name).column: name for name in possible_loads(scene.patch_names)}
     own = [columns[column] for column in harmonics if column in columns] if isinstance(harmonics, Mapping) else []
-    pressing = [name for normal in scene.pressed for name in normal.loads]
+    pressing = [name for normal in scene.controllable_normal_loads for name in normal.loads]
     return tuple(dict.fromkeys((*scene.load_names, *pressing, *own)))
 
 

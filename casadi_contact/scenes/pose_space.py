@@ -4,14 +4,12 @@
     locked = { tz = 0.0, rx = 0.0 }                          # [mm, rad], never changes
     tied = { ry = { to = "rz", slope = -0.1, at_zero = 0.0 } }   # ry = at_zero + slope·rz, in mm and rad
 
-With the free parameters as they are, a pose q lies in the space where q = M·q + c. Everything that looks for poses
-(`settle`, optimisation, samples) moves within it. A contact model is asked for a whole pose (6) all the same, and may
-be asked off the space:
+A pose q of the space satisfies q = M·q + c. Whatever searches for poses (`settle`, optimisation, samples) stays in the
+space. Contact models take whole poses (6) all the same:
 
-- an elastic foundation, or a model of the user's own, is two bodies in contact and knows of no joint: its loads are
-  those of the pose as given, so that what it takes to hold a lock can be asked for;
-- a surrogate has learned the space alone: its loads are those of M·q + c, its derivatives those of this composition, so
-  zero along what is locked, and its validity falls to zero from `OFF_SPACE` on.
+- an elastic foundation or a user's own model has the loads of the pose as given, on the space or not;
+- a surrogate knows the space alone. Its loads are those of M·q + c, its derivatives those of this composition (zero
+  along locked parameters), and its validity falls to zero beyond `OFF_SPACE`.
 """
 
 from __future__ import annotations
@@ -25,7 +23,7 @@ import numpy as np
 from casadi_contact.core.conventions import POSE_NAMES, REFLECTION, Array, pose_index
 from casadi_contact.scenes.shapes.checks import fail, number, table_of
 
-OFF_SPACE = 1e-3  # [mm, rad] off its locked or tied value: so far a pose parameter counts as there
+OFF_SPACE = 1e-3  # largest deviation from a constraint [mm, rad]
 
 
 @dataclass(frozen=True)
@@ -46,72 +44,65 @@ class PoseSpace:
         return tuple(POSE_NAMES[k] for k in self.free)
 
     @property
-    def whole(self) -> bool:
-        """True where every pose parameter is free."""
+    def unconstrained(self) -> bool:
+        """Every pose parameter is free."""
         return len(self.free) == 6
 
     @property
     def symmetric(self) -> bool:
-        """True where the mirror image in the plane z = 0 of a pose of this space is one too."""
+        """The mirror image in the plane z = 0 of a pose of this space is one too."""
         return bool((self.matrix == REFLECTION[:, None] * self.matrix * REFLECTION).all()) and bool(
             (self.offset == REFLECTION * self.offset).all()
         )
 
-    def onto(self, poses: Array) -> Array:
-        """Poses (..., 6) with locked and tied parameters put in place."""
-        return poses if self.whole else poses @ self.matrix.T + self.offset
+    def project(self, poses: Array) -> Array:
+        """Poses (..., 6) with locked and tied parameters set: M·q + c."""
+        return poses if self.unconstrained else poses @ self.matrix.T + self.offset
 
-    def along(self, slopes: Array) -> Array:
-        """Derivatives (..., 6) by the free parameters, tied ones following: J·M of derivatives J by the whole pose."""
-        return slopes if self.whole else slopes @ self.matrix
+    def pull_back(self, jacobian: Array) -> Array:
+        """Derivatives (..., 6) by the whole pose as those by the free parameters, tied ones following: J·M."""
+        return jacobian if self.unconstrained else jacobian @ self.matrix
 
-    def bound(self, name: str) -> str:
-        """How a pose parameter is held: "locked at 0.4", "tied to rz"; "" where it is free. ValueError if unknown."""
+    def constraint_text(self, name: str) -> str:
+        """The constraint of a parameter: "locked at 0.4", "tied to rz"; "" if it is free. ValueError if unknown."""
         k = pose_index(name)
         if k in self.free:
             return ""
         to = np.flatnonzero(self.matrix[k])
         return f"tied to {POSE_NAMES[to[0]]}" if len(to) else f"locked at {self.offset[k]:g}"
 
-    def check_whole(self, what: str) -> None:
-        """Raises ValueError for locked or tied pose parameters, by name; what: says what needs all six free."""
-        held = [name for name in POSE_NAMES if self.bound(name)]
-        if held:
-            said = ", ".join(f"{name} is {self.bound(name)}" for name in held)
-            raise ValueError(
-                f"{what} moves all six pose parameters, but {said} by the scene: take "
-                f"{'it' if len(held) == 1 else 'them'} out of the scene's [pose]"
-            )
+    def check_unconstrained(self, what: str) -> None:
+        """Raises ValueError for locked or tied pose parameters; what: needs all six free."""
+        self.check_free(POSE_NAMES, f"{what} moves all six pose parameters")
 
     def check_free(self, names: Iterable[str], what: str = "free") -> None:
-        """Raises ValueError for pose parameters that are locked or tied, by name; what: what they were given as."""
-        held = {name: how for name in names if (how := self.bound(name))}
-        if held:
-            said = ", ".join(f"{name} is {how}" for name, how in held.items())
+        """Raises ValueError for locked or tied pose parameters among these names; what: their use."""
+        constrained = [name for name in names if self.constraint_text(name)]
+        if constrained:
+            texts = ", ".join(f"{name} is {self.constraint_text(name)}" for name in constrained)
             raise ValueError(
-                f"{what}: {said} by the scene, expected some of {', '.join(self.free_names)}: leave out "
-                f"{', '.join(held)}, or take {'it' if len(held) == 1 else 'them'} out of the scene's [pose]"
+                f"{what}: {texts} by the scene, expected free ones ({', '.join(self.free_names)}): leave out "
+                f"{', '.join(constrained)}, or change the scene's [pose]"
             )
 
     def free_curves(self, curves: Mapping[str, Array], what: str) -> dict[str, Array]:
-        """Those of given pose parameters, by name, that are free; what: says what gives them.
+        """The curves of free pose parameters, by name; what: their source, for messages.
 
-        Raises ValueError for a locked one that is off its value by more than `OFF_SPACE`, and for a tied one likewise,
-        or where what it is tied to is not given.
+        Raises ValueError for the curve of a locked or tied parameter that differs by more than `OFF_SPACE` from its
+        constraint, or whose constraint depends on a curve that is not given.
         """
         for name, curve in curves.items():
+            if not self.constraint_text(name):
+                continue
             k = pose_index(name)
-            tied = [(self.matrix[k, j], curves.get(POSE_NAMES[j])) for j in np.flatnonzero(self.matrix[k])]
-            known = not self.bound(name) or all(of is not None for _, of in tied)
-            held = self.offset[k] + sum(slope * np.asarray(of) for slope, of in tied if of is not None)
-            off = np.abs(np.asarray(curve) - held).max(initial=0.0) if known and self.bound(name) else 0.0
-            if not known or off > OFF_SPACE:
-                said = f"given up to {off:.3g} off that" if known else "which is not given"
+            ties = {POSE_NAMES[j]: self.matrix[k, j] for j in np.flatnonzero(self.matrix[k])}
+            target = self.offset[k] + sum(slope * np.asarray(curves.get(to, np.nan)) for to, slope in ties.items())
+            if not np.abs(np.asarray(curve) - target).max(initial=0.0) <= OFF_SPACE:
                 raise ValueError(
-                    f"{what}: {name} is {self.bound(name)} by the scene, {said}, expected {name} within {OFF_SPACE:g} "
-                    f"of it: leave {name} out there, or out of the scene's [pose]"
+                    f"{what}: {name} is {self.constraint_text(name)} by the scene, expected {name} within "
+                    f"{OFF_SPACE:g} of that: leave {name} out there, or out of the scene's [pose]"
                 )
-        return {name: curve for name, curve in curves.items() if not self.bound(name)}
+        return {name: curve for name, curve in curves.items() if not self.constraint_text(name)}
 
     @classmethod
     def from_table(cls, table: object) -> PoseSpace:

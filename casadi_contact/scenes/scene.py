@@ -19,13 +19,10 @@ from casadi_contact.core.conventions import POSE_NAMES, Array, load_selection
 from casadi_contact.core.files.reading import toml_tables
 from casadi_contact.geometry.elements import EVERYWHERE, ElementGrid
 from casadi_contact.geometry.moving_surface import MovingSurface
-from casadi_contact.scenes.like import completed
-from casadi_contact.scenes.loads_table import LoadsTable
 from casadi_contact.scenes.material import Material
-from casadi_contact.scenes.normal_load import NormalLoad, in_sum
+from casadi_contact.scenes.normal_load import LoadsTable, NormalLoad, in_sum
 from casadi_contact.scenes.parts import Part, parts_of, tables_by_parts
 from casadi_contact.scenes.pose_space import PoseSpace
-from casadi_contact.scenes.ready_files import ready_tables
 from casadi_contact.scenes.shapes.checks import (
     distinct_names,
     fail,
@@ -35,7 +32,7 @@ from casadi_contact.scenes.shapes.checks import (
     scene_name,
     table_of,
 )
-from casadi_contact.scenes.shapes.registry import shape_named
+from casadi_contact.scenes.shapes.shape import shape_named
 
 FORMAT = 1
 _KEYS = (
@@ -88,7 +85,7 @@ class Scene:
         space = PoseSpace.from_table(tables.get("pose", {}))
         loads = LoadsTable.from_table(tables.get("loads", {}), patch_names, space)
         anchors_mm = shape.anchors(geometry)
-        wanted = table_of("tolerances", tables.get("tolerances", {}), loads.load_names, complete=True)
+        tolerances = table_of("tolerances", tables.get("tolerances", {}), loads.load_names, complete=True)
         grids = {
             grid: grid_size(f"grids.{grid}", value)
             for grid, value in table_of("grids", tables.get("grids", {}), GRIDS, complete=shape.has_layer).items()
@@ -110,7 +107,7 @@ class Scene:
             layer=Material.from_table(tables.get("material", {})) if shape.has_layer else None,
             patch_names=patch_names,
             anchors_mm=anchors_mm,
-            tolerances={load: number(f"tolerances.{load}", value, low=0.0) for load, value in wanted.items()},
+            tolerances={load: number(f"tolerances.{load}", value, low=0.0) for load, value in tolerances.items()},
             pose_space=space,
             parts=parts,
             grids=grids,
@@ -121,11 +118,8 @@ class Scene:
 
     @classmethod
     def from_toml(cls, text: str) -> Scene:
-        """Read a scene from TOML text; raises ValueError for text that is not TOML or not a scene.
-
-        ``like`` names a ready-made scene that holds what the text leaves out.
-        """
-        return cls.from_tables(completed(toml_tables(text, "scene"), ready_tables))
+        """A scene from complete TOML text; raises ValueError for text that is not TOML or not a scene."""
+        return cls.from_tables(toml_tables(text, "scene"))
 
     def to_toml(self) -> str:
         """The scene as TOML text that `from_toml` reads back equal."""
@@ -158,7 +152,7 @@ class Scene:
         return tuple(name for normal in self.normal_loads for name in normal.loads)
 
     @property
-    def pressed(self) -> tuple[NormalLoad, ...]:
+    def controllable_normal_loads(self) -> tuple[NormalLoad, ...]:
         """The normal loads that a static analysis can set one by one: those of the patches, or their sum where these
         share a single sensitive pose parameter (a knee whose r_x is locked)."""
         return in_sum(self.normal_loads) if len(self.sensitive_pose) == 1 else self.normal_loads
@@ -203,11 +197,11 @@ class Scene:
         Raises ValueError for a part without elements.
         """
         ranges = [[part.z_mm for part in self.parts if part.patch == p] for p in range(len(self.patch_names))]
-        found = shape_named(self.shape).elements(self.geometry, grid, ranges)
-        for part, elements in zip(self.parts, found, strict=True):
+        by_part = shape_named(self.shape).elements(self.geometry, grid, ranges)
+        for part, elements in zip(self.parts, by_part, strict=True):
             if not len(elements.areas_mm2):
                 raise ValueError(f"scene {self.name}: the part {part.name} holds no element: check split_z")
-        return found
+        return by_part
 
     @property
     def symmetric(self) -> bool:

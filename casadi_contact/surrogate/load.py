@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import resources
 from pathlib import Path
 
-from casadi_contact.scenes.ready_files import ready_scenes
+from casadi_contact.scenes.loading import ready_scenes
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.file import read_file
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate

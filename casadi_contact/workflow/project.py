@@ -24,8 +24,7 @@ from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.columns import TextColumns
 from casadi_contact.scenes.joint_cycle import JointCycle, column_names, driving_loads, read_joint_cycle, scene_cycles
 from casadi_contact.scenes.load_cycle import COLUMNS, KNEE_POSE_COLUMNS, LoadCycle, read_cycle
-from casadi_contact.scenes.loading import load_scene
-from casadi_contact.scenes.ready_files import ready_scenes
+from casadi_contact.scenes.loading import load_scene, ready_scenes
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.walking import reference_cycles
 from casadi_contact.surrogate.base import Surrogate

@@ -139,7 +139,7 @@ def _drawn_around(
     columns = [pose_index(name) for name in point.pose_inputs]
     starts = frames.copy()
     starts[:, columns] += SPREAD * scales[columns] * rng.uniform(-1.0, 1.0, (len(frames), len(columns)))
-    starts = scene.pose_space.onto(starts)
+    starts = scene.pose_space.project(starts)
     loads = surrogate(frames, point.load_inputs) * rng.uniform(*LOAD_SHARES, (len(frames), len(point.load_inputs)))
     role = rng.choice([TRAIN, VALIDATION, TEST], len(frames), p=[0.8, 0.1, 0.1]).astype(np.uint8)
     lifted = rng.random(len(frames)) < LIFTED_SHARE

@@ -25,8 +25,7 @@ from casadi_contact.optimisation.knee import SIDES
 from casadi_contact.pictures.page import save_page
 from casadi_contact.pictures.report.charts import draw_charts, family_name
 from casadi_contact.pictures.report.tables import read_kernel_speed, times_the_limit
-from casadi_contact.scenes.loading import load_scene
-from casadi_contact.scenes.ready_files import ready_scenes
+from casadi_contact.scenes.loading import load_scene, ready_scenes
 from casadi_contact.workflow.benchmark.front_file import TIMES, Front, Point, read_front
 from casadi_contact.workflow.benchmark.shipped import shipped_front
 from problems.studies import solve_time

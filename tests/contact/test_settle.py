@@ -6,7 +6,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact.cup.foundation import CANDIDATES, CupFoundation
 from casadi_contact.core.conventions import LEVER_MM
-from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.loading import scene_from_text
 from tests.support import two_spheres
 from tests.support.ready_poses import at, walking
 from tests.support.two_spheres import TwoSpheres
@@ -155,7 +155,7 @@ def by_cup(scene):
 
 
 def asking_for(load, like):
-    return Scene.from_toml(f'format = 1\nname = "fewer"\nlike = "{like}"\n[loads]\nnames = ["{load}"]\n')
+    return scene_from_text(f'format = 1\nname = "fewer"\nlike = "{like}"\n[loads]\nnames = ["{load}"]\n')
 
 
 @pytest.mark.parametrize(

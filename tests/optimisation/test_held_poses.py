@@ -49,7 +49,7 @@ def test_a_tied_contact_in_opti_carries_its_loads_on_the_tie(ball):
 def test_starts_lie_on_the_space(ball):
     space = ball.scene.pose_space
     for poses in (middle_pose(ball), cc.ContactFrames(ball, 2).start_poses({"Fy": [-300.0, -5.0]})):
-        np.testing.assert_allclose(poses, space.onto(poses), atol=1e-12)
+        np.testing.assert_allclose(poses, space.project(poses), atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -55,7 +55,7 @@ def test_facets_at_one_anchor_bear_equal_parts_of_what_presses_them_forwards():
 @pytest.mark.parametrize("sensitive", [["-Fy_med", "-Fy_lat"], ["+Fx_med", "+Fx_lat"], ["-Fy_med", "+Fx_lat"]])
 def test_two_patches_share_the_loads_that_they_make_whatever_presses_them(sensitive):
     scene = cc.load_scene("knee", sensitive=sensitive, sensitive_pose=["ty", "tx"])
-    along = np.array([normal.direction for normal in scene.pressed])
+    along = np.array([normal.direction for normal in scene.controllable_normal_loads])
     sizes = np.array([[700.0, 200.0], [50.0, 900.0]])
     loads = np.hstack([sizes @ along, sizes @ np.cross(scene.anchors_mm, along)])
     np.testing.assert_allclose(np.transpose(shares(scene, loads)), sizes)

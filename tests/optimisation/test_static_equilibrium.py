@@ -139,7 +139,7 @@ def test_a_virtual_move_along_a_tie_does_no_work():
     tie = {"locked": {"tz": 0.3}, "tied": {"ry": {"to": "tx", "slope": 0.01, "at_zero": -0.02}}}
     knee = PolarFoundation(scene_held("knee", tie), Rays(8, 2))
     loads = np.array([-20.0, -800.0, 0.0, 3000.0, -3000.0, 0.0])
-    rest = knee.scene.pose_space.onto(np.array([0.0, 27.5, 0.0, 0.0, 0.0, -0.3]))
+    rest = knee.scene.pose_space.project(np.array([0.0, 27.5, 0.0, 0.0, 0.0, -0.3]))
     result = StaticEquilibrium(knee, loads, free=("tx", "ty", "rx"), rest=rest).solve()
     assert result.solved.all()
     left = loads - result.wrenches[0]

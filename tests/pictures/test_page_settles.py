@@ -49,7 +49,7 @@ def test_a_pose_that_settles_is_one_that_the_joint_can_take(tmp_path, pose):
     found = settled(tmp_path, {"matrix": space.matrix.tolist(), "offset": space.offset.tolist()} if pose else None)
     assert found["converged"]
     at = np.array(found["pose"])
-    np.testing.assert_allclose(at, space.onto(at), atol=1e-12)
+    np.testing.assert_allclose(at, space.project(at), atol=1e-12)
     assert SLOPES @ at == pytest.approx(2.0, abs=1e-6)  # 400 N = 100 N·2²
     free = [0, 4, 5]
     np.testing.assert_array_equal(at[free], START[free])

@@ -60,7 +60,7 @@ def test_where_no_patch_is_lifted_off_alone_the_default_plan_tells_what_is_out_o
     """Of one patch, and of two on one sensitive pose parameter, D5 and D7 are all there is that knows no contact: as
     many as a tenth of the others."""
     tables = {**load_scene(name).tables, "sampling": {}}
-    assert {"D4", "D6"} <= set(left_out(Scene.from_tables(tables).pressed, SamplingSettings()))
+    assert {"D4", "D6"} <= set(left_out(Scene.from_tables(tables).controllable_normal_loads, SamplingSettings()))
     counts = SamplingSettings.from_scene(Scene.from_tables(tables)).counts
     assert counts["D5"] + counts["D7"] >= 0.1 * (counts["D1"] + counts["D2"] + counts["D3"])
     asked = {**tables, "sampling": {"counts": {"D5": 40}}}

@@ -93,7 +93,7 @@ def test_the_planar_knee_is_set_by_its_total_load_and_two_pose_parameters():
     scene = cc.load_scene("planar_knee")
     point = SamplePoint.of_scene(scene)
     assert (point.inputs, point.free) == (("tx", "Fy", "rz"), ("ty",))
-    assert [normal.loads for normal in scene.pressed] == [("Fy",)]
+    assert [normal.loads for normal in scene.controllable_normal_loads] == [("Fy",)]
     assert scene.load_names == ("Fy", "Fx")
     assert set(scene.tolerances) == {"Fy", "Fx"}
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.scenes.shapes.registry import shape_named
+from casadi_contact.scenes.shapes.shape import shape_named
 
 
 @pytest.mark.parametrize("grid", [(40, 40), (7, 20)])

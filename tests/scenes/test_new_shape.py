@@ -6,8 +6,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.geometry.moving_surface import sphere
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.scenes.shapes.registry import SHAPES, register, shape_named
-from casadi_contact.scenes.shapes.shape import Parameter, Shape
+from casadi_contact.scenes.shapes.shape import SHAPES, Parameter, Shape, register, shape_named
 
 RADIUS_MM, CYLINDER_MM, OVERLAP_MM = 30.0, 40.0, 0.1
 STIFFNESS = 267.5728  # K/h of the ready scenes' material [N/mm³]

@@ -3,7 +3,7 @@
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.scenes.ready_files import ready_scenes
+from casadi_contact.scenes.loading import ready_scenes
 from casadi_contact.scenes.scene import Scene
 
 

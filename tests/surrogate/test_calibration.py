@@ -228,7 +228,7 @@ def test_a_pose_beside_what_the_scene_locks_is_not_valid(name, beside):
     """planar_knee locks all but tx, ty and rz: loads beside that are those of another pose."""
     scene = load_scene("planar_knee")
     surrogate, rng = random_surrogate(scene, "patch", seed=1), np.random.default_rng(0)
-    poses = scene.pose_space.onto(POSE_CENTRE + POSE_SPREAD * rng.uniform(-1.0, 1.0, (900, 6)))
+    poses = scene.pose_space.project(POSE_CENTRE + POSE_SPREAD * rng.uniform(-1.0, 1.0, (900, 6)))
     role = rng.choice([TRAIN, VALIDATION], len(poses)).astype(np.uint8)
     domain, gaps = np.ones(len(poses), dtype=np.uint8), np.full((len(poses), len(scene.parts)), np.nan)
     wrenches = np.zeros((len(poses), len(scene.parts), 6))

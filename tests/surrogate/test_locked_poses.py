@@ -60,11 +60,11 @@ def pair():
 def test_loads_and_their_derivatives_are_those_of_the_projected_pose(pair):
     locked, whole = pair
     poses, space = random_poses(9, seed=1), locked.scene.pose_space
-    loads, jacobian = whole.jacobian(space.onto(poses))
+    loads, jacobian = whole.jacobian(space.project(poses))
     got = locked.jacobian(poses)
     np.testing.assert_allclose(got[0], loads, rtol=1e-12)
     np.testing.assert_allclose(got[1], jacobian @ space.matrix, rtol=1e-10, atol=1e-9)
-    roots = whole.root_loads(space.onto(poses))[1] @ space.matrix
+    roots = whole.root_loads(space.project(poses))[1] @ space.matrix
     np.testing.assert_allclose(locked.root_loads(poses)[1], roots, rtol=1e-10, atol=1e-12)
     assert (got[1][..., [pose_index("tz"), pose_index("ry"), pose_index("rx")]] == 0.0).all()
 
@@ -78,7 +78,7 @@ def test_graph_and_kernel_agree_with_numpy_to_second_order(pair, compiled):
     pose = ca.MX.sym("pose", 6)
     hessian = ca.Function("h", [pose], [ca.hessian(ca.dot(weights, function(pose)[0]), pose)[0]])
     slope = ca.Function("j", [pose], [ca.jacobian(ca.vertcat(*function(pose)), pose)])
-    by_chain = space.matrix.T @ whole.hessian(space.onto(poses), weights) @ space.matrix
+    by_chain = space.matrix.T @ whole.hessian(space.project(poses), weights) @ space.matrix
     for k, q in enumerate(poses):
         loads, roots = (part.full().ravel() for part in function(q))
         np.testing.assert_allclose(loads, locked(q), rtol=1e-9, atol=1e-9)

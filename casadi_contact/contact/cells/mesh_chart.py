@@ -85,8 +85,13 @@ class MeshChart:
     """The part of a fixed mesh that a patch's box holds; it is looked for on a raster, once."""
 
     def __init__(self, scene: Scene, patch: str) -> None:
-        from casadi_contact.scenes.shapes.mesh_bodies import body_field, body_surface, patch_box
-        from casadi_contact.scenes.shapes.mesh_patches import patch_mesh, patch_projection
+        from casadi_contact.scenes.shapes.mesh_bodies import (
+            body_field,
+            body_surface,
+            patch_box,
+            patch_mesh,
+            patch_projection,
+        )
 
         self._projection = patch_projection(scene.geometry, patch)
         self._mesh = patch_mesh(scene.geometry, patch, reaching=True)

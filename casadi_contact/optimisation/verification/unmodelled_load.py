@@ -15,8 +15,7 @@ from casadi_contact.contact.elements.foundation import (
 )
 from casadi_contact.contact.pressure_law import law_of, pressures
 from casadi_contact.core.conventions import Array, as_poses, rotation
-from casadi_contact.scenes.shapes.mesh_bodies import body_field, body_mesh, body_surface
-from casadi_contact.scenes.shapes.mesh_patches import bare_mesh
+from casadi_contact.scenes.shapes.mesh_bodies import bare_mesh, body_field, body_mesh, body_surface
 
 
 def share_on_walls(model: ElasticFoundation, poses: Array) -> Array:

@@ -86,9 +86,9 @@ def _lifted(model: ContactModel, pose: Array, patch: int) -> Array | None:
         s, slope = model.root_loads(pose)
         if np.abs(s - wanted).max() < 1e-9:
             return pose
-        step = np.linalg.lstsq(space.along(slope)[:, free], wanted - s, rcond=None)[0]
+        step = np.linalg.lstsq(space.pull_back(slope)[:, free], wanted - s, rcond=None)[0]
         pose[free] += step * min(1.0, 1.0 / np.abs(step).max(initial=1e-300))
-        pose = space.onto(pose)
+        pose = space.project(pose)
     return None
 
 

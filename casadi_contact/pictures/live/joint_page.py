@@ -150,7 +150,7 @@ def _content(
         ],
         "pose": pose_words(scene.shape, ranges),
         "space": None
-        if (space := scene.pose_space).whole
+        if (space := scene.pose_space).unconstrained
         else {"matrix": space.matrix.tolist(), "offset": space.offset.tolist()},
         "range": why,
         "presets": {name: pose.tolist() for name, pose in begun.items()},

@@ -10,7 +10,7 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.conventions import ANATOMY, POSE_NAMES, Array
 from casadi_contact.core.quantities import ANGLE, quantity
 from casadi_contact.pictures.view import anatomical_name, direction_formula, view_of
-from casadi_contact.scenes.shapes.registry import shape_named
+from casadi_contact.scenes.shapes.shape import shape_named
 
 _TURNS = {"rx": "Ab-/adduction", "ry": "Axial rotation", "rz": "Flexion"}
 _RIGHT_HANDED = {"rx": ("−", "+"), "ry": ("−", "+"), "rz": ("flexed", "extended")}

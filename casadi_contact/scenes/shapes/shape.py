@@ -1,7 +1,7 @@
 """The record of a shape: its [geometry], its patches, its moving surface and the elements of its fixed one.
 
 A scene names its shape; all that one shape has of its own stands in its record, one file for each, and whatever holds
-for every shape asks the record. A new shape is a record and a line in `shapes.registry`.
+for every shape asks the record. A new shape is a record and a line in `_MODULES`.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -109,3 +110,36 @@ class Shape(ABC):
     def identity(self, geometry: Geometry) -> Geometry:
         """The [geometry] without what may differ between copies of one scene: places of files."""
         return geometry
+
+
+_MODULES = {
+    "knee": "knee.Knee",
+    "ball_in_cup": "ball_in_cup.BallInCup",
+    "button_in_groove": "button_in_groove.ButtonInGroove",
+    "sphere_on_plane": "closed_forms.SphereOnPlane",
+    "sphere_in_dish": "closed_forms.SphereInDish",
+    "cylinder_on_plane": "closed_forms.CylinderOnPlane",
+    "punch_on_plane": "closed_forms.PunchOnPlane",
+    "own_model": "own_model.OwnModel",
+    "mesh": "mesh.Mesh",
+}
+SHAPES: dict[str, Shape] = {}
+"""Shapes that are loaded, by name."""
+
+
+def register(shape: Shape) -> None:
+    """Make a shape known to scenes by its name; raises ValueError for a name that is taken."""
+    if shape.name in {*SHAPES, *_MODULES}:
+        raise ValueError(f"the shape {shape.name} is registered already, expected another name")
+    SHAPES[shape.name] = shape
+
+
+def shape_named(name: object) -> Shape:
+    """The shape of this name; raises ValueError, naming the known ones."""
+    if not isinstance(name, str) or name not in {*SHAPES, *_MODULES}:
+        known = ", ".join(dict.fromkeys((*_MODULES, *SHAPES)))
+        raise ValueError(f"scene: shape = {name!r}, expected one of {known}")
+    if name not in SHAPES:
+        module, _, kind = _MODULES[name].partition(".")
+        SHAPES[name] = getattr(import_module(f"casadi_contact.scenes.shapes.{module}"), kind)()
+    return SHAPES[name]

@@ -71,7 +71,7 @@ def patch_expressions(
     selection S has shape (L, P, 6); ratios that S does not touch are left out of the graph.
     """
     roots, loads = [], []
-    on_space = pose if space.whole else ca.mtimes(ca.sparsify(ca.DM(space.matrix)), pose) + ca.DM(space.offset)
+    on_space = pose if space.unconstrained else ca.mtimes(ca.sparsify(ca.DM(space.matrix)), pose) + ca.DM(space.offset)
     at_patches = local_pose_expressions(on_space, np.array([patch.anchor_mm for patch in patches]))
     for p, (patch, local) in enumerate(zip(patches, at_patches, strict=True)):
         used = [k for k in range(6) if selection[:, p, k].any()]
@@ -103,7 +103,9 @@ def _by_given(parts: Sequence[ca.MX], space: PoseSpace) -> Output:
     matrix = ca.sparsify(ca.DM(space.matrix))
     factors = [None, matrix, ca.kron(matrix, matrix)]
     pairs = zip(parts, factors[: len(parts)], strict=True)
-    return Output(*(part if factor is None or space.whole else ca.mtimes(part, factor) for part, factor in pairs))
+    return Output(
+        *(part if factor is None or space.unconstrained else ca.mtimes(part, factor) for part, factor in pairs)
+    )
 
 
 def _in_pose(local: LocalPose, values: Sequence[NetworkValue], order: int) -> list[ca.MX]:

@@ -98,7 +98,7 @@ def _held(space: PoseSpace) -> tuple[str, str]:
     lines += [f"  g[{k} * stride] = 0.0;" for k in bound]
     lines = lines or ["  (void)g, (void)stride;"]
     by_free = "\n".join(["INLINE void gradient_by_free(double *g, int stride) {", *lines, "}\n"])
-    return "given" if space.whole else f"(const double[6]){{{', '.join(entries)}}}", by_free
+    return "given" if space.unconstrained else f"(const double[6]){{{', '.join(entries)}}}", by_free
 
 
 def patch_kernel(patches: Sequence[PatchNetworks], selection: Array, reference_load: float, space: PoseSpace) -> Kernel:

@@ -107,7 +107,7 @@ def patch_regressions(samples: Samples) -> list[Regression]:
 
 def _check_space(poses: Array, scene: Scene) -> None:
     """Raises ValueError for samples off the locked and tied pose parameters, which no network would see."""
-    off = np.abs(poses - scene.pose_space.onto(poses)).max(axis=0)
+    off = np.abs(poses - scene.pose_space.project(poses)).max(axis=0)
     if off.max() > _ON_SPACE:
         worst = int(np.argmax(off))
         raise ValueError(

@@ -149,7 +149,7 @@ class PatchSurrogate(Surrogate):
     @cached_property
     def _bound(self) -> PoseSpace | None:
         """The scene's pose space where it locks or ties a parameter."""
-        return None if self.scene.pose_space.whole else self.scene.pose_space
+        return None if self.scene.pose_space.unconstrained else self.scene.pose_space
 
     def _loads(self, poses: Array, loads: Sequence[str], *, derivative: bool) -> tuple[Array, Array]:
         selection = self._selection(loads)
@@ -201,11 +201,11 @@ class PatchSurrogate(Surrogate):
         are (0, 6) and (0, 6, 6) if not asked for.
         """
         part, space, n0 = self._parts[p], self._bound, self.scene.reference_load
-        on_space = poses if space is None else space.onto(poses)
+        on_space = poses if space is None else space.project(poses)
         x, by_pose = local_poses(on_space, part.anchor_mm), np.empty((0, 6, 6))
         if derivative:
             by_pose = local_pose_jacobian(on_space, part.anchor_mm)
-            by_pose = by_pose if space is None else space.along(by_pose)
+            by_pose = by_pose if space is None else space.pull_back(by_pose)
         s, ds = _in_pose(part.root, x, by_pose)
         ratios, d_ratios = np.tile(part.own, (len(x), 1)), np.zeros((len(by_pose), 6, 6))
         if (used & (part.own == 0.0)).any():

@@ -61,7 +61,7 @@ class TwoStageSurrogate(Surrogate):
         """True where every patch is pressed along a negative force, which this structure's clamp is made for, and every
         pose parameter is free."""
         directed = all(normal.component is not None and normal.sign < 0.0 for normal in scene.normal_loads)
-        return directed and scene.pose_space.whole
+        return directed and scene.pose_space.unconstrained
 
     @staticmethod
     def regressions(samples: Samples) -> list[Regression]:
