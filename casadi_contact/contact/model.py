@@ -16,7 +16,7 @@ from casadi_contact.core.conventions import (
     pose_or_poses,
     possible_loads,
 )
-from casadi_contact.scenes.normal_load import normal_forces, normal_slopes
+from casadi_contact.scenes.normal_load import normal_forces, normal_gradients
 from casadi_contact.scenes.scene import Scene
 
 LARGEST_OVERLAP_MM = 0.1  # of a patch without load: cells of a mesh miss overlaps of 0.08 mm that its triangles see
@@ -117,7 +117,7 @@ def signed_roots(
     gaps(rows): gaps and their derivatives at those poses, asked for where some patch carries no load.
     """
     normal = normal_forces(scene.normal_loads, wrenches)
-    s, slope = root_of_normal(normal, normal_slopes(scene.normal_loads, wrenches, slopes), scene.reference_load)
+    s, slope = root_of_normal(normal, normal_gradients(scene.normal_loads, wrenches, slopes), scene.reference_load)
     rows = np.flatnonzero((normal <= 0.0).any(axis=1))
     if len(rows):
         free = normal[rows] <= 0.0

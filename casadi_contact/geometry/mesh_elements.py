@@ -78,10 +78,10 @@ def _on_field(field: DistanceField, starts: Array, along: Array, h: Array) -> tu
     (m, 3) and the field's unit normals (m, 3)."""
     h, on = h.copy(), starts + h[:, None] * along
     for _ in range(_ITERATIONS):
-        value, slope = field(on)
-        h -= value / np.maximum(np.einsum("nk,nk->n", slope, along), LEAST_UPWARD)
+        value, gradient = field(on)
+        h -= value / np.maximum(np.einsum("nk,nk->n", gradient, along), LEAST_UPWARD)
         on = starts + h[:, None] * along
-    return h, on, slope / np.linalg.norm(slope, axis=1, keepdims=True)
+    return h, on, gradient / np.linalg.norm(gradient, axis=1, keepdims=True)
 
 
 def facing_axis(mesh: TriangleMesh) -> str | None:
@@ -102,9 +102,9 @@ def triangles_on_mesh(mesh: TriangleMesh, field: DistanceField) -> tuple[Array, 
     """Each triangle's centre (f, 3) moved onto the smooth surface, the normal there (f, 3) and its flat area (f,)."""
     centres = mesh.corners_mm.mean(axis=1)
     for _ in range(_ITERATIONS):
-        value, slope = field(centres)
-        centres -= (value / (slope**2).sum(axis=1))[:, None] * slope
-    normals = slope / np.linalg.norm(slope, axis=1, keepdims=True)
+        value, gradient = field(centres)
+        centres -= (value / (gradient**2).sum(axis=1))[:, None] * gradient
+    normals = gradient / np.linalg.norm(gradient, axis=1, keepdims=True)
     return centres, normals, mesh.areas_mm2
 
 

@@ -26,13 +26,13 @@ _ABOVE_MM = 1.0
 
 @dataclass(frozen=True)
 class Lines:
-    """s, e (m, 3) and their derivatives by (u, v): start_slopes, up_slopes (m, 2, 3), up_bends (m, 2, 2, 3)."""
+    """s, e (m, 3), their gradients by (u, v) (m, 2, 3), and the Hessian of e (m, 2, 2, 3)."""
 
     starts: Array
     ups: Array
-    start_slopes: Array
-    up_slopes: Array
-    up_bends: Array
+    start_gradients: Array
+    up_gradients: Array
+    up_hessians: Array
 
 
 class Projection(Protocol):
@@ -125,11 +125,11 @@ class CentralProjection:
         flat, k_a = x @ axes, -0.25 * x / k
         k_ab = -0.25 * np.eye(2) / k[..., None] - k_a[:, :, None] * k_a[:, None, :] / k[..., None]
         ups = (2.0 * k**2 - 1.0) * up - k * flat
-        slopes = -x[..., None] * up - k_a[..., None] * flat[:, None] - k[..., None] * axes
+        gradients = -x[..., None] * up - k_a[..., None] * flat[:, None] - k[..., None] * axes
         turns = k_a[:, :, None, None] * axes
-        bends = -np.eye(2)[..., None] * up - k_ab[..., None] * flat[:, None, None] - turns - np.swapaxes(turns, 1, 2)
+        hessians = -np.eye(2)[..., None] * up - k_ab[..., None] * flat[:, None, None] - turns - np.swapaxes(turns, 1, 2)
         starts = np.broadcast_to(self.centre_mm, ups.shape)
-        return Lines(starts, ups, np.zeros_like(slopes), slopes / self.radius_mm, bends / self.radius_mm**2)
+        return Lines(starts, ups, np.zeros_like(gradients), gradients / self.radius_mm, hessians / self.radius_mm**2)
 
     def spread(self, h: Array) -> Array:
         """(h/R)²: areas grow with the square of the distance."""

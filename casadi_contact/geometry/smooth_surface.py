@@ -160,8 +160,8 @@ def fitted_normals(mesh: TriangleMesh) -> Array:
     starts = np.searchsorted(i, np.arange(size))
     squares = np.add.reduceat(terms[:, :, None] * terms[:, None, :], starts)
     moments = np.add.reduceat(terms * (weight * z)[:, None], starts)
-    slopes = np.einsum("nij,nj->ni", np.linalg.pinv(squares, rcond=1e-10, hermitian=True), moments)
-    fitted = averaged - slopes[:, :1] * first - slopes[:, 1:2] * second
+    coefficients = np.einsum("nij,nj->ni", np.linalg.pinv(squares, rcond=1e-10, hermitian=True), moments)
+    fitted = averaged - coefficients[:, :1] * first - coefficients[:, 1:2] * second
     fitted /= np.linalg.norm(fitted, axis=1, keepdims=True)
     agree = np.einsum("nk,nk->n", fitted, averaged) > _LEAST_AGREEMENT
     normals = np.where(agree[:, None], fitted, averaged)

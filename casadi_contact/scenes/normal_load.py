@@ -49,13 +49,13 @@ class NormalLoad:
             return np.linalg.norm(wrenches[..., :3], axis=-1)
         return self.sign * wrenches[..., self.index]
 
-    def slope(self, wrenches: Array, slopes: Array) -> Array:
+    def gradient(self, wrenches: Array, jacobian: Array) -> Array:
         """dN (..., k) for d wrench (..., 6, k); F·dF/|F| for a magnitude, zero without force."""
         if self.index is None:
             size = self.of(wrenches)[..., None]
             unit = wrenches[..., :3] / np.where(size > 0.0, size, 1.0)
-            return np.einsum("...i,...ij->...j", unit, slopes[..., :3, :])
-        return self.sign * slopes[..., self.index, :]
+            return np.einsum("...i,...ij->...j", unit, jacobian[..., :3, :])
+        return self.sign * jacobian[..., self.index, :]
 
     def with_size(self, forces: Array, size: Array | float) -> Array:
         """Values (n, len(loads)) of the named loads with N = size, (n,) or one number; a force keeps its direction."""
@@ -77,14 +77,14 @@ def normal_loads(names: Sequence[str], patch_names: Sequence[str]) -> tuple[Norm
     """
     if len(names) == 1 and len(patch_names) > 1 and names[0].lstrip("+-") in (*FORCE_NAMES, "F"):
         names = [f"{names[0]}_{patch}" for patch in patch_names]
-    found = {load.patch: load for load in (_normal_load(name, patch_names) for name in names)}
-    missing = [patch for patch in patch_names if patch not in found]
+    by_patch = {load.patch: load for load in (_normal_load(name, patch_names) for name in names)}
+    missing = [patch for patch in patch_names if patch not in by_patch]
     if missing or len(names) != len(patch_names):
         raise ValueError(
             f"scene: loads.sensitive = {list(names)!r}, expected one load for each of the patches "
             f"{', '.join(patch_names)}"
         )
-    return tuple(found[patch] for patch in patch_names)
+    return tuple(by_patch[patch] for patch in patch_names)
 
 
 def _normal_load(text: str, patch_names: Sequence[str]) -> NormalLoad:
@@ -118,9 +118,9 @@ def normal_forces(loads: Sequence[NormalLoad], wrenches: Array) -> Array:
     return np.stack([load.of(wrenches[:, p]) for p, load in enumerate(loads)], axis=1)
 
 
-def normal_slopes(loads: Sequence[NormalLoad], wrenches: Array, slopes: Array) -> Array:
+def normal_gradients(loads: Sequence[NormalLoad], wrenches: Array, jacobian: Array) -> Array:
     """dN (n, patches, k) for d wrench (n, patches, 6, k)."""
-    return np.stack([load.slope(wrenches[:, p], slopes[:, p]) for p, load in enumerate(loads)], axis=1)
+    return np.stack([load.gradient(wrenches[:, p], jacobian[:, p]) for p, load in enumerate(loads)], axis=1)
 
 
 @dataclass(frozen=True)

@@ -32,16 +32,17 @@ def test_slopes_and_bends_of_lines_are_their_derivatives(projection, places):
     for axis in range(2):
         step = STEP_MM * np.eye(2)[axis][:, None]
         ahead, behind = projection.lines(*(places + step)), projection.lines(*(places - step))
-        for value, slope in (("starts", lines.start_slopes), ("ups", lines.up_slopes), ("up_slopes", lines.up_bends)):
+        derivatives = {"starts": "start_gradients", "ups": "up_gradients", "up_gradients": "up_hessians"}
+        for value, gradient in ((name, getattr(lines, of)) for name, of in derivatives.items()):
             difference = (getattr(ahead, value) - getattr(behind, value)) / (2.0 * STEP_MM)
-            np.testing.assert_allclose(slope[:, axis], difference, atol=1e-9)
+            np.testing.assert_allclose(gradient[:, axis], difference, atol=1e-9)
 
 
 @pytest.mark.parametrize("projection", PROJECTIONS)
 def test_the_area_across_the_lines_is_the_plane_s_times_the_spread(projection, places):
     lines = projection.lines(*places)
     h = np.random.default_rng(1).uniform(-30.0, -5.0, len(lines.ups))
-    along_u, along_v = np.moveaxis(lines.start_slopes + h[:, None, None] * lines.up_slopes, 1, 0)
+    along_u, along_v = np.moveaxis(lines.start_gradients + h[:, None, None] * lines.up_gradients, 1, 0)
     across = np.einsum("nk,nk->n", np.cross(along_v, along_u), lines.ups)
     np.testing.assert_allclose(across, projection.spread(h), rtol=1e-9)
 

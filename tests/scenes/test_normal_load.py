@@ -29,8 +29,8 @@ def test_a_magnitude_and_its_slope():
     np.testing.assert_allclose(hip.of(wrench), np.sqrt((wrench[:, :3] ** 2).sum(axis=1)))
     for j in range(3):
         difference = (hip.of(wrench + h * slopes[..., j]) - hip.of(wrench - h * slopes[..., j])) / (2 * h)
-        np.testing.assert_allclose(hip.slope(wrench, slopes)[:, j], difference, rtol=1e-7)
-    assert not hip.slope(np.zeros((2, 6)), slopes[:2]).any()
+        np.testing.assert_allclose(hip.gradient(wrench, slopes)[:, j], difference, rtol=1e-7)
+    assert not hip.gradient(np.zeros((2, 6)), slopes[:2]).any()
 
 
 def test_one_name_without_patch_holds_for_each_patch():

@@ -124,9 +124,9 @@ def surface_at(lines: Lines, jet: Array, known: np.ndarray) -> Surface:
     """The surface at the height h along lines, by h and its derivatives u, v, uu, uv, vv (m, 6)."""
     h, up = jet[:, 0, None, None], lines.ups[:, None]
     h_a, h_ab = jet[:, 1:3, None], jet[:, [3, 4, 4, 5]].reshape(-1, 2, 2, 1)
-    tangents = lines.start_slopes + h_a * up + h * lines.up_slopes
-    turns = h_a[:, :, None] * lines.up_slopes[:, None]
-    second = h_ab * up[:, None] + turns + np.swapaxes(turns, 1, 2) + h[..., None] * lines.up_bends
+    tangents = lines.start_gradients + h_a * up + h * lines.up_gradients
+    turns = h_a[:, :, None] * lines.up_gradients[:, None]
+    second = h_ab * up[:, None] + turns + np.swapaxes(turns, 1, 2) + h[..., None] * lines.up_hessians
     c_u, c_v = tangents[:, 0], tangents[:, 1]
     N = np.cross(c_v, c_u)
     slopes = np.cross(second[:, :, 1], c_u[:, None]) + np.cross(c_v[:, None], second[:, :, 0])

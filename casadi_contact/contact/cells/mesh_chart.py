@@ -199,11 +199,11 @@ class MeshChart:
         along = np.einsum("nk,nk->n", slope, up)
         fine = along > LEAST_UPWARD * np.linalg.norm(slope, axis=1)
         along = np.where(fine, along, 1.0)
-        across = lines.start_slopes + h[:, None, None] * lines.up_slopes
+        across = lines.start_gradients + h[:, None, None] * lines.up_gradients
         h_a = -np.einsum("nk,nak->na", slope, across) / along[:, None]
         c_a = across + h_a[..., None] * up[:, None]
-        turns = h_a[:, :, None, None] * lines.up_slopes[:, None]
-        rest = turns + np.swapaxes(turns, 1, 2) + h[:, None, None, None] * lines.up_bends
+        turns = h_a[:, :, None, None] * lines.up_gradients[:, None]
+        rest = turns + np.swapaxes(turns, 1, 2) + h[:, None, None, None] * lines.up_hessians
         h_ab = -np.einsum("nai,nij,nbj->nab", c_a, bend, c_a) - np.einsum("nk,nabk->nab", slope, rest)
         h_ab /= along[:, None, None]
         return np.column_stack([h, h_a, h_ab[:, 0, 0], h_ab[:, 0, 1], h_ab[:, 1, 1]]), fine

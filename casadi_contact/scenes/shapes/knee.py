@@ -86,18 +86,18 @@ class Knee(Shape):
 
     def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
         """The condyles."""
-        found = []
+        surfaces = []
         for side, anchor in zip(SIDES, self.anchors(geometry), strict=True):
             g = self.patch_geometry(geometry, side)
             junctions = np.deg2rad(g["sagittal_junctions_deg"])
-            found.append(swept_arcs(g["sagittal_radii"], junctions, g["frontal_radius"], anchor[2]))
-        return found
+            surfaces.append(swept_arcs(g["sagittal_radii"], junctions, g["frontal_radius"], anchor[2]))
+        return surfaces
 
     def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
         """The dishes, lowest below the condyles' centres."""
-        found = []
+        cells = []
         for side, anchor in zip(SIDES, self.anchors(geometry), strict=True):
             g = self.patch_geometry(geometry, side)
             extent = (g["plateau_length"], g["plateau_width"])
-            found.append(shift(dish(grid, extent, g["dish_sagittal_radius"], g["dish_frontal_radius"]), anchor[2]))
-        return found
+            cells.append(shift(dish(grid, extent, g["dish_sagittal_radius"], g["dish_frontal_radius"]), anchor[2]))
+        return cells

@@ -155,14 +155,14 @@ def with_files(geometry: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
     Raises FileNotFoundError for a missing mesh, ValueError for one that is not the one the scene was made with.
     """
-    found = dict(geometry)
+    located = dict(geometry)
     for body, key in _DIGESTS.items():
         path = (folder / geometry[body]).resolve()
         digest = file_digest(path)
         if geometry.get(key, digest) != digest:
             raise ValueError(f"scene: geometry.{body}: {path} has changed since the scene was made with it")
-        found |= {body: str(path), key: digest}
-    return found
+        located |= {body: str(path), key: digest}
+    return located
 
 
 def without_places(geometry: Mapping[str, Any]) -> dict[str, Any]:
@@ -228,13 +228,13 @@ class Mesh(Shape):
         )
 
         check_patches(geometry)
-        field, found = body_field(geometry, "fixed"), []
+        field, cells = body_field(geometry, "fixed"), []
         for patch in geometry["patches"]:
             mesh, box = patch_mesh(geometry, patch, reaching=True), patch_box(geometry, patch)
             projection = patch_projection(geometry, patch)
-            found.append(grid_on_mesh(mesh, field, grid, box, projection, partial(body_surface, geometry, "fixed")))
-        check_shared(geometry, found)
-        return found
+            cells.append(grid_on_mesh(mesh, field, grid, box, projection, partial(body_surface, geometry, "fixed")))
+        check_shared(geometry, cells)
+        return cells
 
     def elements(
         self, geometry: Geometry, grid: tuple[int, int], z_ranges_mm: Sequence[Sequence[Range]]
@@ -249,21 +249,21 @@ class Mesh(Shape):
             patch_mesh,
         )
 
-        field, found = body_field(geometry, "fixed"), []
+        field, elements = body_field(geometry, "fixed"), []
         if geometry["elements"] == "grid":
             for patch, cells, ranges in zip(geometry["patches"], self.cells(geometry, grid), z_ranges_mm, strict=True):
                 centres, normals, areas = cells
                 cut = cut_cells(geometry, patch, cells, field)
-                found += [grid_elements(centres, normals, areas, z_mm, cut) for z_mm in ranges]
-            return found
+                elements += [grid_elements(centres, normals, areas, z_mm, cut) for z_mm in ranges]
+            return elements
         check_patches(geometry)
         meshes = [patch_mesh(geometry, patch) for patch in geometry["patches"]]
         triangles = [triangles_on_mesh(mesh, field) for mesh in meshes]
         check_shared(geometry, triangles)
         for mesh, (centres, normals, areas), ranges in zip(meshes, triangles, z_ranges_mm, strict=True):
             outermost = open_triangles(mesh)
-            found += [scattered_elements(centres, normals, areas, outermost, z_mm) for z_mm in ranges]
-        return found
+            elements += [scattered_elements(centres, normals, areas, outermost, z_mm) for z_mm in ranges]
+        return elements
 
     def locate_files(self, geometry: Geometry, folder: Path) -> Geometry:
         """Absolute paths of the mesh files, and their digests."""

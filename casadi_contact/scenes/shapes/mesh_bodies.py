@@ -273,11 +273,11 @@ def check_patches(geometry: Geometry) -> None:
     centres, area = mesh.corners_mm.mean(axis=1), mesh.areas_mm2
     for patch in geometry["patches"]:
         low, high = patch_box(geometry, patch)
-        found, thin = area[_in_box(geometry, patch, centres)].sum(), (high - low).min() < _LEAST_SIDE_MM
-        if found < _LEAST_AREA_MM2 or thin:
+        area_mm2, thin = area[_in_box(geometry, patch, centres)].sum(), (high - low).min() < _LEAST_SIDE_MM
+        if area_mm2 < _LEAST_AREA_MM2 or thin:
             cure = "are its bounds in m? They are in mm" if thin else f"the mesh reaches {mesh.extent}: check them"
             raise ValueError(
-                f"scene: geometry.patches.{patch} holds {found:.2g} mm² of the mesh {mesh.name} within its bounds, "
+                f"scene: geometry.patches.{patch} holds {area_mm2:.2g} mm² of the mesh {mesh.name} within its bounds, "
                 f"expected {_LEAST_AREA_MM2:g} mm² at least, and bounds {_LEAST_SIDE_MM:g} mm apart: {cure}"
             )
 
@@ -327,11 +327,11 @@ def cut_cells(geometry: Geometry, patch: str, cells: Cells, field: DistanceField
         tangent = sideways - np.einsum("nk,nk->n", normal, sideways)[:, None] * normal
         tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
         beyond = here + width[:, None] * tangent
-        distance, slope = field(beyond)
-        size, away = np.linalg.norm(slope, axis=1), np.einsum("nk,nk->n", slope, tangent)
-        turned = np.linalg.norm(np.cross(normal, slope), axis=1) > _ROLLING_OVER * size
+        distance, gradient = field(beyond)
+        size, away = np.linalg.norm(gradient, axis=1), np.einsum("nk,nk->n", gradient, tangent)
+        turned = np.linalg.norm(np.cross(normal, gradient), axis=1) > _ROLLING_OVER * size
         turned_away = turned & (away > -_ROLLING_OVER * size)
-        borne = _upward(geometry, patch, beyond, slope) > _SURELY_BORNE * size
+        borne = _upward(geometry, patch, beyond, gradient) > _SURELY_BORNE * size
         ends_here = _in_box(geometry, patch, beyond) & (turned_away | borne)
         goes_on = (np.abs(distance) < _SAME_SURFACE * width) & ~(turned & (away > 0.0)) & ~ends_here
         for other in others:

@@ -125,7 +125,7 @@ class PeerModel(ContactModel):
         loads, slopes = self.jacobian(poses)
         rates = np.zeros((len(loads), len(self.patch_names), 6))
         for p, normal in enumerate(self.scene.normal_loads):
-            rates[:, p] = normal.slope(_wrench(self, normal, loads), _wrench(self, normal, slopes))
+            rates[:, p] = normal.gradient(_wrench(self, normal, loads), _wrench(self, normal, slopes))
         return root_of_normal(normal_loads(self, loads), rates, self.scene.reference_load)
 
 
