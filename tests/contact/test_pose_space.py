@@ -54,7 +54,7 @@ def test_damped_motion_comes_to_rest_in_the_same_poses(ball):
     ("free", "said"), [("rx", "rx is locked at 0.05 by the scene"), ("tz", "tz is tied to tx by the scene")]
 )
 def test_what_is_held_is_refused_as_free(ball, find, free, said):
-    with pytest.raises(ValueError, match=f"{said}, expected some of tx, ty, rz"):
+    with pytest.raises(ValueError, match=said):
         find(ball, OFF, ("ty", free), WANTED)
 
 
