@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.core.conventions import Array, rotation
-from casadi_contact.core.files.reading import existing_file
+from casadi_contact.core.files.reading import MOST_MESH, checked_size, existing_file, sha256_of
 from casadi_contact.geometry.mesh_checks import (
     Box,
     check_apart,
@@ -107,6 +107,17 @@ def load_mesh(
     existing_file(path, "mesh file")
     vertices, faces = read_vtp(path) if path.suffix.lower() == ".vtp" else read_by_trimesh(path)
     return checked_mesh(path.name, vertices, faces, units, axes, contact, placement)
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 of a mesh file; raises FileNotFoundError, saying how a scene finds its meshes, and ValueError for a file
+    larger than any mesh's."""
+    if not path.is_file():
+        raise FileNotFoundError(
+            f"mesh file {path} does not exist: a scene's mesh paths are absolute or relative to the scene file"
+        )
+    checked_size(path, MOST_MESH)
+    return sha256_of(path)
 
 
 def checked_mesh(

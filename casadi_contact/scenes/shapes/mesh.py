@@ -40,9 +40,8 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.core.files.reading import MOST_MESH, checked_size, sha256_of
 from casadi_contact.geometry.elements import Cells, ElementGrid, grid_elements, scattered_elements
-from casadi_contact.geometry.mesh import FILE_AXES, MIRRORS, MM_PER_UNIT, axes_rotation
+from casadi_contact.geometry.mesh import FILE_AXES, MIRRORS, MM_PER_UNIT, axes_rotation, file_digest
 from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface
 from casadi_contact.scenes.shapes.checks import fail, identifier, number, table_of
 from casadi_contact.scenes.shapes.own_model import patch_anchors
@@ -168,17 +167,6 @@ def with_files(geometry: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 def without_places(geometry: Mapping[str, Any]) -> dict[str, Any]:
     """The [geometry] with each mesh named by its digest (if known) instead of its path."""
     return {key: value for key, value in geometry.items() if _DIGESTS.get(key) not in geometry}
-
-
-def file_digest(path: Path) -> str:
-    """SHA-256 of a mesh file; raises FileNotFoundError, saying how a scene finds its meshes, and ValueError for a file
-    larger than any mesh's."""
-    if not path.is_file():
-        raise FileNotFoundError(
-            f"mesh file {path} does not exist: a scene's mesh paths are absolute or relative to the scene file"
-        )
-    checked_size(path, MOST_MESH)
-    return sha256_of(path)
 
 
 class Mesh(Shape):

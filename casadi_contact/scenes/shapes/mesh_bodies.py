@@ -14,12 +14,11 @@ from scipy.spatial import cKDTree
 from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.distance_field import DistanceField, build_field
 from casadi_contact.geometry.elements import Cells
-from casadi_contact.geometry.mesh import FILE_AXES, Placement, load_mesh
+from casadi_contact.geometry.mesh import FILE_AXES, Placement, file_digest, load_mesh
 from casadi_contact.geometry.mesh_checks import Box
 from casadi_contact.geometry.projection import DOWN, LEAST_UPWARD, Projection, projection_of
 from casadi_contact.geometry.smooth_surface import SmoothSurface
 from casadi_contact.geometry.triangle_mesh import RayCaster, TriangleMesh
-from casadi_contact.scenes.shapes.mesh import file_digest
 from casadi_contact.scenes.shapes.own_model import patch_anchors
 
 _SPACING_SHARE = 0.4  # of a shell's thickness: its surface is then off by up to 0.01 mm, at 0.2 by 0.002 mm
