@@ -10,7 +10,6 @@ one of these files.
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -23,7 +22,7 @@ from casadi_contact.core.files.writing import replacing, writable_folder
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.knee import SIDES
 from casadi_contact.pictures.page import save_page
-from casadi_contact.pictures.report.charts import draw_charts, family_name
+from casadi_contact.pictures.report.charts import draw_charts
 from casadi_contact.pictures.report.tables import read_kernel_speed, times_the_limit
 from casadi_contact.scenes.loading import load_scene, ready_scenes
 from casadi_contact.workflow.benchmark.front_file import TIMES, Front, Point, read_front
@@ -35,25 +34,50 @@ BEGIN = "<!-- numbers: written by python -m problems.studies.pages -->"
 END = "<!-- end of numbers -->"
 _FRONT = "python -m casadi_contact.workflow.benchmark.shipped knee"
 _PACKAGES = ("casadi_contact", "casadi", "numpy", "scipy", "numba", "torch")
-_OWN_NUMBERS = re.compile(r"\d\.\d|\bof \d")  # in remarks that hold for a single model
-_CHARTS = {
-    "speed_accuracy": "Time per pose against error on unseen poses",
-    "gradient_hessian_time": "Time of Jacobian and Hessian against error",
+_INTRO = (
+    "This page is written from result files (`docs/results/data`) by a command, as are [charts](charts.md) of other "
+    "joints and other methods, and the [stability](stability.md) of methods. Errors are reproducible. Times are not: "
+    "machines differ. Compare times within one table only."
+)
+_CHARTS = (
+    "A chart holds all models of a scene, measured in one run on one thread: elements (EF), the foundation, networks "
+    "of several sizes, and peers, methods of others fitted to the same samples. Tables list the models that no "
+    "other one beats in both time and error, and the most accurate one of every family. (D1): fitted to samples near "
+    "the motion alone. Errors are RMS over forces and over torques on unseen poses of the scene's motion; times are "
+    "medians per pose. Complete tables: `docs/results/data/chart-*.csv`."
+)
+_ROWS = {
+    1: [
+        "Starts 0.5 to 20 mm out of contact, or 0.5 to 5 mm too deep, settle under the loads that the method has there."
+    ],
+    2: ["A moment lifts one side off and lands it again: jumps of pose and derivatives."],
+    3: ["Poses to three times the learned range: pulling, and contact where surfaces are 3 mm apart."],
+    4: ["Central differences against the method's own Jacobian, and that against the true one."],
+    5: ["The largest stable time step under growing load."],
+    6: ["Curl of the force field (zero where contact conserves energy) and contact stiffness."],
 }
 
 
 def pages(data: Path) -> dict[str, str]:
     """Text of every page by file name, of the result files that are in the folder."""
-    found: dict[str, str] = {}
-    for path, (name, title) in _fronts(data).items():
-        found[f"{name}.md"] = _front_page(path, title)
-    for name, write in (("solve_time.csv", _solve_time_page), ("kernel_speed.json", _kernel_speed_page)):
+    sections: list[str] = []
+    for name, write in (
+        ("speed_accuracy.csv", _shipped_section),
+        ("kernel_speed.json", _kernel_speed_section),
+        ("solve_time.csv", _solve_time_section),
+    ):
         if (data / name).is_file():
-            found[f"{(data / name).stem.replace('_', '-')}.md"] = write(data / name)
-    for name, write_all in (("pose_estimation", _pose_page), ("muscle_contact", _muscle_page)):
+            sections += write(data / name)
+    for name, write_all in (("pose_estimation", _pose_section), ("muscle_contact", _muscle_section)):
         if summaries := sorted((data / name).glob("*.json")):
-            found[f"{name.replace('_', '-')}.md"] = write_all([_read(path) for path in summaries])
-    return found | {f"{path.stem}.md": _stability_page(_read(path)) for path in sorted(data.glob("stability*.json"))}
+            sections += write_all([_read(path) for path in summaries])
+    found = {"results.md": _page("Results", _INTRO, *sections)} if sections else {}
+    if charts := sorted(data.glob("chart-*.csv")):
+        found["charts.md"] = _page("Charts", _CHARTS, *(part for path in charts for part in _chart_section(path)))
+    if studies := sorted(data.glob("stability*.json")):
+        parts = [part for path in studies for part in _stability_section(_read(path))]
+        found["stability.md"] = _page("Stability of methods", *parts)
+    return found
 
 
 def headline(data: Path) -> str:
@@ -122,53 +146,68 @@ def write_headline(readme: Path, text: str) -> None:
         beside.write_text(f"{before}{begin}\n\n{text}\n\n{end}{after}", "utf-8")
 
 
-def _fronts(data: Path) -> dict[Path, tuple[str, str]]:
-    """Measured fronts of the folder, with the name and the title of their page."""
-    shipped = dict.fromkeys(data.glob("speed_accuracy.csv"), ("speed-accuracy", "Speed and accuracy"))
-    charts = sorted(data.glob("chart-*.csv"))
-    return shipped | {path: (path.stem, f"Speed and accuracy: {path.stem.partition('-')[2]}") for path in charts}
+def _fronts(data: Path) -> list[Path]:
+    """Measured fronts of the folder; each is drawn."""
+    return [*data.glob("speed_accuracy.csv"), *sorted(data.glob("chart-*.csv"))]
 
 
-def _front_page(path: Path, title: str) -> str:
+def _shipped_section(path: Path) -> list[str]:
     front = read_front(path)
     header = front.header
-    command = f"python -m casadi_contact.workflow.benchmark.shipped {header['scene']}"
-    if "preset" in header:
-        ready = header["scene"] in ready_scenes()
-        given = header["scene"] if ready else f"problems/scenes/{header['scene']}.toml"
-        command = f"casadi-contact chart {given} --preset {header['preset']}"
-        command += " --peers" if any(point.family == "polynomial" for point in front.points) else ""
     intro = (
-        f"Every model of the scene `{header['scene']}` in one run on {header['threads']} thread: RMS errors on "
-        f"{header['walking_poses']} poses of its motion that no model has seen, against {header['reference']}; medians "
-        f"of the time per pose. `{command}` measures this table."
+        f"All models of the scene `{header['scene']}` without training, and the shipped surrogates: RMS errors on "
+        f"{header['walking_poses']} poses of walking that no model has seen, against {header['reference']}; medians of "
+        f"the time per pose on {header['threads']} thread, compiled kernels. EF n×m is the elastic foundation on n×m "
+        f"elements a side. Command: `{_FRONT}`."
     )
-    pictures = [f"![{text}]({path.stem}/{name}.png)" for name, text in _CHARTS.items()]
+    points = [point for point in front.models if "CasADi MX" not in point.name]
+    picture = f"![Time per pose against error on unseen poses]({path.stem}.png)"
+    return ["## Speed and accuracy of the knee", intro, _machine(header), picture, _front_table(points)]
+
+
+def _chart_section(path: Path) -> list[str]:
+    front = read_front(path)
+    header = front.header
+    scene = header["scene"]
+    given = scene if scene in ready_scenes() else f"problems/scenes/{scene}.toml"
+    command = f"casadi-contact chart {given} --preset {header['preset']}"
+    command += " --peers" if any(point.family == "polynomial" for point in front.points) else ""
+    intro = (
+        f"{len(front.models)} models, {header['walking_poses']} unseen poses, against {header['reference']}, on "
+        f"{header['processor']} ({header.get('instruction_set', 'instruction set not recorded')}): `{command}`."
+    )
+    picture = f"![Time per pose against error: {scene}]({path.stem}.png)"
+    return [f"## {scene}", intro, picture, _front_table(_best(front.models))]
+
+
+def _best(points: Sequence[Point]) -> list[Point]:
+    """Models that no other one beats in both time and force error, and of every family the most accurate one."""
+    timed = [point for point in points if point.value is not None and "CasADi MX" not in point.name]
+    accurate: dict[str, Point] = {}
+    for point in timed:
+        best = accurate.setdefault(point.family, point)
+        accurate[point.family] = min(best, point, key=lambda p: p.force_rms_n)
+
+    def beaten(point: Point) -> bool:
+        return any(
+            other.value.median_us < point.value.median_us and other.force_rms_n <= point.force_rms_n for other in timed
+        )
+
+    return [point for point in timed if point in accurate.values() or not beaten(point)]
+
+
+def _front_table(points: Sequence[Point]) -> str:
     rows = []
-    for point in front.models:
+    for point in points:
         timings = [getattr(point, what) for what in TIMES[:3]]
         times = ["" if timing is None else _number(timing.median_us) for timing in timings]
         trained = [str(point.samples), _number(point.training_seconds)] if point.samples else ["", ""]
         rows.append([point.name, *times, _number(point.force_rms_n), _number(point.torque_rms_nmm), *trained])
     columns = ["value [µs]", "Jacobian [µs]", "Hessian [µs]", "force [N]", "torque [N·mm]", "samples", "training [s]"]
-    parts = [intro, _machine(header), *pictures, "## All models", _table(["model", *columns], rows)]
-    if remarks := _remarks(front.models):
-        parts.append(f"How the models of each family were evaluated, and what they are made of:\n\n{remarks}")
-    if failed := [f"- {p.name}: {p.failure}" for p in front.points if p.failure]:
-        parts += ["## Not measured", "\n".join(failed)]
-    return _page(title, *parts)
+    return _table(["model", *columns], rows)
 
 
-def _remarks(points: Sequence[Point]) -> str:
-    """A line for each family with the remarks on its models, without numbers of single models."""
-    remarks: dict[str, dict[str, None]] = {}
-    for point in points:
-        general = [r for r in map(str.strip, point.remark.split(";")) if r and not _OWN_NUMBERS.search(r)]
-        remarks.setdefault(family_name(point.family), {}).update(dict.fromkeys(general))
-    return "\n".join(f"- {family}: {'; '.join(texts)}" for family, texts in remarks.items() if texts)
-
-
-def _solve_time_page(path: Path) -> str:
+def _solve_time_section(path: Path) -> list[str]:
     front = read_front(path)
     header, rows = front.header, []
     for point in front.points:
@@ -185,34 +224,31 @@ def _solve_time_page(path: Path) -> str:
     )
     columns = ["model", "time a frame [ms]", "force [N]", "torque [N·mm]", "remark"]
     picture = "![Time of the whole solution against error](solve_time.png)"
-    return _page("Whole solve time", intro, _machine(header), picture, _table(columns, rows))
+    return ["## Time of a whole solution", intro, _machine(header), picture, _table(columns, rows)]
 
 
-def _kernel_speed_page(path: Path) -> str:
+def _kernel_speed_section(path: Path) -> list[str]:
     content = read_kernel_speed(path)
     parts = [
-        "Time per pose of all loads on one core: a CasADi graph and the compiled C kernel in single buffered calls as "
-        "an optimiser makes them, EF in one batch. The call alone is that of a compiled function that computes "
-        "nothing, with the copy of the pose. Medians of repeats taken in turn; where other programs ran "
-        "beside it, the lowest is the better guide. The Jacobian here is that of an expression in which the loads are "
-        "called, as in IPOPT; charts time the kernel's own Jacobian function, which saves the call around it. "
-        "`casadi-contact speed knee` measures this.",
+        "## Kernel speed",
+        "Time per pose of all loads on one core: the CasADi graph and the compiled C kernel in single buffered calls, "
+        "as an optimiser makes them. *Call alone* is a compiled function that computes nothing. Command: "
+        "`casadi-contact speed knee`.",
         _machine(content["machine"]),
     ]
     for structure, found in content["surrogates"].items():
         times, rows = found["microseconds"], []
         for what, timing in times.items():
             kernel = times.get(f"{what.partition(',')[0]}, kernel", times["value, kernel"])["low_us"]
-            span = f"{_number(timing['low_us'])} to {_number(timing['high_us'])}"
-            rows.append([what, _number(timing["median_us"]), span, _number(timing["low_us"] / kernel)])
-        columns = ["what", "median [µs]", "lowest to highest [µs]", "lowest, in multiples of the kernel's"]
+            rows.append([what, _number(timing["median_us"]), _number(timing["low_us"] / kernel)])
+        columns = ["what", "median [µs]", "lowest, in multiples of the kernel's"]
         limit = f"The machine's limit is {found['limit_us']:.2f} µs: {found['limit'].partition(': ')[2]}. "
         limit += f"The kernel takes {times_the_limit(found, 'low_us')}."
-        parts += [f"## {structure}", _table(columns, rows), limit]
-    return _page("Kernel speed", *parts)
+        parts += [f"### {structure}", _table(columns, rows), limit]
+    return parts
 
 
-def _pose_page(summaries: Sequence[Mapping[str, Any]]) -> str:
+def _pose_section(summaries: Sequence[Mapping[str, Any]]) -> list[str]:
     first, rows = summaries[0], []
     for summary in summaries:
         row = [summary["cycle"], f"{summary['solved']} of {summary['frames']}", str(summary["ipopt_iterations"])]
@@ -223,14 +259,14 @@ def _pose_page(summaries: Sequence[Mapping[str, Any]]) -> str:
     ]
     intro = (
         f"All frames of a cycle in one IPOPT problem on the surrogate `{first['scene']}`, with "
-        "[`python -m problems.pose_estimation`](../problems/pose-estimation.md). Forces "
+        "[`python -m problems.pose_estimation`](../problems.md#pose-estimation). Forces "
         "are re-evaluated on the elastic foundation (EF) at the solved poses: RMS (largest). Cycles og1_loads to "
         "og4_loads are the measured ones that the built-in walking derives from; they are not part of the repository."
     )
-    return _page("Pose estimation", intro, _machine(first["machine"]), _table(columns, rows))
+    return ["## Pose estimation", intro, _machine(first["machine"]), _table(columns, rows)]
 
 
-def _muscle_page(summaries: Sequence[Mapping[str, Any]]) -> str:
+def _muscle_section(summaries: Sequence[Mapping[str, Any]]) -> list[str]:
     first, rows = summaries[0], []
     for summary in summaries:
         off = summary["predicted_minus_measured"]
@@ -243,11 +279,12 @@ def _muscle_page(summaries: Sequence[Mapping[str, Any]]) -> str:
         f"{first['elements']} − surrogate, medial, lateral [N]",
     ]
     intro = (
-        "Contact forces predicted by [`python -m problems.muscle_contact`](../problems/muscle-contact.md) against "
-        "those that the instrumented implant measured, which enter the prediction nowhere. The last column is the "
+        "Contact forces predicted by [`python -m problems.muscle_contact`](../problems.md#muscle-and-contact-forces) "
+        "against those that the instrumented implant measured. These enter the prediction nowhere. The last column is "
+        "the "
         "elastic foundation (EF) at the solved poses: RMS (largest)."
     )
-    return _page("Muscle and contact forces", intro, _machine(first["machine"]), _table(columns, rows))
+    return ["## Muscle and contact forces", intro, _machine(first["machine"]), _table(columns, rows)]
 
 
 def _of_sides(off: Mapping[str, Any]) -> str:
@@ -255,24 +292,21 @@ def _of_sides(off: Mapping[str, Any]) -> str:
     return ", ".join(f"{off[side][0]:.2f} ({off[side][1]:.1f})" for side in SIDES)
 
 
-def _stability_page(content: Mapping[str, Any]) -> str:
+def _stability_section(content: Mapping[str, Any]) -> list[str]:
     scene, lines = content["settings"]["scene"], [Line(**line) for line in content["lines"]]
     methods = list(dict.fromkeys(method for line in lines for method in line.values))
-    settings = "; ".join(f"{name.replace('_', ' ')}: {value}" for name, value in content["settings"].items())
+    quick = " --quick" if content["settings"].get("quick") == "yes" else ""
     parts = [
-        "Every method is tried on the same hard cases by `python -m problems.studies.stability`; the page of that "
-        "[study](../problems/stability.md) says what each row does. A dash says that the quantity makes no sense for "
-        "the method.",
-        f"Settings of this run: {settings}.",
+        "Each method is tried on the same hard cases: shipped surrogates, the foundation, elements (EF) with Jacobians "
+        "by differences and with the analytic one, and three peers that are fitted to 400 poses of the motion. A dash: "
+        f"the quantity makes no sense for the method. Command: `python -m problems.studies.stability {scene}{quick}`.",
         _machine(content["machine"]),
     ]
     for row in sorted({line.row for line in lines}):
         mine = [line for line in lines if line.row == row]
-        cells = [[f"{x.case}: {x.quantity}", *(x.cell(method) for method in methods)] for x in mine]
-        parts += [f"## {row}. {FAILURES[row]}", _table(["case: quantity", *methods], cells)]
-    return _page(
-        "Stability where methods fail" if scene == "knee" else f"Stability where methods fail: {scene}", *parts
-    )
+        cells = [[f"{x.case}: {x.quantity}", *(x.cell(method).replace(" / ", "/") for method in methods)] for x in mine]
+        parts += [f"## {row}. {FAILURES[row]}", *_ROWS.get(row, ()), _table(["case: quantity", *methods], cells)]
+    return parts
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -321,11 +355,10 @@ def run(
         with replacing(out / name) as beside:
             beside.write_text(text, "utf-8")
     for path in _fronts(data):
-        writable_folder(out / path.stem)
         with TemporaryDirectory() as folder:
             for drawn in draw_charts(read_front(path), Path(folder)):
-                if drawn.suffix == ".png":
-                    with replacing(out / path.stem / drawn.name) as beside:
+                if drawn.name == "speed_accuracy.png":
+                    with replacing(out / f"{path.stem}.png") as beside:
                         beside.write_bytes(drawn.read_bytes())
     if (data / "solve_time.csv").is_file():
         save_page(solve_time.draw(read_front(data / "solve_time.csv")), out / f"{solve_time.NAME}.png")

@@ -1,9 +1,16 @@
-"""The live page of the knee, written anew whenever the docs are built: ``how-to/joint-page.md`` links to it."""
+"""Hooks of MkDocs: formulas as MathML, and the live page of the knee.
 
+A formula between two lines ``$$`` is LaTeX, as GitHub shows it too. Browsers draw MathML without a script, so that the
+site works offline.
+"""
+
+import re
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
+from latex2mathml.converter import convert
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
@@ -12,8 +19,13 @@ from casadi_contact.pictures.live.joint_page import write_joint_page
 PAGE = "how-to/knee.html"
 
 
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """The page with its formulas as MathML."""
+    return re.sub(r"^\$\$\n(.*?)\n\$\$$", lambda m: convert(m[1], display="block"), markdown, flags=re.S | re.M)
+
+
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the page to the site (a hook of MkDocs)."""
+    """Add the knee's page to the site; ``how-to/joint-page.md`` links to it."""
     files.append(File.generated(config, PAGE, content=_knee()))
     return files
 
