@@ -47,7 +47,7 @@ def test_every_start_lifted_off_or_pressed_too_deep_ends_with_the_exact_loads(kn
 
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=needs_compiler)])
 def test_a_bounded_solution_follows_its_wanted_load_by_the_inverse_of_the_stiffness(knee, compiled):
-    """As docs/how-to/opti.md says: to CasADi bounds with a multiplier are active, and IPOPT leaves one on each."""
+    """To CasADi bounds with a multiplier are active, and IPOPT leaves one on each: see docs/how-to/optimisation.md."""
     sides, force, q = [knee.load_names.index(name) for name in FORCES], ca.MX.sym("force"), ca.MX.sym("q", 2)
     pose = ca.vertcat(0.0, 27.2 + 0.1 * q[0], 0.0, 0.02 * q[1], 0.02, -0.5)
     loads = knee.function(compiled=compiled)(pose)[sides]

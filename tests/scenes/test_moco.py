@@ -97,7 +97,7 @@ def test_opensim_reads_what_is_written_and_what_it_writes_is_read(tmp_path):
 @needs_opensim
 def test_the_external_loads_of_the_recipe_are_understood_by_opensim(tmp_path):
     """The recipe's own lines, run by OpenSim's Python; read back, each force stands where it should."""
-    page = (ROOT / "docs/how-to/moco.md").read_text("utf-8")
+    page = (ROOT / "docs/how-to/opensim.md").read_text("utf-8")
     code = page.split("python - <<'END'\n")[1].split("END\n")[0]
     code += "read = opensim.ExternalLoads('contact.xml', True)\n"
     code += "found = map(read.get, range(read.getSize()))\n"
