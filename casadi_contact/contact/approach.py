@@ -9,8 +9,6 @@ import numpy as np
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import Array, rotation
 
-_ABOVE_MM = 1000.0
-
 
 def loading_directions(model: ContactModel, count: int, target: Mapping[str, Array]) -> Array:
     """Unit vectors (count, 3) along which bodies go into contact: that of the first patch's normal load or, where this
@@ -25,10 +23,12 @@ def loading_directions(model: ContactModel, count: int, target: Mapping[str, Arr
     return along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
 
 
-def advance_to_contact(model: ContactModel, poses: Array, target: Mapping[str, Array]) -> Array:
+def advance_to_contact(
+    model: ContactModel, poses: Array, target: Mapping[str, Array], *, above_mm: float = 1000.0
+) -> Array:
     """Poses (n, 6) moved along `loading_directions` until the first touch, within the scene's pose space.
 
-    Where the scene has a loading direction bodies start from far away, else from where they are; a pose that overlaps
+    Where the scene has a loading direction bodies start above_mm away, else from where they are; a pose that overlaps
     at first stays. Raises ValueError for a model without gaps, and like `loading_directions`.
     """
     if not model.has_gaps:
@@ -37,7 +37,7 @@ def advance_to_contact(model: ContactModel, poses: Array, target: Mapping[str, A
     along, direction = loading_directions(model, len(poses), target), model.scene.normal_loads[0].direction
     if direction is not None:
         axis = int(np.abs(direction).argmax())
-        poses[:, axis] = -_ABOVE_MM * direction[axis]
+        poses[:, axis] = -above_mm * direction[axis]
 
     def moved(rows: np.ndarray, travel_mm: Array) -> Array:
         after = poses[rows]

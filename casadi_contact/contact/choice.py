@@ -28,16 +28,15 @@ from casadi_contact.core.files.writing import write_bytes
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
 
-_MOST_BYTES = 100_000
 _PACKAGE = Path(__file__).parents[1]
 
 
-def kept_record(scene: Scene) -> dict[str, Any] | None:
+def kept_record(scene: Scene, most_bytes: int = 100_000) -> dict[str, Any] | None:
     """The record of the choice made for a scene; None where there is none."""
     path = _path(scene)
     with suppress(OSError, ValueError, KeyError, TypeError, RecursionError):
         check_private(path.parent)
-        if path.stat().st_size <= _MOST_BYTES and is_private(path):
+        if path.stat().st_size <= most_bytes and is_private(path):
             content = json.loads(path.read_bytes())
             if content["sha256"] == _digest(content["record"]):
                 return dict(content["record"])
@@ -94,7 +93,7 @@ def foundation(scene: Scene | str | Path, *, compiled: bool = True) -> CompiledF
     and the rest. Its errors, against a much finer model of the same kind (cells: an element grid), have an RMS within
     the tolerance of every load and are nowhere more than three times it (cells: 0.3 of both where that
     can be had, single poses in proportion to the force above the reference load), over poses that press each patch
-    within its rim from the scene's boundary load to `convergence.LARGEST_LOAD` reference loads. ``record`` of the model
+    within its rim from the scene's boundary load to 2.5 reference loads. ``record`` of the model
     holds the choice and its errors, of polar quadrature also how often elements contradict it; it is kept in the cache
     folder, for laws of the library. Its kernel is compiled here, once for a machine.
     Raises ValueError for a shape that has no such model (`FOUNDATION_SHAPES`), or where none is good enough.

@@ -44,7 +44,6 @@ from casadi_contact.scenes.loading import load_scene, ready_scenes
 from casadi_contact.scenes.scene import Scene
 
 BOTH = "contact_loads_and_roots"
-EXAMPLE_OVERLAP_MM = 0.1  # of an example: a joint's ordinary load
 
 
 class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
@@ -215,13 +214,13 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
             wrench_source=wrenches.source(loads=6 * patches, roots=0),
         )
 
-    def example_pose(self) -> list[float]:
-        """The scene's start pose, and where patches are pressed along a direction, from there to `EXAMPLE_OVERLAP_MM`
-        beyond the first touch; without a touch the start pose."""
+    def example_pose(self, overlap_mm: float = 0.1) -> list[float]:
+        """The scene's start pose; where patches are pressed along a direction, overlap_mm beyond the first touch from
+        there, which is a joint's ordinary load."""
         pose, direction = self.scene.start_pose, self.scene.normal_loads[0].direction
         if direction is not None:
             deeper = touching_start(self)
-            deeper[:3] += EXAMPLE_OVERLAP_MM * direction
+            deeper[:3] += overlap_mm * direction
             deeper = self.scene.pose_space.project(deeper)
             pose = deeper if self.gaps(deeper).min() < 0.0 else pose
         return [float(value) for value in pose]

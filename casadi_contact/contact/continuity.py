@@ -12,29 +12,30 @@ from casadi_contact.contact.settle import settle
 from casadi_contact.core.conventions import POSE_IN_MM, Array, loads_of_total, pose_index
 from casadi_contact.core.quantities import two_digits
 
-LEAP_MM, LEAP_RAD = 2.0, np.radians(3.0)
-_TIMES = 4.0  # the usual step beside it: a motion of few frames takes large steps everywhere
-_BESIDE = 2  # steps before and behind
 
+def leaps(
+    poses: Array, *, least_mm: float = 2.0, least_deg: float = 3.0, times: float = 4.0, beside: int = 2
+) -> np.ndarray:
+    """True (n - 1, 6) where a pose parameter of poses (n, 6) leaps from one frame to the next.
 
-def leaps(poses: Array) -> np.ndarray:
-    """True (n - 1, 6) where a pose parameter of poses (n, 6) moves from one frame to the next by more than 2 mm or 3
-    degrees, and by more than four times the median of the two steps before and the two behind, or, where it comes back
-    in the next one, than what is left of it and the median of all."""
+    A leap is a step of more than least_mm or least_deg that is also more than `times` the median of the steps beside it
+    (so many before and behind). Where the next step leads back, that is compared with what is left of both, and the
+    median of all.
+    """
     moves = np.diff(poses, axis=0)
     steps = np.abs(moves)
-    padded = np.pad(steps, ((_BESIDE, _BESIDE), (0, 0)), constant_values=np.nan)
+    padded = np.pad(steps, ((beside, beside), (0, 0)), constant_values=np.nan)
     count = len(steps)
-    beside = np.stack([padded[at : at + count] for at in range(2 * _BESIDE + 1) if at != _BESIDE])
-    alone = np.isnan(beside).all(axis=0)  # two frames: nothing tells what is usual
-    usual = np.nanmedian(np.where(alone, np.inf, beside), axis=0)
-    least = np.array([LEAP_MM] * 3 + [LEAP_RAD] * 3)
+    others = np.stack([padded[at : at + count] for at in range(2 * beside + 1) if at != beside])
+    alone = np.isnan(others).all(axis=0)  # two frames: no step is usual
+    usual = np.nanmedian(np.where(alone, np.inf, others), axis=0)
+    least = np.array([least_mm] * 3 + [np.radians(least_deg)] * 3)
     left = np.abs(moves[1:] + moves[:-1])  # of one step and the next
     back = np.full_like(steps, np.inf)
     back[:-1] = left
     back[1:] = np.minimum(back[1:], left)
     back = np.maximum(back, np.median(steps, axis=0)) if count else back
-    return np.asarray((steps > least) & (steps > _TIMES * np.minimum(usual, back)))
+    return np.asarray((steps > least) & (steps > times * np.minimum(usual, back)))
 
 
 def leaps_in_words(poses: Array, names: Sequence[str]) -> str:
@@ -49,14 +50,6 @@ def leaps_in_words(poses: Array, names: Sequence[str]) -> str:
     return ", ".join(words)
 
 
-PRICE_MM = 1.0
-_PASSES = 5  # of following what leaps, and choosing the way
-_SAME_MM = 1e-2  # poses of one frame nearer than that are the same
-_UNSTABLE, _LEAST_N_PER_MM = -1e-3, 1.0  # of the largest eigenvalue; less than this is rounding, and no stiffness
-_STEP_ITERATIONS = 30
-_SMALLEST_STEP = 0.125  # of the way from a neighbour
-
-
 @dataclass(frozen=True)
 class Motion:
     """Frames to be carried by a contact model: free pose parameters, wanted loads (n,) by name, how closely these are
@@ -69,6 +62,9 @@ class Motion:
     usable: np.ndarray
     low: Array = field(default_factory=lambda: np.full(6, -np.inf))
     high: Array = field(default_factory=lambda: np.full(6, np.inf))
+    price_mm: float = 1.0  # of an unstable pose
+    passes: int = 5  # of following what leaps, and choosing the way
+    same_mm: float = 1e-2  # poses of one frame nearer than that are the same
 
     @property
     def columns(self) -> list[int]:
@@ -80,8 +76,7 @@ class Motion:
         return np.asarray(leaps(poses)[:, self.columns].any(axis=1) & solved[1:] & solved[:-1])
 
     def unstable(self, poses: Array) -> np.ndarray:
-        """True (n,) where wanted forces leave the body in an unstable equilibrium in poses (n, 6); False where of no
-        free translation the force is wanted."""
+        """True (n,) where target forces leave the body in an unstable equilibrium in poses (n, 6)."""
         return unstable_equilibria(self.model, self.free, tuple(self.wanted), poses)
 
     def without_leaps(self, poses: Array, solved: np.ndarray) -> Array:
@@ -89,7 +84,7 @@ class Motion:
         leaps less, and is shorter; also of frames that were not solved, where a neighbour leads there."""
         leaping = self.leaping(poses, solved)
         known = [[pose] if ready else [] for pose, ready in zip(poses, solved, strict=True)]
-        for _ in range(_PASSES):
+        for _ in range(self.passes):
             if not (before := leaping.sum()):
                 break
             self._follow_leaps(poses, leaping, known)
@@ -114,7 +109,7 @@ class Motion:
                     frame = to
 
     def _is_known(self, pose: Array, known: list[Array]) -> bool:
-        return any(self._mm(other - pose) < _SAME_MM for other in known)
+        return any(self._mm(other - pose) < self.same_mm for other in known)
 
     def _mm(self, steps: Array) -> Array:
         """Size (...) of steps (..., 6) of the free pose parameters [mm]."""
@@ -124,7 +119,7 @@ class Motion:
         """Poses (n, 6): of each frame with known ones that on the shortest way, of every other one what it has."""
         way, frames = poses.copy(), [k for k, of_frame in enumerate(known) if of_frame]
         layers = [np.array(known[k]) for k in frames]
-        prices = [PRICE_MM * self.unstable(layer) for layer in layers]
+        prices = [self.price_mm * self.unstable(layer) for layer in layers]
         cost, before = prices[0], []
         for last, layer, price in zip(layers, layers[1:], prices[1:], strict=False):
             through = cost[:, None] + self._mm(layer[None] - last[:, None])
@@ -145,16 +140,19 @@ def follow(
     begin: Mapping[str, float],
     end: Mapping[str, float],
     tolerance_n: float,
+    *,
+    smallest_step: float = 0.125,
+    max_iterations: int = 30,
 ) -> tuple[Array, float]:
     """A pose (6,) followed in steps while loads change from those of the beginning to those of the end, and what is not
     free to that of another pose (6,): the pose where that ends, and the share of the way; 1 where it comes through."""
-    held = [column for column in range(6) if column not in [pose_index(name) for name in free]]
+    fixed = [column for column in range(6) if column not in [pose_index(name) for name in free]]
     first, pose, share, step = pose, pose.copy(), 0.0, 1.0
-    while share < 1.0 and step >= _SMALLEST_STEP:
+    while share < 1.0 and step >= smallest_step:
         ahead = min(share + step, 1.0)
-        pose[held] = (1.0 - ahead) * first[held] + ahead * to[held]
+        pose[fixed] = (1.0 - ahead) * first[fixed] + ahead * to[fixed]
         wanted = {name: np.array([(1.0 - ahead) * load + ahead * end[name]]) for name, load in begin.items()}
-        tried, report = settle(model, pose[None], free, wanted, tolerance=tolerance_n, max_iterations=_STEP_ITERATIONS)
+        tried, report = settle(model, pose[None], free, wanted, tolerance=tolerance_n, max_iterations=max_iterations)
         if report.converged[0]:
             pose, share = tried[0], ahead
         else:
@@ -162,18 +160,29 @@ def follow(
     return pose, share
 
 
-def unstable_equilibria(model: ContactModel, free: Sequence[str], wanted: Sequence[str], poses: Array) -> np.ndarray:
-    """True (n,) where wanted forces along free translations leave the body in an unstable equilibrium in poses (n, 6);
-    False throughout where of no free translation the force is wanted."""
+def unstable_equilibria(
+    model: ContactModel,
+    free: Sequence[str],
+    targets: Sequence[str],
+    poses: Array,
+    *,
+    share: float = 1e-3,
+    least_n_per_mm: float = 1.0,
+) -> np.ndarray:
+    """True (n,) where target forces along free translations leave the body in an unstable equilibrium in poses (n, 6);
+    False throughout without such a force.
+
+    The least eigenvalue of the stiffness is then below minus the share of the largest, and below -least_n_per_mm.
+    """
     forces = {
         pose_index(name): names
         for name in free
-        if name.startswith("t") and (names := loads_of_total(f"F{name[1]}", wanted, model.scene.patch_names))
+        if name.startswith("t") and (names := loads_of_total(f"F{name[1]}", targets, model.scene.patch_names))
     }
     if not forces or not len(poses):
         return np.zeros(len(poses), dtype=bool)
-    _, slopes = model.jacobian(poses)
-    rows = [slopes[:, [model.load_names.index(name) for name in names]].sum(axis=1) for names in forces.values()]
+    _, jacobian = model.jacobian(poses)
+    rows = [jacobian[:, [model.load_names.index(name) for name in names]].sum(axis=1) for names in forces.values()]
     stiffness = np.stack(rows, axis=1)[:, :, list(forces)]
     values = np.linalg.eigvalsh(0.5 * (stiffness + stiffness.transpose(0, 2, 1)))
-    return np.asarray(values[:, 0] < np.minimum(_UNSTABLE * np.abs(values).max(axis=1), -_LEAST_N_PER_MM))
+    return np.asarray(values[:, 0] < np.minimum(-share * np.abs(values).max(axis=1), -least_n_per_mm))

@@ -14,15 +14,12 @@ from casadi_contact.core.quantities import beside
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.tolerance import Tolerance
 
-LARGEST_LOAD = 2.5  # of the scene's reference load, per patch
-_MOSTLY = 0.5
-
 Model = TypeVar("Model", bound=CompiledFoundation)
 
 
-def forces_tried(scene: Scene) -> tuple[float, float]:
-    """Least and largest force [N] on a patch that a choice is made for."""
-    return scene.boundary_load, LARGEST_LOAD * scene.reference_load
+def forces_tried(scene: Scene, largest: float = 2.5) -> tuple[float, float]:
+    """Least and largest force [N] on a patch that a choice is made for; the largest is in reference loads."""
+    return scene.boundary_load, largest * scene.reference_load
 
 
 @dataclass(frozen=True)
@@ -34,6 +31,7 @@ class Errors:
     loads: Array
     forces_n: Array
     at_rim: np.ndarray
+    mostly: float = 0.5  # share of the poses at the rim from which these count
 
     @property
     def of_allowed(self) -> Array:
@@ -92,7 +90,7 @@ class Errors:
 
     @property
     def _judged(self) -> np.ndarray:
-        return ~self.at_rim | (np.mean(self.at_rim) > _MOSTLY)
+        return ~self.at_rim | (np.mean(self.at_rim) > self.mostly)
 
 
 def cheapest(scene: Scene, candidates: Iterable[Model], errors_of: Callable[[Model], Array], **said: Any) -> Model:

@@ -13,8 +13,6 @@ from casadi_contact.core.conventions import LEVER_MM, Array, as_poses, pose_inde
 from casadi_contact.core.quantities import newton_scales
 from casadi_contact.scenes.pose_space import PoseSpace
 
-_LITTLE = 0.01
-
 
 @dataclass(frozen=True)
 class Equilibrium:
@@ -94,15 +92,15 @@ class Equilibrium:
         """The equations of these poses alone."""
         return Equilibrium(self.model, self.free, self.names, self.wanted[rows])
 
-    def misses_a_force(self, misfit: Array) -> np.ndarray:
-        """True (n,) where the body can be moved freely and hardly carries (`_LITTLE`) a wanted force that has no
+    def misses_a_force(self, misfit: Array, share: float = 0.01) -> np.ndarray:
+        """True (n,) where the body can be moved freely and carries less than a share of a target force that has no
         direction of its own; False for all others."""
         missing = np.zeros(len(misfit), dtype=bool)
         if {0, 1, 2} <= set(self.free):
             for columns in self._vector_targets.values():
                 force = self.wanted[:, columns]
                 carried = np.linalg.norm(misfit[:, columns] + force, axis=1)
-                missing |= carried < _LITTLE * np.linalg.norm(force, axis=1)
+                missing |= carried < share * np.linalg.norm(force, axis=1)
         return missing
 
     def along_the_force(self, poses: Array, ways_mm: Array, number: int) -> Array:

@@ -19,8 +19,6 @@ from casadi_contact.core.conventions import (
 from casadi_contact.scenes.normal_load import normal_forces, normal_gradients
 from casadi_contact.scenes.scene import Scene
 
-LARGEST_OVERLAP_MM = 0.1  # of a patch without load: cells of a mesh miss overlaps of 0.08 mm that its triangles see
-
 
 class ContactModel(Protocol):
     """Loads on the fixed body as functions of the pose (n, 6): elastic foundations and surrogates alike.
@@ -127,10 +125,10 @@ def signed_roots(
     return s, slope
 
 
-def overlaps_without_load(wrenches: Array, gaps: Array) -> np.ndarray:
-    """Where gaps (n, patches) [mm] have the wrong sign, (n, patches): overlap beyond `LARGEST_OVERLAP_MM` at a wrench
-    (n, patches, 6) of exactly zero. Its root load would be learned as contact."""
-    return (wrenches == 0.0).all(axis=2) & (gaps < -LARGEST_OVERLAP_MM)
+def overlaps_without_load(wrenches: Array, gaps: Array, allowed_mm: float = 0.1) -> np.ndarray:
+    """True (n, patches) where gaps (n, patches) [mm] have the wrong sign: more overlap than is allowed at a wrench
+    (n, patches, 6) of exactly zero. Cells of a mesh miss overlaps of 0.08 mm that its triangles see."""
+    return (wrenches == 0.0).all(axis=2) & (gaps < -allowed_mm)
 
 
 class WrenchLoads(ContactModel):

@@ -19,8 +19,6 @@ from casadi_contact.geometry.triangle_mesh import RayCaster
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.mesh_bodies import body_mesh, patch_mesh
 
-LARGEST_DEPTH_MM = 20.0
-
 
 class RayCastFoundation(CallableModel):
     """Contact of a mesh scene on its flat triangles, a contact model like any other (derivatives by differences).
@@ -29,7 +27,7 @@ class RayCastFoundation(CallableModel):
     Raises ValueError for a scene of another shape, ImportError without the extra `mesh`.
     """
 
-    def __init__(self, scene: Scene, *, largest_depth_mm: float = LARGEST_DEPTH_MM) -> None:
+    def __init__(self, scene: Scene, *, largest_depth_mm: float = 20.0) -> None:
         super().__init__(scene, self._all_wrenches)
         self.largest_depth_mm = largest_depth_mm
         self._caster = RayCaster(body_mesh(scene.geometry, "moving"))

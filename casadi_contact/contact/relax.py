@@ -16,8 +16,6 @@ from casadi_contact.contact.settle import NOT_FINITE, SettleReport
 from casadi_contact.core.conventions import WRENCH_NAMES, Array, angular_velocity_map, check_above_zero, rotation
 from casadi_contact.scenes.pose_space import PoseSpace
 
-_MASS = 1e-3  # tonne (N, mm, s): 1 kg, and 1 kg at LEVER_MM for rotations
-
 
 def _conjugate_motion(model: ContactModel, names: Sequence[str], pose: Array) -> Array:
     """Motion (targets, 6) by pose rate along which each target does work.
@@ -51,6 +49,7 @@ class _DampedMotion:
     row: int
     start: Array
     damping: float
+    mass: float = 1e-3  # tonne (N, mm, s): 1 kg, and 1 kg at LEVER_MM for rotations
 
     @property
     def _free(self) -> list[int]:
@@ -77,20 +76,20 @@ class _DampedMotion:
         pose, speed = self.pose(state), _halves(state)[1]
         missing = self.equations.wanted[self.row] - self.equations.model(pose[None])[0, self._loads]
         missing = missing if np.isfinite(missing).all() else np.zeros_like(missing)
-        return np.concatenate([speed, (self._motion(pose).T @ missing - self.damping * speed) / _MASS])
+        return np.concatenate([speed, (self._motion(pose).T @ missing - self.damping * speed) / self.mass])
 
-    def rate_slope(self, _: float, state: Array) -> Array:
-        """Derivative (2k, 2k) of the rate by the state, where the motion A is taken as constant, and so are loads whose
-        slope is not finite."""
+    def rate_jacobian(self, _: float, state: Array) -> Array:
+        """Derivative (2k, 2k) of the rate by the state. The motion A is taken as constant, and so are loads whose
+        derivative is not finite."""
         pose, size = self.pose(state), len(self._free)
-        slope = np.zeros((2 * size, 2 * size))
+        jacobian = np.zeros((2 * size, 2 * size))
         by_pose = self.equations.model.jacobian(pose[None])[1][0, self._loads]
         by_q = self._space.pull_back(by_pose)[:, self._free] * self.equations.free_scales
         by_q = np.where(np.isfinite(by_q), by_q, 0.0)
-        slope[:size, size:] = np.eye(size)
-        slope[size:, :size] = -self._motion(pose).T @ by_q / _MASS
-        slope[size:, size:] = -self.damping / _MASS * np.eye(size)
-        return slope
+        jacobian[:size, size:] = np.eye(size)
+        jacobian[size:, :size] = -self._motion(pose).T @ by_q / self.mass
+        jacobian[size:, size:] = -self.damping / self.mass * np.eye(size)
+        return jacobian
 
     def unrest_n(self, state: Array) -> float:
         """The larger of the loads' misfit and of c·q̇ [N, torques over LEVER_MM]."""
@@ -128,7 +127,7 @@ def _to_rest(motion: _DampedMotion, tolerance: float, end_time: float, method: s
     if known(0.0, motion.state) < 0.0:
         return motion.start, 0, NOT_FINITE
     unrest.terminal = known.terminal = True  # type: ignore[attr-defined]
-    options = {"method": method, "jac": motion.rate_slope, "events": (unrest, known), "rtol": 1e-8, "atol": 1e-10}
+    options = {"method": method, "jac": motion.rate_jacobian, "events": (unrest, known), "rtol": 1e-8, "atol": 1e-10}
     solution = solve_ivp(motion.rate, (0.0, end_time), motion.state, **options)
     rest, border = (len(times) > 0 for times in solution.t_events)
     reason = "" if rest else NOT_FINITE if border else f"no rest within {end_time:g} s of damped motion"

@@ -19,7 +19,6 @@ import typer
 import casadi_contact as cc
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.compiled_foundation import CompiledFoundation
-from casadi_contact.contact.cup.foundation import CONVERGED as MOST_POINTS
 from casadi_contact.contact.cup.foundation import CupFoundation
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.conventions import Array
@@ -67,7 +66,7 @@ def finer(model: CompiledFoundation) -> CompiledFoundation:
     if isinstance(model, cc.CellFoundation):
         return cc.CellFoundation(model.scene, FINER_CELLS)
     if isinstance(model, CupFoundation):
-        return CupFoundation(model.scene, MOST_POINTS)
+        return CupFoundation(model.scene, 96)
     return cc.PolarFoundation(model.scene, FINER_RAYS)
 
 

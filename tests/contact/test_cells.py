@@ -5,7 +5,6 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact.cells.basis import Cells, hermite_functions, middles, ramp
-from casadi_contact.contact.cells.quadrature import WIDTH_MM, touch_mm
 from casadi_contact.contact.elements.loops import point_distances
 from casadi_contact.core.conventions import rotation
 from tests.support.meshes import cap_mesh, scene_of, sheet_mesh
@@ -44,9 +43,9 @@ def test_cells_that_carry_are_near_enough_to_be_looked_at(tmp_path, size):
     for pose in np.array([0.0, RADIUS_MM, 0.0, 0.0, 0.0, 0.0]) + away:
         R, t = rotation(pose[3:]), pose[:3]
         touch = patch.touch(R, t)
-        carries = touch.cells[(touch.depth > -WIDTH_MM).any(axis=1)]
+        carries = touch.cells[(touch.depth > -patch.tuning.width).any(axis=1)]
         g = point_distances(patch.body.family, patch.body.parameters, points[carries].reshape(-1, 3), R, t)
-        assert (g.reshape(-1, points.shape[1]).min(axis=1) < touch_mm(size)).all()
+        assert (g.reshape(-1, points.shape[1]).min(axis=1) < patch.tuning.touch_mm(size)).all()
         carried += len(carries)
     assert carried > 100
 

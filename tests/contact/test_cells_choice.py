@@ -5,7 +5,8 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact.cells import choice
-from casadi_contact.contact.cells.choice import SEATED, pressed_poses, seated_poses
+from casadi_contact.contact.cells.choice import CellChoice
+from casadi_contact.contact.cells.pressing_poses import PressingPoses
 from casadi_contact.contact.convergence import Errors, NotGoodEnoughError
 from casadi_contact.core.conventions import rotation
 from tests.support.meshes import cap_mesh, scene_of, sheet_mesh
@@ -30,7 +31,7 @@ def test_a_body_turns_about_its_anchor_however_far_its_frame_lies(tmp_path):
     start_pose = [0.0, RADIUS_MM - centre[1], 0.0, 0.0, 0.0, 0.0]
     extra = f"start_pose = {start_pose}\n[geometry.patches.contact]\nanchor = {centre}\n"
     scene = scene_of(tmp_path, (points + centre, faces), sheet_mesh(20.0, 2.0), extra=extra)
-    poses = pressed_poses(cc.ElasticFoundation(scene, (40, 40)), 0, (5.0, 500.0), 40)
+    poses = PressingPoses().pressed(cc.ElasticFoundation(scene, (40, 40)), 0, (5.0, 500.0), 40)
     assert len(poses) > 30
     assert np.ptp(poses[:, 5]) > 1.0
     middles = poses[:, :3] + rotation(poses[:, 3:]) @ centre
@@ -41,20 +42,19 @@ def test_some_bodies_sit_as_the_start_pose_does_under_light_and_heavy_loads(tmp_
     start_pose = [1.0, RADIUS_MM, -2.0, 0.1, 0.0, 0.0]
     scene = scene_of(tmp_path, cap_mesh(RADIUS_MM, 2.0, 1.5), sheet_mesh(20.0, 2.0), extra=f"start_pose = {start_pose}")
     model = cc.ElasticFoundation(scene, (160, 160))
-    poses = seated_poses(model, 0, (5.0, 500.0))
+    poses = PressingPoses().seated(model, 0, (5.0, 500.0))
     still = poses[(poses[:, 3:] == start_pose[3:]).all(axis=1)]
-    assert len(still) == SEATED // 2
+    assert len(still) == PressingPoses.seats // 2
     np.testing.assert_allclose(still[:, [0, 2]], np.tile([1.0, -2.0], (len(still), 1)), atol=1e-3)
     forces = -model(still, ["Fy"])[:, 0]
     np.testing.assert_allclose(forces[[0, -1]], [5.0, 500.0], rtol=0.3)
 
 
-def test_poses_that_elements_do_not_know_themselves_decide_nothing(monkeypatch):
+def test_poses_at_which_elements_are_unsure_themselves_decide_nothing():
     scene = cc.load_scene("sphere_on_plane")
     assert choice.cell_foundation(scene, compiled=False).record["elements_unsure"] == 0.0
-    monkeypatch.setattr(choice, "_HALF", (2, 2))
     with pytest.raises(NotGoodEnoughError, match="differ by more than its tolerances allow in every pose"):
-        choice.cell_foundation(scene, compiled=False)
+        choice.cell_foundation(scene, compiled=False, choice=CellChoice(half=(2, 2)))
 
 
 @pytest.mark.parametrize(("at_rim", "chosen"), [(1.0, 0.85), (3.0, 2.4)])
@@ -65,7 +65,7 @@ def test_the_rim_decides_where_some_cells_are_good_enough_there(monkeypatch, at_
     class Truth:
         unsure = 0.0
 
-        def __init__(self, scene):
+        def __init__(self, scene, choice):
             self.scene = scene
 
         def errors(self, cells):

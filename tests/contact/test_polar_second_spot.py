@@ -7,7 +7,12 @@ from scipy.spatial.transform import Rotation
 import casadi_contact as cc
 from casadi_contact.contact.convergence import NotGoodEnoughError
 from casadi_contact.contact.polar import quadrature
-from casadi_contact.contact.polar.choice import fraction_in_disagreement, polar_foundation, pressed_poses
+from casadi_contact.contact.polar.choice import (
+    RayChoice,
+    fraction_in_disagreement,
+    polar_foundation,
+    pressed_poses,
+)
 from casadi_contact.contact.polar.lines import Rays
 from tests.support.compiler import needs_compiler
 from tests.support.derivative_checks import check_same_formulas
@@ -95,4 +100,4 @@ def test_elements_tell_where_rays_miss_a_spot(pressed, monkeypatch):
     monkeypatch.setattr(quadrature, "second_peak", one_spot_only)
     wrench = quadrature.patch_loads(model.patches[0], model.law, model.rays, R, t).wrench
     with pytest.raises(NotGoodEnoughError, match=r"rays and 320×160 elements differ .* \d\d% of .*ElasticFoundation"):
-        fraction_in_disagreement(model.scene, [(R, t, wrench)])
+        fraction_in_disagreement(model.scene, [(R, t, wrench)], RayChoice())

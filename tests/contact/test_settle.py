@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact.cup.foundation import CANDIDATES, CupFoundation
+from casadi_contact.contact.cup.foundation import CupFoundation
 from casadi_contact.core.conventions import LEVER_MM
 from casadi_contact.scenes.loading import scene_from_text
 from tests.support import two_spheres
@@ -151,7 +151,7 @@ def by_callable(scene):
 
 
 def by_cup(scene):
-    return CupFoundation(scene, CANDIDATES[0])
+    return CupFoundation(scene, 12)
 
 
 def asking_for(load, like):

@@ -1,8 +1,6 @@
 /* A ball in a spherical cup: the formulas of contact/cup/quadrature.py. e = (x, sqrt(1 - x^2) cos, sqrt(1 - x^2) sin)
  * about b, the way from the cup's centre to the ball's. POINTS is a multiple of BLOCK. */
 #define BLOCKS (2 * POINTS / BLOCK) /* of points: whole circles, then arcs */
-#define LEAST_MM 1e-9
-#define LEAST_SINE 1e-12
 #define PI 3.141592653589793
 
 typedef struct {

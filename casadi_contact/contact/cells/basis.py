@@ -99,11 +99,11 @@ def ramp(x: Array, width: float) -> tuple[Array, Array]:
     return np.where(x > width, x, np.where(x < -width, 0.0, within)), slope
 
 
-def positive_ramp(x: Array, width: float) -> tuple[Array, Array]:
-    """max(x, 0) smoothed over ±width without a dip: width·(u + 1)³(3 - u)/16, and its slope (C²)."""
+def positive_ramp(x: Array, width: float) -> tuple[Array, Array, Array]:
+    """max(x, 0) smoothed over ±width without a dip: width·(u + 1)³(3 - u)/16, u = x/width, and two derivatives (C²)."""
     u = np.clip(x / width, -1.0, 1.0)
     within = width * (u + 1.0) ** 3 * (3.0 - u) / 16.0
-    return np.where(x > width, x, within), 0.25 * (u + 1.0) ** 2 * (2.0 - u)
+    return np.where(x > width, x, within), 0.25 * (u + 1.0) ** 2 * (2.0 - u), 0.75 / width * (1.0 - u * u)
 
 
 def smooth_step(x: Array) -> tuple[Array, Array]:

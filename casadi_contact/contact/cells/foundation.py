@@ -10,7 +10,7 @@ import numpy as np
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.charts import Chart
 from casadi_contact.contact.cells.patches import lay_cells, patch_charts
-from casadi_contact.contact.cells.quadrature import FADE_SHARE, Quadrature, cell_moments
+from casadi_contact.contact.cells.quadrature import Quadrature, cell_moments
 from casadi_contact.contact.cells.source import cell_source
 from casadi_contact.contact.compiled_foundation import CompiledPressures
 from casadi_contact.contact.foundation_source import C_FOLDER
@@ -22,8 +22,6 @@ from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface
 from casadi_contact.networks.kernel.source import c_text
 from casadi_contact.scenes.scene import Scene
 
-CELLS = Cells(1.2, 0.75)
-
 
 class CellFoundation(CompiledPressures):
     """Elastic foundation whose depth is interpolated by cubics over cells of the fixed surface.
@@ -34,7 +32,13 @@ class CellFoundation(CompiledPressures):
 
     lanes = 8
 
-    def __init__(self, scene: Scene, cells: Cells = CELLS, *, compiled: bool = True) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        cells: Cells = Cells(1.2, 0.75),  # noqa: B008
+        *,
+        compiled: bool = True,
+    ) -> None:
         super().__init__(scene, compiled=compiled)
         if min(cells.u_mm, cells.v_mm) <= 0.0 or min(cells.along_u, cells.along_v) < 1:
             raise ValueError(f"{cells}, expected sizes above 0 mm and at least 1 sub-point along each")
@@ -95,11 +99,17 @@ class CellFoundation(CompiledPressures):
         return wrench, stiffness, gap, gap_slope, cut
 
 
-def cell_patches(scene: Scene, cells: Cells, charts: Sequence[Chart] = ()) -> list[Quadrature]:
-    """The scene's patches in cells of this size; charts: its `patch_charts`, if they are at hand."""
+def cell_patches(
+    scene: Scene, cells: Cells, charts: Sequence[Chart] = (), *, fade_share: float = 0.2
+) -> list[Quadrature]:
+    """The scene's patches in cells of this size.
+
+    charts: its `patch_charts`, if they are at hand. fade_share: of the scene's boundary load, ∫p dA below which a
+    patch's loads fade out.
+    """
     law = law_of(scene.material)
     body = scene.surfaces()[0]  # one body faces every patch
     if body.family == MESH_FIELD:  # as its kernel stores it
         body = MovingSurface(body.family, in_single_precision(body.parameters))
-    fade_n = FADE_SHARE * scene.boundary_load
+    fade_n = fade_share * scene.boundary_load
     return [Quadrature(lay_cells(chart, cells), cells, body, law, fade_n) for chart in charts or patch_charts(scene)]

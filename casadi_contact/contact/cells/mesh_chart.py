@@ -26,26 +26,22 @@ from casadi_contact.geometry.projection import LEAST_UPWARD, Lines
 from casadi_contact.geometry.surface_distances import field_derivatives
 from casadi_contact.scenes.scene import Scene
 
-_BLUNT = 0.08  # curvature [1/mm] up to which cells are as large as on the flat
-_DENSEST = 3.3  # times as many cells as on the flat, on the sharpest ridge
-_CREASE_COS = np.cos(np.deg2rad(30.0))  # between normals of neighbours: 0.15 mm apart on a fillet of 0.3 mm
-
 
 def segment_surface(
-    on: np.ndarray, heights: Array, normals: Array, step: Array, fewest: int
+    on: np.ndarray, heights: Array, normals: Array, step: Array, fewest: int, crease_deg: float = 30.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """The numbers (nu, nv) of the sheet and of the face that each point `on` (nu, nv) of a raster lies on.
 
     Neighbours between which the surface is no wall lie on one sheet, by their heights (nu, nv) [mm] and the raster's
-    step (2,) [mm]; those whose unit normals (nu, nv, 3) differ little, on one face of it. What has fewer than `fewest`
-    points counts as the first.
+    step (2,) [mm]; those whose unit normals (nu, nv, 3) differ by less than crease_deg, on one face of it. A fillet of
+    0.3 mm turns by 30° in 0.15 mm. What has fewer than `fewest` points counts as the first.
     """
     level, alike = [], []
     for axis in (0, 1):
         here, there = _neighbours(on, axis)
         (low, high), (first, second) = _neighbours(heights, axis), _neighbours(normals, axis)
         level.append(here & there & (np.abs(high - low) < step[axis] / LEAST_UPWARD))
-        alike.append(level[axis] & (np.einsum("uvk,uvk->uv", first, second) > _CREASE_COS))
+        alike.append(level[axis] & (np.einsum("uvk,uvk->uv", first, second) > np.cos(np.deg2rad(crease_deg))))
     return _components(on, level, fewest), _components(on, alike, fewest)
 
 
@@ -67,22 +63,22 @@ def _components(on: np.ndarray, joined: Sequence[np.ndarray], fewest: int) -> np
     return numbers.reshape(on.shape)
 
 
-_RASTER_MM, _FEWEST_PARTS, _MOST_PARTS = 0.15, 64, 400  # of each side: where the mesh is looked for
-_RIDGE_SHARE = 97  # percentile of the curvatures along a line: a ridge may be as short
-_STEPS = 6  # of Newton's method along the rays
-_SHARPEST = 2.0  # curvature [1/mm] of an edge, convex: normals turn by a radian within a cell of the rim
-_ROUNDED_MM = 1e-4  # from points on the surface to the field's: more beside a sharp edge
-_AROUND_MM = 1.0  # reach of the quadric: farther away a dome of 10 mm is bent otherwise
-_FEWEST = 12  # points that it goes through
-
-
-def density(convex: Array) -> Array:
-    """How many times as many cells there are as on the flat, by the surface's curvature [1/mm], convex above zero."""
-    return np.clip(np.sqrt(np.maximum(convex, 0.0) / _BLUNT), 1.0, _DENSEST)
+def density(convex: Array, blunt: float = 0.08, densest: float = 3.3) -> Array:
+    """How many times as many cells there are as on the flat, by the surface's curvature [1/mm], convex above zero: 1 up
+    to the curvature `blunt`, never more than `densest`."""
+    return np.clip(np.sqrt(np.maximum(convex, 0.0) / blunt), 1.0, densest)
 
 
 class MeshChart:
     """The part of a fixed mesh that a patch's box holds; it is looked for on a raster, once."""
+
+    raster_mm, fewest_parts, most_parts = 0.15, 64, 400  # of each side
+    ridge_percentile = 97  # of the curvatures along a line: a ridge may be short
+    newton_steps = 6  # along the rays
+    sharpest = 2.0  # curvature [1/mm] of an edge, convex: normals turn by a radian within a cell of the rim
+    rounded_mm = 1e-4  # from points on the surface to the field's zero: more beside a sharp edge
+    around_mm = 1.0  # reach of the quadric: farther away a dome of 10 mm is bent otherwise
+    fewest = 12  # points that it goes through
 
     def __init__(self, scene: Scene, patch: str) -> None:
         from casadi_contact.scenes.shapes.mesh_bodies import (
@@ -98,7 +94,9 @@ class MeshChart:
         self._field = body_field(scene.geometry, "fixed")
         box = patch_box(scene.geometry, patch)
         self.low, self.high, _ = self._projection.bounds(self._mesh, box)
-        counts = np.clip(np.ceil((self.high - self.low) / _RASTER_MM), _FEWEST_PARTS, _MOST_PARTS).astype(int)
+        counts = np.clip(np.ceil((self.high - self.low) / self.raster_mm), self.fewest_parts, self.most_parts).astype(
+            int
+        )
         self._step = (self.high - self.low) / counts
         u, v = (self.low[k] + self._step[k] * (np.arange(count) + 0.5) for k, count in enumerate(counts))
         surface = partial(body_surface, scene.geometry, "fixed")
@@ -109,7 +107,7 @@ class MeshChart:
         heights = np.einsum("nk,nk->n", points.reshape(-1, 3) - lines.starts, lines.ups)
         self._heights = heights.reshape(areas.shape)
         on = points.reshape(-1, 3)
-        rounded = np.abs(self._field(on)[0]).reshape(areas.shape) > _ROUNDED_MM
+        rounded = np.abs(self._field(on)[0]).reshape(areas.shape) > self.rounded_mm
         edge = present & ~rounded & self._sharp(on).reshape(areas.shape)
         ends = ~ndimage.binary_erosion(present, np.ones((3, 3)))
         self._smooth = present & ~ndimage.binary_propagation(edge & ends, np.ones((3, 3)), edge)
@@ -117,7 +115,8 @@ class MeshChart:
         self._whole: MeshChart | None = None
         nearest = tuple(ndimage.distance_transform_edt(~self._smooth, return_distances=False, return_indices=True))
         self._sheets, self._faces = (
-            numbers[nearest] for numbers in segment_surface(self._smooth, self._heights, normals, self._step, _FEWEST)
+            numbers[nearest]
+            for numbers in segment_surface(self._smooth, self._heights, normals, self._step, self.fewest)
         )
         self.densities = self._densities(u[1::2], v[1::2])
 
@@ -185,14 +184,14 @@ class MeshChart:
         curvature[known] = np.where(found[:, None], bent / (surface.tangents**2).sum(axis=2), 0.0)
         along_u, along_v = np.moveaxis(curvature.reshape(len(u), len(v), 2), 2, 0)
         return (
-            density(np.percentile(along_u, _RIDGE_SHARE, axis=1)),
-            density(np.percentile(along_v, _RIDGE_SHARE, axis=0)),
+            density(np.percentile(along_u, self.ridge_percentile, axis=1)),
+            density(np.percentile(along_v, self.ridge_percentile, axis=0)),
         )
 
     def _jets(self, lines: Lines, h: Array) -> tuple[Array, np.ndarray]:
         """h and its derivatives u, v, uu, uv, vv (m, 6) on the field's zero; False for a wall (m,)."""
         up, h = lines.ups, h.copy()
-        for _ in range(_STEPS):
+        for _ in range(self.newton_steps):
             g, slope = self._field(lines.starts + h[:, None] * up)
             h -= g / np.maximum(np.einsum("nk,nk->n", slope, up), LEAST_UPWARD)
         _, slope, bend = field_derivatives(self._field.parameters, lines.starts + h[:, None] * up)
@@ -209,11 +208,11 @@ class MeshChart:
         return np.column_stack([h, h_a, h_ab[:, 0, 0], h_ab[:, 0, 1], h_ab[:, 1, 1]]), fine
 
     def _sharp(self, points: Array) -> np.ndarray:
-        """True (m,) for points where the surface is bent outwards more sharply than `_SHARPEST`."""
+        """True (m,) for points where the surface is bent outwards more sharply than `sharpest`."""
         _, slope, bend = field_derivatives(self._field.parameters, points)
         size = np.linalg.norm(slope, axis=1)[:, None, None]
         across = np.eye(3) - slope[:, :, None] * slope[:, None, :] / size**2
-        return np.asarray(np.linalg.eigvalsh(across @ (bend / size) @ across)[:, -1] > _SHARPEST)
+        return np.asarray(np.linalg.eigvalsh(across @ (bend / size) @ across)[:, -1] > self.sharpest)
 
     def _quadrics(self, u: Array, v: Array) -> Array:
         """h and its derivatives (m, 6) at (u, v), of quadrics through the points on the mesh around."""
@@ -223,9 +222,9 @@ class MeshChart:
         tree = cKDTree(there)
         jets = np.empty((len(u), 6))
         for k, point in enumerate(np.stack([u, v], 1)):
-            away, nearest = tree.query(point, _FEWEST)
-            near = tree.query_ball_point(point, away[0] + _AROUND_MM)
-            near = nearest if len(near) < _FEWEST else near
+            away, nearest = tree.query(point, self.fewest)
+            near = tree.query_ball_point(point, away[0] + self.around_mm)
+            near = nearest if len(near) < self.fewest else near
             x, y = (there[near] - point).T
             terms = np.stack([x**0, x, y, 0.5 * x * x, x * y, 0.5 * y * y], 1)
             jets[k] = np.linalg.lstsq(terms, heights[near], rcond=1e-6)[0]

@@ -8,6 +8,7 @@ gradually, because cubics over unequal cells are less accurate.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from itertools import product
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -20,8 +21,6 @@ from casadi_contact.contact.cells.mesh_chart import MeshChart
 from casadi_contact.core.conventions import Array
 from casadi_contact.scenes.scene import Scene
 
-_GRADUAL = 2.5  # cells: standard deviation of the Gaussian that densities are smoothed with
-
 
 @dataclass(frozen=True)
 class Lines:
@@ -33,11 +32,17 @@ class Lines:
     sub_points: Array
 
 
-def lay_lines(low: float, high: float, size_mm: float, densities: Array, parts: int, cut: int = 1) -> Lines:
-    """Lines from `low` to `high` [mm], about `size_mm` apart where the density is 1, two cells at least, of which each
-    is then cut into so many; densities (m,): at equal steps of that way."""
+def lay_lines(
+    low: float, high: float, size_mm: float, densities: Array, parts: int, cut: int = 1, gradual: float = 2.5
+) -> Lines:
+    """Lines from `low` to `high` [mm], about `size_mm` apart where the density is 1: two cells at least, each of which
+    is then cut into so many.
+
+    densities (m,) lie at equal steps between the ends. A Gaussian with a standard deviation of `gradual` cells smooths
+    them.
+    """
     x = np.linspace(low, high, len(densities))
-    smooth = gaussian_filter1d(densities, _GRADUAL * size_mm / (x[1] - x[0]), mode="nearest")
+    smooth = gaussian_filter1d(densities, gradual * size_mm / (x[1] - x[0]), mode="nearest")
     number = cumulative_trapezoid(smooth / size_mm, x, initial=0.0)
     count = max(round(number[-1]), 2)
     place = CubicSpline(number * count / number[-1], x)
@@ -47,10 +52,6 @@ def lay_lines(low: float, high: float, size_mm: float, densities: Array, parts: 
 
 CELL_SHAPES = ("mesh", "ball_in_cup", "sphere_on_plane", "cylinder_on_plane", "punch_on_plane")
 
-BLOCK_MM = 4.0  # diagonal of a block of cells, at most, unless cells are large
-CUT = 3  # parts of each side of a cell at the rim, where the surface ends or turns within less than a cell
-PROBES = 4  # points along each side of a sub-point, to find its share of the surface
-_ENDS = ((0, 0), (0, 1), (1, 0), (1, 1))  # of a cell
 BOXES = 8  # that the kernel tests together
 
 
@@ -93,7 +94,7 @@ def patch_charts(scene: Scene) -> list[Chart]:
     )
 
 
-def lay_cells(chart: Chart, cells: Cells, cut: int = CUT) -> CellPatch:
+def lay_cells(chart: Chart, cells: Cells, cut: int = 3) -> CellPatch:
     """The cells of the chart's faces that hold some surface, those at their rims cut into cut×cut, block by block."""
     patches = [_lay(face, cells, cut) for face in chart.faces]
     parts = {field.name: [getattr(patch, field.name) for patch in patches] for field in fields(CellPatch)}
@@ -115,7 +116,7 @@ def _lay(chart: Chart, cells: Cells, cut: int) -> CellPatch:
     sides = np.array([_block(np.array([cells.u_mm, cells.v_mm]) / parts) for parts in (1, cut)])
     order, blocks = _in_blocks(np.column_stack([lattice, index // sides[lattice]]))
     lattice, index = lattice[order], index[order]
-    numbers = np.stack([np.column_stack([lattice, index + np.array(end)]) for end in _ENDS], 1)
+    numbers = np.stack([np.column_stack([lattice, index + np.array(end)]) for end in product((0, 1), repeat=2)], 1)
     nodes, corners = np.unique(numbers.reshape(-1, 3), axis=0, return_inverse=True)
     places, sizes = np.empty((2, len(nodes), 2))
     present = np.empty((len(index), cells.sub_points))
@@ -151,15 +152,15 @@ class _Lattice:
     present: Array
 
     @classmethod
-    def laid(cls, chart: Chart, cells: Cells, cut: int) -> _Lattice:
-        """Each of the cells cut into cut×cut."""
+    def laid(cls, chart: Chart, cells: Cells, cut: int, probes: int = 4) -> _Lattice:
+        """Each of the cells cut into cut×cut. probes: points along each side of a sub-point, to find its share."""
         u, v = (
-            lay_lines(chart.low[axis], chart.high[axis], size_mm, chart.densities[axis], PROBES * parts, cut)
+            lay_lines(chart.low[axis], chart.high[axis], size_mm, chart.densities[axis], probes * parts, cut)
             for axis, (size_mm, parts) in enumerate(((cells.u_mm, cells.along_u), (cells.v_mm, cells.along_v)))
         )
         nu, nv = len(u.places) - 1, len(v.places) - 1
         on_surface = chart.present(u.sub_points, v.sub_points)
-        shares = on_surface.reshape(nu, cells.along_u, PROBES, nv, cells.along_v, PROBES).mean(axis=(2, 5))
+        shares = on_surface.reshape(nu, cells.along_u, probes, nv, cells.along_v, probes).mean(axis=(2, 5))
         return cls(u, v, np.moveaxis(shares, 1, 2).reshape(nu, nv, -1))
 
     @property
@@ -187,12 +188,13 @@ def _single(x: Array) -> Array:
     return x.astype(np.float32).astype(float)
 
 
-def _block(step: Array) -> tuple[int, int]:
-    """Cells along the sides of a block: those that fill its boxes, `BOXES` together, best; of these the most. Where
-    more than half of the boxes would stay empty, as of large cells, `BOXES` cells as close together as can be."""
+def _block(step: Array, most_mm: float = 4.0) -> tuple[int, int]:
+    """Cells along the sides of a block with a diagonal of most_mm at most: those that fill its boxes, `BOXES` together,
+    best; of these the most. Large cells, which would leave more than half of the boxes empty: `BOXES` cells as close
+    together as can be."""
     sides = [(a, b) for a in range(1, 9) for b in range(1, 9)]
     across = {side: float(np.hypot(*(step * side))) for side in sides}
-    within = [side for side in sides if np.prod(side) == 1 or across[side] <= BLOCK_MM]
+    within = [side for side in sides if np.prod(side) == 1 or across[side] <= most_mm]
     best = max(within, key=lambda side: (np.prod(side) / -(-np.prod(side) // BOXES), np.prod(side)))
     if 2 * np.prod(best) >= BOXES:
         return best

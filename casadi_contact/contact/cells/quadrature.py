@@ -2,7 +2,7 @@
 
 At a node c of the fixed surface with unit normal n, q = Rᵀ(c - t) lies in the frame of the moving body, whose signed
 distance is g; G = R∇g. The depth is d = -g/m with m the smooth floor of σ = -G·n; where -g is large, d = s - g/m from a
-second evaluation at c - s·n, s being -g at the node less `SMALL_MM`. Its slopes along the chart are
+second evaluation at c - s·n, s being -g at the node less `Tuning.small_depth`. Its slopes along the chart are
 d_u = (-G·c_u + d·G·n_u)/m. In a cell, d at the sub-points follows from d, d_u, d_v at its corners by cubic Hermite
 functions; the pressure of each is p(ψ(d)) with ψ the smoothed max(d, 0) (`basis.ramp`), and its force is shared out
 bilinearly among the corners, whose (N, c × N) make the wrench.
@@ -27,15 +27,33 @@ from casadi_contact.core.conventions import Array, wrench_about_origin
 from casadi_contact.geometry.moving_surface import MovingSurface
 from casadi_contact.geometry.surface_distances import distance_derivatives, distance_gradients
 
-WIDTH_MM = 0.02  # of the smoothed max(d, 0)
-FLATTEST, FLATTEST_WIDTH = 0.3, 0.1  # cos of the angle between ray and surface that flatter rays count as
-STEEP_RAY, STEEP_RAY_WIDTH = 0.5, 0.25  # likewise: flatter rays than this and its width count less in the peak
-SMALL_MM, SMALL_WIDTH_MM = 0.1, 0.05  # depths up to the first, within the second, need no second evaluation
-DEEPEST_START_MM = 1.0  # second evaluations start within these depths
-HIGHEST_START_MM = 0.3
-FAR_MM, FAR_WIDTH_MM = 1.0, 0.5  # depths below minus the first are all alike, within the second
-_LEAST_MM, _MOST_MM, _RADIUS_MM = 0.012, 0.18, 15.0  # of what interpolation is wrong by: see `touch_mm`
-FADE_SHARE = 0.2  # of the scene's boundary load: ∫p dA below which a patch's loads fade out
+
+@dataclass(frozen=True)
+class Tuning:
+    """Lengths [mm], cosines and widths of the smooth functions. The C has them by the same names in capitals."""
+
+    width: float = 0.02  # of the smoothed max(d, 0)
+    flattest: float = 0.3  # cosine between ray and surface; flatter rays count as this one, smoothly within the width
+    flattest_width: float = 0.1
+    steep_ray: float = 0.5  # cosine; flatter rays, by more than the width, count less in the largest depth
+    steep_ray_width: float = 0.25
+    small_depth: float = 0.1  # depths up to this, within the width, need no second evaluation
+    small_depth_width: float = 0.05
+    deepest_start: float = 1.0  # second evaluations start within these depths
+    highest_start: float = 0.3
+    far_depth: float = 1.0  # depths below minus this one are all alike, smoothly within the width
+    far_width: float = 0.5
+    power: int = 32  # of the mean that stands for the largest depth
+    steepest: float = STEEPEST_FIELD
+    least_error: float = 0.012  # bounds of what interpolation is wrong by, and the radius that it is estimated with
+    most_error: float = 0.18
+    error_radius: float = 15.0
+
+    def touch_mm(self, cells: Cells) -> float:
+        """Distance from the body up to which a cell is evaluated: more than the error of interpolation, which grows as
+        a cell's own sagitta. On knees, cells of 1.2 mm that carry are up to 0.021 mm away, of 2.4 mm 0.1 mm."""
+        sagitta = (cells.u_mm**2 + cells.v_mm**2) / (8.0 * self.error_radius)
+        return self.width + min(max(sagitta, self.least_error), self.most_error)
 
 
 @dataclass(frozen=True)
@@ -59,6 +77,7 @@ class Quadrature:
     body: MovingSurface
     law: tuple[int, float, float]
     fade_n: float
+    tuning: Tuning = Tuning()
 
     def loads(self, R: Array, t: Array) -> PatchLoads:
         """The patch's loads at rotation (3, 3) and translation (3,)."""
@@ -83,7 +102,7 @@ class Quadrature:
         """Middles (k, 3) [mm], areas (k,) [mm²] and mean pressures (k,) [MPa] of the cells."""
         p = self.patch
         values = self._nodes(R, t, np.arange(len(p.c))).values[p.corners].reshape(-1, 12)
-        depths = np.maximum(ramp(values @ hermite_functions(self.cells), WIDTH_MM)[0], 0.0)
+        depths = np.maximum(ramp(values @ hermite_functions(self.cells), self.tuning.width)[0], 0.0)
         share = p.present.mean(axis=1)
         mean = (pressure_slopes(*self.law, depths)[0] * p.present).mean(axis=1) / share
         return p.c[p.corners].mean(axis=1), p.loads[p.corners, 6].mean(axis=1) * share, mean
@@ -107,18 +126,30 @@ class Quadrature:
 
         Where depth is largest, inside the rims, the body's surface faces the fixed one, σ = 1. At nodes where σ is
         small, beside an edge of the body, the nearest surface is its side, of which -g/m makes depths and slopes that
-        are no part of the contact: their values count by a share that falls from 1 to `FLATTEST`, so that the depth
-        becomes the distance to that side.
+        are no part of the contact: their values count by a share that falls from 1 to the flattest cosine. The depth
+        then becomes the distance to that side.
         """
         nodes = touch.nodes
         slopes, by_sigma = self._slopes(nodes)
         sigma = -np.einsum("ij,ij->i", nodes.G, self.patch.n[nodes.used])
-        step, rise = smooth_step((sigma - STEEP_RAY) / STEEP_RAY_WIDTH)
-        share = FLATTEST + (1.0 - FLATTEST) * step
-        by_share = ((1.0 - FLATTEST) / STEEP_RAY_WIDTH * rise)[:, None] * by_sigma
+        step, rise = smooth_step((sigma - self.tuning.steep_ray) / self.tuning.steep_ray_width)
+        share = self.tuning.flattest + (1.0 - self.tuning.flattest) * step
+        by_share = ((1.0 - self.tuning.flattest) / self.tuning.steep_ray_width * rise)[:, None] * by_sigma
         values = (share[:, None] * nodes.values)[touch.corners].reshape(-1, 12)
         slopes = share[:, None, None] * slopes + nodes.values[..., None] * by_share[:, None]
         return values @ hermite_functions(self.cells), self._by_depth(slopes, touch)
+
+    def _start(self, overlap: Array) -> tuple[Array, Array]:
+        """Where along the rays the distance is taken, no farther away than -g at the nodes; its derivative by -g."""
+        tuning = self.tuning
+        most = np.where(overlap > 0.0, tuning.deepest_start, tuning.highest_start)
+        away, slope, _ = positive_ramp(np.abs(overlap) - tuning.small_depth, tuning.small_depth_width)
+        return np.sign(overlap) * np.minimum(away, most), np.where(away < most, slope, 0.0)
+
+    def _floor(self, sigma: Array) -> tuple[Array, Array]:
+        """σ, or the flattest cosine where it is less, smoothly; its derivative."""
+        rise, slope, _ = positive_ramp(sigma - self.tuning.flattest, self.tuning.flattest_width)
+        return self.tuning.flattest + rise, slope
 
     def _by_depth(self, slopes: Array, touch: Touch) -> Array:
         """Derivatives by twist (k, sub-points, 6) of depths interpolated between nodes' values, from theirs."""
@@ -129,11 +160,12 @@ class Quadrature:
         """With the distances (m,) of the nodes from the body."""
         p = self.patch
         diagonal = np.linalg.norm(p.tangents, axis=2).sum(axis=1).max()
-        cells = np.flatnonzero((distance[p.corners] < touch_mm(self.cells) + STEEPEST_FIELD * diagonal).any(axis=1))
+        reach = self.tuning.touch_mm(self.cells) + self.tuning.steepest * diagonal
+        cells = np.flatnonzero((distance[p.corners] < reach).any(axis=1))
         used, corners = np.unique(p.corners[cells], return_inverse=True)
         nodes, corners = self._nodes(R, t, used), corners.reshape(-1, 4)
         found = nodes.values[corners].reshape(-1, 12) @ hermite_functions(self.cells)
-        depth, by_depth = ramp(found, WIDTH_MM)
+        depth, by_depth = ramp(found, self.tuning.width)
         cut = bool(((depth > 0.0) & (p.present[cells] > 0.0) & p.rim[cells, None]).any())
         force, stiffness = _pressures(self.law, depth)
         weights = np.zeros(len(used))
@@ -145,16 +177,17 @@ class Quadrature:
         p = self.patch
         c, n = p.c[used], p.n[used]
         g, slope = distance_gradients(self.body, (c - t) @ R)
-        start, moves = _start(-g)
+        start, moves = self._start(-g)
         by_start = moves[:, None] * wrench_about_origin(slope @ R.T, c - t)
         x = c - start[:, None] * n
         g, slope = distance_gradients(self.body, (x - t) @ R)
         G = slope @ R.T
-        m = positive_floor(-np.einsum("ij,ij->i", G, n))[0]
+        m = self._floor(-np.einsum("ij,ij->i", G, n))[0]
         d = start - g / m
-        near, near_slope = positive_ramp(d + FAR_MM, FAR_WIDTH_MM)
+        near, near_slope, _ = positive_ramp(d + self.tuning.far_depth, self.tuning.far_width)
         along, bend = (np.einsum("ij,iaj->ia", G, w[used]) for w in (p.tangents, p.bends))
-        values = np.column_stack([near - FAR_MM, near_slope[:, None] * (d[:, None] * bend - along) / m[:, None]])
+        along_chart = near_slope[:, None] * (d[:, None] * bend - along) / m[:, None]
+        values = np.column_stack([near - self.tuning.far_depth, along_chart])
         return _Nodes(used, R, t, x, start, by_start, G, d, values)
 
     def _slopes(self, nodes: _Nodes) -> tuple[Array, Array]:
@@ -162,7 +195,7 @@ class Quadrature:
         p, used, d, G = self.patch, nodes.used, nodes.d, nodes.G
         n, rho = p.n[used], nodes.x - nodes.t
         H = nodes.R @ distance_derivatives(self.body, rho @ nodes.R)[2] @ nodes.R.T
-        m, m_slope = positive_floor(-np.einsum("ij,ij->i", G, n))
+        m, m_slope = self._floor(-np.einsum("ij,ij->i", G, n))
         bent_n = np.einsum("nij,nj->ni", H, n)
 
         def along(w: Array) -> tuple[Array, Array]:
@@ -180,8 +213,7 @@ class Quadrature:
         by_m = m_slope[:, None] * by_sigma
         by_d = wrench_about_origin(G, rho) + (m - sigma)[:, None] * nodes.by_start - (d - nodes.start)[:, None] * by_m
         by_d /= m[:, None]
-        near_slope = positive_ramp(d + FAR_MM, FAR_WIDTH_MM)[1]
-        near_bend = np.maximum(1.0 - ((d + FAR_MM) / FAR_WIDTH_MM) ** 2, 0.0) * 0.75 / FAR_WIDTH_MM
+        _, near_slope, near_bend = positive_ramp(d + self.tuning.far_depth, self.tuning.far_width)
         slopes = [near_slope[:, None] * by_d]
         for axis in (0, 1):
             (a, by_a), (b, by_b) = moving(p.tangents[used, axis]), moving(p.bends[used, axis])
@@ -223,26 +255,6 @@ class Touch:
     cut: bool
 
 
-def touch_mm(cells: Cells) -> float:
-    """Distance from the body up to which a cell is evaluated: more than what interpolation is wrong by, which grows as
-    a cell's own sagitta. On knees, cells of 1.2 mm that carry were up to 0.021 mm away, of 2.4 mm 0.1 mm."""
-    sagitta = (cells.u_mm**2 + cells.v_mm**2) / (8.0 * _RADIUS_MM)
-    return WIDTH_MM + min(max(sagitta, _LEAST_MM), _MOST_MM)
-
-
-def _start(overlap: Array) -> tuple[Array, Array]:
-    """Where along the rays the distance is taken, from -g at their nodes, which is no farther away; and its slope."""
-    most = np.where(overlap > 0.0, DEEPEST_START_MM, HIGHEST_START_MM)
-    away, slope = positive_ramp(np.abs(overlap) - SMALL_MM, SMALL_WIDTH_MM)
-    return np.sign(overlap) * np.minimum(away, most), np.where(away < most, slope, 0.0)
-
-
-def positive_floor(sigma: Array) -> tuple[Array, Array]:
-    """σ, or FLATTEST where it is less, smoothly; and its slope."""
-    rise, slope = positive_ramp(sigma - FLATTEST, FLATTEST_WIDTH)
-    return FLATTEST + rise, slope
-
-
 def _pressures(law: tuple[int, float, float], depths: Array) -> tuple[Array, Array]:
     """p [MPa] and its slope at depths (...), continued below zero by its first two derivatives there."""
     _, stiffness, bend = pressure(*law, 0.0)
@@ -254,10 +266,6 @@ def _pressures(law: tuple[int, float, float], depths: Array) -> tuple[Array, Arr
     )
 
 
-POWER = 32
-_FULL = (POWER + 2.0) / (POWER + 1.0)
-
-
 def cell_moments(quad: Quadrature, R: Array, t: Array) -> tuple[Array, Array]:
     """Moments (6,) of one patch and their derivatives by the twist of the moving body about t (6, 6)."""
     touch = quad.touch(R, t)
@@ -267,8 +275,7 @@ def cell_moments(quad: Quadrature, R: Array, t: Array) -> tuple[Array, Array]:
     areas = p.loads[used, 6]
     pressed = np.column_stack([areas, areas[:, None] * p.c[used]])
     by_node, by_depth = quad.slopes(touch)
-    in_contact = positive_ramp(touch.depth, WIDTH_MM)[1]
-    in_contact_slope = np.maximum(1.0 - (touch.depth / WIDTH_MM) ** 2, 0.0) * 0.75 / WIDTH_MM
+    _, in_contact, in_contact_slope = positive_ramp(touch.depth, quad.tuning.width)
     area = p.present[touch.cells] * (areas[touch.corners] @ corner_shares(quad.cells))
     largest, by_largest = _largest(quad, touch, area)
     value = np.concatenate([[(area * in_contact).sum()], touch.weights @ pressed, [largest]])
@@ -280,15 +287,17 @@ def cell_moments(quad: Quadrature, R: Array, t: Array) -> tuple[Array, Array]:
 def _largest(quad: Quadrature, touch: Touch, area: Array) -> tuple[float, Array]:
     """The largest depth [mm] and its derivatives by twist (6,); 0 where none faces the fixed surface."""
     depth, by_depth = quad.facing(touch)
-    s, slope = positive_ramp(depth, WIDTH_MM)
+    s, slope, _ = positive_ramp(depth, quad.tuning.width)
+    power = quad.tuning.power
+    full = (power + 2.0) / (power + 1.0)
     share = s / quad.law[2]
-    weight = area * share**POWER
+    weight = area * share**power
     total = weight.sum()
     if not total > 0.0:
         return 0.0, np.zeros(6)
     mean = (weight * share).sum() / total
-    by_s = _FULL / total * slope * ((POWER + 1.0) * weight - POWER * area * share ** (POWER - 1) * mean)
-    return _FULL * quad.law[2] * mean, _sum(by_s, by_depth)
+    by_s = full / total * slope * ((power + 1.0) * weight - power * area * share ** (power - 1) * mean)
+    return full * quad.law[2] * mean, _sum(by_s, by_depth)
 
 
 def _sum(weight: Array, by_depth: Array) -> Array:

@@ -12,12 +12,11 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from scipy import ndimage
 
-from casadi_contact.contact.cells import quadrature
 from casadi_contact.contact.cells.basis import (
     corner_shares,
     hermite_functions,
@@ -26,9 +25,8 @@ from casadi_contact.contact.cells.basis import (
     share_products,
 )
 from casadi_contact.contact.cells.patches import BOXES, CellPatch
-from casadi_contact.contact.cells.quadrature import POWER, Quadrature
-from casadi_contact.contact.elements.loops import STEEPEST_FIELD
-from casadi_contact.contact.foundation_source import C_FOLDER, braces
+from casadi_contact.contact.cells.quadrature import Quadrature
+from casadi_contact.contact.foundation_source import C_FOLDER, braces, definitions
 from casadi_contact.core.compiler import DATA_FILE
 from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.distance_field import field_parts
@@ -36,39 +34,45 @@ from casadi_contact.geometry.moving_surface import HALF_SPACE, MESH_FIELD, Movin
 from casadi_contact.geometry.surface_distances import round_body
 from casadi_contact.networks.kernel.source import c_text
 
-STRIDE = 2  # nodes of the field for one of these
-_LONGEST_REACH_MM = 5.0  # blocks of a knee's largest cells reach 3 to 4 mm from their middles
-_FAR_MM = 5.0  # beyond this, and deeper inside than the next, the clearance tells enough
-_DEEP_MM = -2.0
-_SURFACE_MM = 0.5
-_NEAR_MM = 0.9  # what counts as near the body: a point that touches has such a node at its cell's corners
-_LEVEL_MM = 0.25  # of clearances that share a row
-_UNKNOWN = 1e6  # concavity of nodes without a tangent
-_SPARE = 0.004  # [1/mm], for points between nodes
-_VALUE, _SLOPE = np.array([1.0, 4.0, 1.0]) / 6.0, np.array([-0.5, 0.0, 0.5])  # of a cubic B-spline at the nodes
+
+@dataclass(frozen=True)
+class _Tangents:
+    """Of the nodes that have a tangent, and of the clearances of the others."""
+
+    stride: int = 2  # nodes of the field for one of these
+    longest_reach_mm: float = 5.0  # blocks of a knee's largest cells reach 3 to 4 mm from their middles
+    far_mm: float = 5.0  # beyond this, and deeper inside than the next, the clearance suffices
+    deep_mm: float = -2.0
+    surface_mm: float = 0.5  # nodes with less count as near the surface
+    near_mm: float = 0.9  # and as near the body: a point that touches has such a node at its cell's corners
+    level_mm: float = 0.25  # of clearances that share a row
+    unknown: float = 1e6  # concavity of nodes without a tangent
+    spare: float = 0.004  # [1/mm], for points between nodes
+
+    def reach_mm(self, largest_mm: float, spacing_mm: float) -> float:
+        """How far from their nodes tangents have to be good: for blocks that reach so far from their middles, which lie
+        between the nodes. The cost grows with its third power."""
+        return float(min(self.longest_reach_mm, largest_mm + np.sqrt(0.75) * self.stride * spacing_mm))
 
 
-def tangents_reach(largest_mm: float, spacing_mm: float) -> float:
-    """How far from their nodes tangents have to be good [mm]: for blocks that reach so far from their middles, which
-    lie between the nodes. Their cost grows with its third power."""
-    return float(min(_LONGEST_REACH_MM, largest_mm + np.sqrt(0.75) * STRIDE * spacing_mm))
-
-
-def tangents(coefficients: Array, spacing_mm: float, reach_mm: float) -> tuple[np.ndarray, np.ndarray]:
-    """Rows g, ∇g, M, clearance (n, 8) in single precision, and the row of each node, at every `STRIDE`.
+def tangents(
+    coefficients: Array, spacing_mm: float, reach_mm: float, settings: _Tangents
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rows g, ∇g, M, clearance (n, 8) in single precision, and the row of each node, at every stride.
 
     reach_mm: of concavities. Nodes far from the surface have the clearance alone, and share the rows of its levels.
     """
+    stride, level_mm = settings.stride, settings.level_mm
     g = _at_nodes(coefficients, (0, 0, 0))
     slopes = [_at_nodes(coefficients, order) / spacing_mm for order in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]
     reach = int(np.ceil(reach_mm / spacing_mm)) + 1
     field = _continued(g, reach, spacing_mm)
-    body = field[(slice(reach, -reach),) * 3] < _NEAR_MM
+    body = field[(slice(reach, -reach),) * 3] < settings.near_mm
     clearance = ndimage.distance_transform_edt(~body, sampling=spacing_mm) - np.sqrt(0.75) * spacing_mm
     clearance = np.maximum(clearance, 0.0)
     known = np.zeros(g.shape, dtype=bool)
-    known[::STRIDE, ::STRIDE, ::STRIDE] = True
-    known &= (g > _DEEP_MM) & (g < _FAR_MM)
+    known[::stride, ::stride, ::stride] = True
+    known &= (g > settings.deep_mm) & (g < settings.far_mm)
     nodes = np.flatnonzero(known)
     places = np.ravel_multi_index(tuple(i + reach for i in np.nonzero(known)), field.shape)
     at, tangent = g.ravel()[nodes], np.stack([slope.ravel()[nodes] for slope in slopes], 1)
@@ -80,14 +84,14 @@ def tangents(coefficients: Array, spacing_mm: float, reach_mm: float) -> tuple[n
         if 0.0 < square <= (reach_mm + spacing_mm) ** 2:
             there = field.ravel()[places + step @ strides]
             fall = 2.0 * (at + tangent @ away - there) / square
-            concavity = np.where(there < _SURFACE_MM, np.maximum(concavity, fall), concavity)
-    levels, level = np.unique(np.floor(clearance / _LEVEL_MM).astype(np.int32), return_inverse=True)
+            concavity = np.where(there < settings.surface_mm, np.maximum(concavity, fall), concavity)
+    levels, level = np.unique(np.floor(clearance / level_mm).astype(np.int32), return_inverse=True)
     index = level.reshape(g.shape).astype(np.int32)
     index.ravel()[nodes] = np.arange(len(levels), len(levels) + len(nodes))
     rows = np.zeros((len(levels) + len(nodes), 8), dtype=np.float32)
-    rows[: len(levels), 4], rows[: len(levels), 5] = _UNKNOWN, _LEVEL_MM * levels
-    rows[len(levels) :, :6] = np.column_stack([at, tangent, concavity + _SPARE, clearance.ravel()[nodes]])
-    return rows, np.ascontiguousarray(index[::STRIDE, ::STRIDE, ::STRIDE])
+    rows[: len(levels), 4], rows[: len(levels), 5] = settings.unknown, level_mm * levels
+    rows[len(levels) :, :6] = np.column_stack([at, tangent, concavity + settings.spare, clearance.ravel()[nodes]])
+    return rows, np.ascontiguousarray(index[::stride, ::stride, ::stride])
 
 
 def _continued(g: Array, by: int, spacing_mm: float) -> Array:
@@ -100,14 +104,14 @@ def _continued(g: Array, by: int, spacing_mm: float) -> Array:
 
 
 def _at_nodes(coefficients: Array, order: tuple[int, int, int]) -> Array:
-    """Value or slope (in units of the spacing) along each axis."""
+    """Value or derivative (in units of the spacing) of a cubic B-spline along each axis."""
+    weights = np.array([1.0, 4.0, 1.0]) / 6.0, np.array([-0.5, 0.0, 0.5])
     for axis in range(3):
-        coefficients = ndimage.correlate1d(coefficients, (_VALUE, _SLOPE)[order[axis]], axis, mode="mirror")
+        coefficients = ndimage.correlate1d(coefficients, weights[order[axis]], axis, mode="mirror")
     return coefficients
 
 
 _LINE = 64  # bytes that tables begin at multiples of
-_FACETED_MM = 0.01  # by which boxes are larger than the sub-points
 _NODE = np.dtype(
     [("c", float, 3), ("first", "f4", (3, 3)), ("unused", "f4"), ("bends", "f4", (2, 3)), ("loads", "f4", 10)]
 )
@@ -161,7 +165,7 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
     text = [
         "#include <limits.h>",
         "#include <stddef.h>",
-        *(f"#undef {name}\n#define {name} {value}" for name, value in _sizes(patches).items()),
+        *definitions(_sizes(patches)),
         *(f"static const double {name} = {{{', '.join(map(braces, rows_))}}};" for name, rows_ in arrays.items()),
         _INCLUDED,
         body,
@@ -173,9 +177,8 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
 
 
 def _sizes(patches: Sequence[Quadrature]) -> dict[str, float]:
-    """What the C is written in terms of, by name: sizes of its arrays, and lengths [mm], forces [N] and cosines of
-    `quadrature`."""
-    cells = patches[0].cells
+    """Sizes of the C's arrays, and lengths [mm], forces [N] and cosines, by name."""
+    cells, tuning = patches[0].cells, patches[0].tuning
     return {
         "BOXES": BOXES,
         "SUB_POINTS": cells.along_u * cells.along_v,
@@ -185,22 +188,10 @@ def _sizes(patches: Sequence[Quadrature]) -> dict[str, float]:
         "MOST_CELLS": max(len(quad.patch.corners) for quad in patches),
         "MOST_GROUPS": max(_groups(quad.patch)[-1] for quad in patches),
         "MOST_BLOCKS": max(len(quad.patch.blocks) - 1 for quad in patches),
-        "WIDTH": quadrature.WIDTH_MM,
-        "FLATTEST": quadrature.FLATTEST,
-        "FLATTEST_WIDTH": quadrature.FLATTEST_WIDTH,
-        "STEEP_RAY": quadrature.STEEP_RAY,
-        "STEEP_RAY_WIDTH": quadrature.STEEP_RAY_WIDTH,
-        "DEEPEST_START": quadrature.DEEPEST_START_MM,
-        "HIGHEST_START": quadrature.HIGHEST_START_MM,
-        "SMALL_DEPTH": quadrature.SMALL_MM,
-        "SMALL_DEPTH_WIDTH": quadrature.SMALL_WIDTH_MM,
-        "SPARE": 0.5 * quadrature.touch_mm(cells),
-        "FAR_DEPTH": quadrature.FAR_MM,
-        "FAR_WIDTH": quadrature.FAR_WIDTH_MM,
-        "TOUCH": quadrature.touch_mm(cells),
+        **{name.upper(): value for name, value in asdict(tuning).items()},
+        "TOUCH": tuning.touch_mm(cells),
+        "SPARE": 0.5 * tuning.touch_mm(cells),
         "FADE": patches[0].fade_n,
-        "POWER": POWER,
-        "STEEPEST": STEEPEST_FIELD,
     }
 
 
@@ -223,11 +214,12 @@ def _body(surface: MovingSurface, tables: _Tables, largest_mm: float | None) -> 
         "FIELD_COEFFICIENTS": f"((const float *)(cells_data + {tables.place(coefficients.astype(np.float32))}))",
     }
     if largest_mm is not None:
-        reach_mm = tangents_reach(largest_mm, spacing)
-        rows, index = tangents(coefficients, spacing, reach_mm)
+        settings = _Tangents()
+        reach_mm = settings.reach_mm(largest_mm, spacing)
+        rows, index = tangents(coefficients, spacing, reach_mm, settings)
         sizes["CONCAVITY_REACH"] = reach_mm
         sizes |= {f"TANGENTS_{axis}": count for axis, count in zip("XYZ", index.shape, strict=True)}
-        sizes["TANGENT_SPACING"] = STRIDE * spacing
+        sizes["TANGENT_SPACING"] = settings.stride * spacing
         sizes["FIELD_TANGENTS"] = f"((const Tangent *)(cells_data + {tables.place(rows)}))"
         sizes["FIELD_INDEX"] = f"((const int *)(cells_data + {tables.place(index)}))"
     lines = [f"#define {name} {value}" for name, value in sizes.items()]
@@ -270,8 +262,9 @@ def _groups(patch: CellPatch) -> np.ndarray:
     return np.concatenate([[0], np.cumsum(-(-np.diff(patch.blocks) // BOXES))])
 
 
-def _boxes(spans: Sequence[Array], place: np.ndarray, count: int) -> np.ndarray:
+def _boxes(spans: Sequence[Array], place: np.ndarray, count: int, faceted_mm: float = 0.01) -> np.ndarray:
     """Middle, two half sides, what lies beyond them, how far all of it reaches: of `count` boxes, `BOXES` together.
+    They are larger than the points by faceted_mm, for the surface between these.
 
     Those at `place` are flat parallelograms about spans of points (m, 3), along their main directions; others are none.
     """
@@ -282,7 +275,7 @@ def _boxes(spans: Sequence[Array], place: np.ndarray, count: int) -> np.ndarray:
         along = points @ frame.T
         low, high = along.min(axis=0), along.max(axis=0)
         half = 0.5 * (high - low)
-        beyond = half[2] + _FACETED_MM
+        beyond = half[2] + faceted_mm
         sides = half[:2, None] * frame[:2]
         rows[k] = [*(0.5 * (low + high) @ frame), *sides.ravel(), beyond, np.hypot(*half[:2]) + beyond]
     return rows.reshape(-1, BOXES, 11).transpose(0, 2, 1).astype(np.float32)

@@ -3,7 +3,7 @@ needs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,8 @@ def cup_source(cup: Cup, points: int) -> str:
         "CUP_RADIUS": cup.radius,
         "RIM_COS": float(np.cos(cup.half_angle)),
         "RIM_SIN": float(np.sin(cup.half_angle)),
+        "LEAST_MM": cup.least_mm,
+        "LEAST_SINE": cup.least_sine,
     }
     n = nodes(points)
     tables = {
@@ -41,9 +43,6 @@ def cup_source(cup: Cup, points: int) -> str:
     return "\n".join([*definitions(numbers, tables), c_text("cup.h", C_FOLDER)])
 
 
-POINTS = 12
-
-
 class CupFoundation(CompiledPressures):
     """Elastic foundation of a ball in a cup with its rim, integrated over one angle: nothing of it is a grid.
 
@@ -51,7 +50,7 @@ class CupFoundation(CompiledPressures):
     for another number, or a scene of another shape than `CUP_SHAPE`.
     """
 
-    def __init__(self, scene: Scene, points: int = POINTS, *, compiled: bool = True) -> None:
+    def __init__(self, scene: Scene, points: int = 12, *, compiled: bool = True) -> None:
         super().__init__(scene, compiled=compiled)
         if points < 4 or points % 4:
             raise ValueError(f"points = {points}, expected a multiple of 4")
@@ -84,24 +83,28 @@ class CupFoundation(CompiledPressures):
         return wrench[:, None], stiffness[:, None], found.gap[:, None], gap_slope[:, None], found.cut[:, None]
 
 
-CANDIDATES = (12, 16, 24, 32, 48)  # with fewer, slopes differ from differences of loads where the rim cuts
-CONVERGED = 96
-_POSES = 256
+def cup_foundation(
+    scene: Scene,
+    *,
+    compiled: bool = True,
+    candidates: Sequence[int] = (12, 16, 24, 32, 48),
+    converged_points: int = 96,
+) -> CupFoundation:
+    """The fewest points that agree with converged ones within the scene's tolerances (`convergence.cheapest`), over
+    poses that press the cup from its deepest point to its rim, which cuts contact then.
 
-
-def cup_foundation(scene: Scene, *, compiled: bool = True) -> CupFoundation:
-    """The fewest points that agree with `CONVERGED` within the scene's tolerances (`convergence.cheapest`), over poses
-    that press the cup from its deepest point to its rim, which cuts contact then."""
-    converged = CupFoundation(scene, CONVERGED, compiled=False)
+    With fewer than 12 points derivatives differ from differences of loads where the rim cuts contact.
+    """
+    converged = CupFoundation(scene, converged_points, compiled=False)
     poses = _pressed_poses(converged, forces_tried(scene))
     truth = converged(poses)
-    models = (CupFoundation(scene, points, compiled=compiled) for points in CANDIDATES)
+    models = (CupFoundation(scene, points, compiled=compiled) for points in candidates)
 
     def errors(model: CupFoundation) -> Array:
         plain = CupFoundation(scene, model.points, compiled=False)
         return np.asarray(plain(poses) - truth)
 
-    model = cheapest(scene, models, errors, model="quadrature of a cup", against=f"{CONVERGED} points")
+    model = cheapest(scene, models, errors, model="quadrature of a cup", against=f"{converged_points} points")
     model.record["points"] = model.points
     return model
 
@@ -113,22 +116,22 @@ def recorded_cup(scene: Scene, record: Mapping[str, Any], *, compiled: bool = Tr
 
 def cup_ladder(scene: Scene) -> Iterator[CupFoundation]:
     """Foundations from few points to many, shown beside one another."""
-    return (CupFoundation(scene, points) for points in CANDIDATES[::2])
+    return (CupFoundation(scene, points) for points in (12, 24, 48))
 
 
-def _pressed_poses(model: CupFoundation, range_n: tuple[float, float]) -> Array:
+def _pressed_poses(model: CupFoundation, range_n: tuple[float, float], count: int = 256) -> Array:
     """Poses (m, 6) at all angles of the cup, whose forces spread evenly on a logarithmic scale [N]."""
     cup, random = model.cup, np.random.default_rng(0)
-    tilt, around = cup.half_angle * random.random(_POSES), random.uniform(0.0, 2.0 * np.pi, _POSES)
+    tilt, around = cup.half_angle * random.random(count), random.uniform(0.0, 2.0 * np.pi, count)
     first = any_across(cup)
     beside = np.cos(around)[:, None] * first + np.sin(around)[:, None] * np.cross(cup.pole, first)
     along = np.cos(tilt)[:, None] * cup.pole + np.sin(tilt)[:, None] * beside
 
     def at(depth_mm: Array) -> Array:
         centres = cup.centre + (cup.radius - cup.ball_radius + depth_mm)[:, None] * along
-        return np.column_stack([centres, np.zeros((_POSES, 3))])
+        return np.column_stack([centres, np.zeros((count, 3))])
 
     def force_at(depth_mm: Array) -> Array:
         return np.linalg.norm(model.wrenches(at(depth_mm))[:, 0, :3], axis=1)
 
-    return at(press_until(force_at, np.geomspace(*range_n, _POSES), 0.01, most_change=30.0)[0])
+    return at(press_until(force_at, np.geomspace(*range_n, count), 0.01, most_change=30.0)[0])

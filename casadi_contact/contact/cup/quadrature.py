@@ -41,6 +41,8 @@ class Cup:
     half_angle: float
     pole: Array
     centre: Array
+    least_mm: float = 1e-9  # |b| and its part across the pole have no direction below this
+    least_sine: float = 1e-12
 
 
 def cup_of(scene: Scene) -> Cup:
@@ -51,10 +53,6 @@ def cup_of(scene: Scene) -> Cup:
     half_angle = float(np.deg2rad(g["cup_half_angle_deg"]))
     centre = np.asarray(g["cup_centre"], dtype=float)
     return Cup(float(g["ball_radius"]), float(g["cup_radius"]), half_angle, pole / np.linalg.norm(pole), centre)
-
-
-LEAST_MM = 1e-9  # of |b| and of its part across the pole, below which they have no direction
-_LEAST_SINE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -103,7 +101,7 @@ def first_moment(x: Array, arc: Array) -> Array:
 def cap_of(cup: Cup, points: int, centres: Array) -> Cap:
     """Contact of balls with their centres (n, 3) in the fixed frame."""
     b = centres - cup.centre
-    length = np.maximum(np.linalg.norm(b, axis=1), LEAST_MM)
+    length = np.maximum(np.linalg.norm(b, axis=1), cup.least_mm)
     frame = _frames(cup, b, length)
     cos_tilt = np.clip(frame[:, 0] @ cup.pole, -1.0, 1.0)
     sin_tilt = frame[:, 1] @ cup.pole
@@ -111,7 +109,7 @@ def cap_of(cup: Cup, points: int, centres: Array) -> Cap:
     edge = np.clip(edge, -1.0, 1.0)  # from |R e - b| = r; 1 where there is no contact
     x, weight, arc = _points(cup, cos_tilt, sin_tilt, edge, points)
     s = length[:, None] * x
-    w = np.sqrt(np.maximum(cup.ball_radius**2 - length[:, None] ** 2 + s * s, _LEAST_SINE))
+    w = np.sqrt(np.maximum(cup.ball_radius**2 - length[:, None] ** 2 + s * s, cup.least_sine))
     return Cap(b, length, frame, cos_tilt, sin_tilt, edge, x, weight, arc, s, w)
 
 
@@ -170,11 +168,11 @@ def any_across(cup: Cup) -> Array:
 
 def _frames(cup: Cup, b: Array, length: Array) -> Array:
     """Right-handed axes in rows (n, 3, 3): along b, and towards the pole; where these are one, any."""
-    along = np.where(length[:, None] > LEAST_MM, b / length[:, None], cup.pole)
+    along = np.where(length[:, None] > cup.least_mm, b / length[:, None], cup.pole)
     beside = any_across(cup)
     over = cup.pole - (along @ cup.pole)[:, None] * along
     tilted = np.linalg.norm(over, axis=1, keepdims=True)
-    towards = np.where(tilted > LEAST_MM, over, beside - np.sum(along * beside, 1, keepdims=True) * along)
+    towards = np.where(tilted > cup.least_mm, over, beside - np.sum(along * beside, 1, keepdims=True) * along)
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
     return np.stack([along, towards, np.cross(along, towards)], 1)
 
@@ -188,7 +186,7 @@ def _rims(cup: Cup, cos_tilt: Array, sin_tilt: Array) -> tuple[Array, Array]:
 def arcs_at(cup: Cup, cos_tilt: Array, sin_tilt: Array, x: Array) -> Array:
     """Half arcs Φ that the rim leaves of the circles at x: 0 to π."""
     across = np.sqrt(np.maximum(1.0 - x * x, 0.0)) * sin_tilt
-    q = (np.cos(cup.half_angle) - x * cos_tilt) / np.maximum(across, _LEAST_SINE)
+    q = (np.cos(cup.half_angle) - x * cos_tilt) / np.maximum(across, cup.least_sine)
     return np.asarray(np.arccos(np.clip(q, -1.0, 1.0)))
 
 
@@ -214,7 +212,7 @@ def nearest_direction(cup: Cup, cap: Cap) -> Array:
     rim on the side of b; of a ball in the cup's centre, the pole."""
     flat = cap.b - np.outer(cap.b @ cup.pole, cup.pole)
     size = np.linalg.norm(flat, axis=1, keepdims=True)
-    flat = np.where(size > LEAST_MM, flat / np.maximum(size, LEAST_MM), any_across(cup))
+    flat = np.where(size > cup.least_mm, flat / np.maximum(size, cup.least_mm), any_across(cup))
     on_rim = np.cos(cup.half_angle) * cup.pole + np.sin(cup.half_angle) * flat
     return np.where((cap.cos_tilt < np.cos(cup.half_angle))[:, None], on_rim, cap.frame[:, 0])
 
@@ -251,7 +249,7 @@ def cup_moments(cup: Cup, law: tuple[int, float, float], points: int, centres: A
 
 def _area_slope(cup: Cup, cap: Cap) -> Array:
     """R²/|d_x| ∫d_b dφ (n, 3) over the edge of contact."""
-    w = np.maximum(cup.radius - cap.length * cap.edge, 1e-12)
+    w = np.maximum(cup.radius - cap.length * cap.edge, cup.least_sine)
     rise, lean = cup.radius / w, cap.length / w
     arc = arcs_at(cup, cap.cos_tilt, cap.sin_tilt, cap.edge)
     along = rise[:, None] * first_moment(cap.edge, arc)
@@ -263,5 +261,5 @@ def _largest_depth(cup: Cup, cap: Cap) -> tuple[Array, Array]:
     """s + w - R in the nearest direction (n,), and its derivatives by b (n, 3)."""
     e = nearest_direction(cup, cap)
     s = np.sum(e * cap.b, axis=1)
-    w = np.sqrt(np.maximum(cup.ball_radius**2 - cap.length**2 + s * s, 1e-12))
+    w = np.sqrt(np.maximum(cup.ball_radius**2 - cap.length**2 + s * s, cup.least_sine))
     return s + w - cup.radius, (1.0 + s / w)[:, None] * e - cap.b / w[:, None]

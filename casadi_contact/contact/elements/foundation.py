@@ -201,7 +201,7 @@ def pressed_elements(model: ElasticFoundation, pose: Array) -> tuple[Array, Arra
     return np.concatenate([each.centres_mm for each in maps])[force > 0.0], force[force > 0.0]
 
 
-TELLING_SHARE = 0.1  # of a wheel with bare edges, with less of its load there forces are off by 1 %
+SHARP_SHARE = 0.1  # of a wheel with bare edges, with less of its load there forces are off by 1 %
 
 
 def share_at_sharp_edges(model: ElasticFoundation, poses: Array) -> Array:

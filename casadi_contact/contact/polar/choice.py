@@ -7,6 +7,7 @@ the converged rays are right at all.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,20 +25,38 @@ from casadi_contact.contact.polar.surfaces import SmoothPatch, u_range
 from casadi_contact.core.conventions import Array, evenly, load_selection
 from casadi_contact.scenes.scene import Scene
 
-_BEYOND_RAD = np.deg2rad(25.0)  # by which contact goes beyond the outermost junctions of arcs
-_SPIN_RAD = np.deg2rad(10.0)
-_LEAN_RAD = np.deg2rad(5.0)
-_COARSE = Rays(16, 3)
+LADDER = (Rays(8, 2), Rays(8, 3), Rays(16, 4))
+
+
+@dataclass(frozen=True)
+class RayChoice:
+    """Rays and points that are tried, what they are compared with, and how many poses of each patch decide."""
+
+    candidates: tuple[tuple[int, int], ...] = ((8, 3), (12, 3), (16, 3), (24, 3), (32, 4), (48, 5))
+    converged: tuple[int, int] = (96, 6)
+    poses: int = 256
+    elements: tuple[int, int] = (320, 160)  # of a patch
+    poses_on_elements: int = 128  # elements take their time
+    most_apart: float = 0.02  # of the poses: a few of a wide draw are no reason against a model that is right elsewhere
 
 
 def pressed_poses(
-    patch: SmoothPatch, law: tuple[int, float, float], loads_n: tuple[float, float], count: int
+    patch: SmoothPatch,
+    law: tuple[int, float, float],
+    loads_n: tuple[float, float],
+    count: int,
+    *,
+    beyond_deg: float = 25.0,
+    lean_deg: float = 5.0,
+    spin_deg: float = 10.0,
 ) -> tuple[Array, Array]:
     """Rotations (m, 3, 3) and translations (m, 3) of the body, m <= count, that press the patch within its rim.
 
-    The deepest point lies anywhere on the patch, faced by any place of the moving arcs, turned and leant a little;
-    forces spread evenly on a logarithmic scale between loads_n [N]. Poses whose contact the rim cuts are left out.
+    The deepest point lies anywhere on the patch, faced by any place of the moving arcs, up to beyond_deg beyond their
+    outermost junctions, turned about its normal and leant a little. Forces spread evenly on a logarithmic scale between
+    loads_n [N]. Poses whose contact the rim cuts are left out.
     """
+    beyond, most_lean, most_spin = np.deg2rad([beyond_deg, lean_deg, spin_deg])
     random = np.random.default_rng(0)
     v = random.uniform(*patch.rim.v, count)
     low, high = u_range(patch, v)
@@ -46,8 +65,8 @@ def pressed_poses(
     n = N / length[:, None]
     junctions = np.arctan2(patch.arcs[:-1, 4], patch.arcs[:-1, 3])
     first, last = (junctions[0], junctions[-1]) if len(junctions) else (0.0, 0.0)
-    angle = random.uniform(first - _BEYOND_RAD, last + _BEYOND_RAD, count)
-    lean, spin = random.uniform(-_LEAN_RAD, _LEAN_RAD, count), random.uniform(-_SPIN_RAD, _SPIN_RAD, count)
+    angle = random.uniform(first - beyond, last + beyond, count)
+    lean, spin = random.uniform(-most_lean, most_lean, count), random.uniform(-most_spin, most_spin, count)
     zero = np.zeros(count)
     out = np.stack([np.sin(angle), -np.cos(angle), zero], -1)  # from the arc's axis
     facing = np.cos(lean)[:, None] * out + np.sin(lean)[:, None] * [0.0, 0.0, 1.0]  # outward normal of the body
@@ -64,7 +83,7 @@ def pressed_poses(
     turn = patch.turn.T
 
     def loads_at(depth_mm: Array) -> PatchLoads:
-        return patch_loads(patch, law, _COARSE, turn @ R, (surface - depth_mm[:, None] * n) @ turn.T)
+        return patch_loads(patch, law, Rays(16, 3), turn @ R, (surface - depth_mm[:, None] * n) @ turn.T)
 
     def force_at(depth_mm: Array) -> Array:
         return np.linalg.norm(loads_at(depth_mm).wrench[:, :3], axis=1)
@@ -74,57 +93,47 @@ def pressed_poses(
     return (turn @ R)[whole], ((surface - depth[:, None] * n) @ turn.T)[whole]
 
 
-ELEMENTS, _HALF = (320, 160), (160, 80)  # of a patch
-_MOST_APART = 0.02  # of the poses: a few of a wide draw are no reason against a model that is right in all others
-
-
-def fraction_in_disagreement(scene: Scene, pressed: list[tuple[Array, Array, Array]]) -> float:
-    """The share of poses in which some load differs from that of `ELEMENTS` by more than one pose may be wrong
+def fraction_in_disagreement(scene: Scene, pressed: list[tuple[Array, Array, Array]], choice: RayChoice) -> float:
+    """The share of poses in which some load differs from that of elements by more than one pose may be wrong
     (`convergence.Errors`) and twice what elements half as fine differ by.
 
     pressed: of each patch rotations (m, 3, 3), translations (m, 3) and wrenches (m, 6) by rays. Raises
-    NotGoodEnoughError where the share is more than a few.
+    NotGoodEnoughError where the share is larger than the choice allows.
     """
-    fine, half = (ElasticFoundation(scene, grid) for grid in (ELEMENTS, _HALF))
+    nx, nz = choice.elements
+    fine, half = (ElasticFoundation(scene, grid) for grid in ((nx, nz), (nx // 2, nz // 2)))
     selection = load_selection(scene.load_names, scene.patch_names)
     apart: list[np.ndarray] = []
     for p, (R, t, wrench) in enumerate(pressed):
         if not len(t):
             continue
         poses = np.column_stack([t, Rotation.from_matrix(R).as_euler("XYZ")])
-        wanted, rough = (model.wrenches(poses)[:, p] for model in (fine, half))
-        forces_n = np.linalg.norm(wanted[:, :3], axis=1)
-        off, unsure = (np.abs((found - wanted) @ selection[:, p].T) for found in (wrench, rough))
+        target, rough = (model.wrenches(poses)[:, p] for model in (fine, half))
+        forces_n = np.linalg.norm(target[:, :3], axis=1)
+        off, unsure = (np.abs((found - target) @ selection[:, p].T) for found in (wrench, rough))
         errors = Errors(scene, np.maximum(off - 2.0 * unsure, 0.0), forces_n, np.zeros(len(t), dtype=bool))
         apart.append(np.any(errors.of_allowed > 1.0, axis=1))
     share = float(np.mean(np.concatenate(apart))) if apart else 0.0
-    if share > _MOST_APART:
+    if share > choice.most_apart:
         raise NotGoodEnoughError(
-            f"scene {scene.name}: rays and {grid_text(ELEMENTS)} elements differ by more than its tolerances allow in "
-            f"{share:.0%} of the poses that were tried, because contact is more than one spot there: {remedy(scene)}"
+            f"scene {scene.name}: rays and {grid_text(choice.elements)} elements differ by more than its tolerances allow "
+            f"in {share:.0%} of the poses that were tried, because contact is more than one spot there: {remedy(scene)}"
         )
     return share
 
 
-CANDIDATES = (Rays(8, 3), Rays(12, 3), Rays(16, 3), Rays(24, 3), Rays(32, 4), Rays(48, 5))
-LADDER = (Rays(8, 2), Rays(8, 3), Rays(16, 4))
-CONVERGED = Rays(96, 6)
-_POSES = 256
-_ASKED = 128  # of the poses of each patch: elements take their time
-
-
-def polar_foundation(scene: Scene, *, compiled: bool = True) -> PolarFoundation:
-    """The fewest rays that agree with `CONVERGED` within the scene's tolerances (`convergence.cheapest`), over poses
-    that press each patch anywhere within its rim; in some of them `CONVERGED` has to agree with elements
-    (`against_elements.fraction_in_disagreement`, "elements_apart" in the record)."""
-    converged = PolarFoundation(scene, CONVERGED, compiled=False)
-    truth = _truth(converged, forces_tried(scene))
-    models = (PolarFoundation(scene, rays, compiled=compiled) for rays in CANDIDATES)
-    against = f"{CONVERGED}, EF {grid_text(ELEMENTS)}"
+def polar_foundation(scene: Scene, *, compiled: bool = True, choice: RayChoice | None = None) -> PolarFoundation:
+    """The fewest rays that agree with converged ones within the scene's tolerances (`convergence.cheapest`), over poses
+    that press each patch anywhere within its rim. In some of them the converged ones have to agree with elements
+    (`fraction_in_disagreement`, "elements_apart" in the record)."""
+    choice = choice or RayChoice()
+    converged = PolarFoundation(scene, Rays(*choice.converged), compiled=False)
+    truth = _truth(converged, forces_tried(scene), choice.poses)
+    models = (PolarFoundation(scene, Rays(*rays), compiled=compiled) for rays in choice.candidates)
+    against = f"{converged.rays}, EF {grid_text(choice.elements)}"
     model = cheapest(scene, models, lambda model: _errors(model, truth), model="polar quadrature", against=against)
-    apart = fraction_in_disagreement(
-        scene, [_poses_for_elements(patch, *found) for patch, found in zip(converged.patches, truth, strict=True)]
-    )
+    pairs, count = zip(converged.patches, truth, strict=True), choice.poses_on_elements
+    apart = fraction_in_disagreement(scene, [_poses_for_elements(p, *found, count) for p, found in pairs], choice)
     model.record |= {"rays": model.rays.count, "points": model.rays.points, "elements_apart": apart}
     return model
 
@@ -142,21 +151,23 @@ def polar_ladder(scene: Scene) -> Iterator[PolarFoundation]:
 Truth = list[tuple[Array, Array, Array]]
 
 
-def _truth(model: PolarFoundation, range_n: tuple[float, float]) -> Truth:
+def _truth(model: PolarFoundation, range_n: tuple[float, float], count: int) -> Truth:
     """Rotations, translations and converged wrenches (m, 6) of poses that press each patch; poses whose contact the rim
     cuts between the few rays that found them are left out."""
     found = []
     for patch in model.patches:
-        R, t = pressed_poses(patch, model.law, range_n, _POSES)
+        R, t = pressed_poses(patch, model.law, range_n, count)
         loads = patch_loads(patch, model.law, model.rays, R, t)
         found.append((R[~loads.cut], t[~loads.cut], loads.wrench[~loads.cut]))
     return found
 
 
-def _poses_for_elements(patch: SmoothPatch, R: Array, t: Array, wrench: Array) -> tuple[Array, Array, Array]:
-    """Rotations, translations and wrenches of the poses that elements are asked in: a few of those in which the patch
-    is not met by the body's back, of which polar quadrature knows nothing."""
-    few = evenly(len(t), _ASKED)
+def _poses_for_elements(
+    patch: SmoothPatch, R: Array, t: Array, wrench: Array, count: int
+) -> tuple[Array, Array, Array]:
+    """Rotations, translations and wrenches of up to so many poses to be compared with elements, without those in which
+    the body's back meets the patch, which polar quadrature does not cover."""
+    few = evenly(len(t), count)
     R, t, wrench = R[few], t[few], wrench[few]
     turned, place = patch.turn @ R, t @ patch.turn.T
     spot = peak(patch, turned, place).spot

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from casadi_contact.contact.elements.foundation import (
-    TELLING_SHARE,
+    SHARP_SHARE,
     ElasticFoundation,
     pressed_elements,
     share_at_sharp_edges,
@@ -116,7 +116,7 @@ _PLACES = {
         share_at_sharp_edges,
         "at sharp edges of the moving mesh, which its distance field rounds off: up to that share of the load may be "
         "wrong; a finer geometry.spacing.moving mends it, and a smoother mesh where they are a scan's noise",
-        least=TELLING_SHARE,
+        least=SHARP_SHARE,
     ),
 }
 

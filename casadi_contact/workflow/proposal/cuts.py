@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.contact.cells.choice import cell_sizes_mm, square_cells
+from casadi_contact.contact.cells.choice import CellChoice
 from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.core.conventions import Array, Update
 from casadi_contact.core.quantities import FORCE, of_kind, three_digits
@@ -131,7 +131,9 @@ def _squared_errors(
 ) -> Array:
     """e² [N²] (patches, strips + 1, strips + 1) of every run of strips between edges (patches, strips + 1); infinite
     where i >= j."""
-    cells = square_cells(cell_sizes_mm(scene)[2])
+    choice = CellChoice()
+    size_mm = choice.sizes_of(scene)[2]
+    cells = choice.cells(size_mm, size_mm)
     model = CellFoundation(cut_scene(scene, edges_mm[:, 1:-1].tolist(), bounds_mm), cells)
     rows = np.random.default_rng(0).permutation(np.flatnonzero(fitted_rows(samples)[0]))[: settings.rows]
     poses, validation = samples.poses[rows], samples.role[rows] == VALIDATION
