@@ -16,9 +16,8 @@ from numpy.typing import ArrayLike
 from casadi_contact.contact.approach import touching_start
 from casadi_contact.contact.foundation_source import C_FOLDER, C_LAWS, FoundationKernel
 from casadi_contact.contact.model import WrenchLoads, signed_roots
-from casadi_contact.contact.parameters import check_parameters, parametric_function
 from casadi_contact.contact.pressures import MOMENTS, PressureOutputs
-from casadi_contact.contact.symbolic import contact_callback, model_callback
+from casadi_contact.contact.symbolic import check_parameters, contact_callback, model_callback, parametric_function
 from casadi_contact.core.compiler import CompilerError, call_in_shares, shared_library, warn_once
 from casadi_contact.core.conventions import (
     Array,

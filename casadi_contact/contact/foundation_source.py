@@ -69,7 +69,7 @@ def _law_sizes(material: Material) -> dict[str, float]:
 
 def definitions(sizes: Mapping[str, float], tables: Mapping[str, Iterable[float]] | None = None) -> list[str]:
     """C of numbers, by name, and of arrays of doubles, by name and size: ``ray_cos[RAYS]``."""
-    defined = [f"#undef {name}\n#define {name} {value!r}" for name, value in sizes.items()]
+    defined = [f"#undef {name}\n#define {name} {value}" for name, value in sizes.items()]
     return defined + [f"static const double {name} = {braces(values)};" for name, values in (tables or {}).items()]
 
 

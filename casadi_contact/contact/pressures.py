@@ -1,19 +1,21 @@
-"""Pressure over the fixed surface in one pose, for pictures."""
+"""Pressure over the fixed surface: of elements, as outputs of a contact model, and at sharp edges."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.pressure_law import law_of, pressure_slopes
 from casadi_contact.contact.symbolic import contact_callback
-from casadi_contact.core.conventions import Array, as_poses, pose_or_poses
+from casadi_contact.core.conventions import Array, as_poses, pose_or_poses, rotation
+from casadi_contact.geometry.creases import beside_creases, creases
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.shapes.mesh_bodies import body_mesh, field_spacing
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,15 @@ class PressureMap:
         """Centre of pressure Σ p·A·c / Σ p·A (3,), None out of contact."""
         force = self.forces_n
         return np.asarray(force @ self.centres_mm / force.sum()) if force.any() else None
+
+
+class ElementModel(Protocol):
+    """A contact model with the pressure of each element, as `ElasticFoundation`."""
+
+    scene: Scene
+
+    def pressure_maps(self, pose: Array) -> list[PressureMap]:
+        """Pressure of every element in one pose (6,), patch by patch."""
 
 
 MEASURES = ("contact_area", "mean_pressure", "peak_pressure", "cop_x", "cop_y", "cop_z", "penetration")
@@ -163,3 +174,38 @@ class PressureOutputs(ABC):
         slopes = np.concatenate([np.stack([dm[..., 0, :], of_mean, of_peak], -2), of_centre, dm[..., 5:, :]], -2)
         shape = (len(poses), len(self.pressure_names))  # no -1: there may be no poses
         return values.reshape(shape), slopes.reshape(*shape, 6)
+
+
+def pressed_elements(model: ElementModel, pose: Array) -> tuple[Array, Array]:
+    """Centres (m, 3) [mm] of the elements that bear load and their forces p·A (m,) [N]."""
+    maps = model.pressure_maps(pose)
+    force = np.concatenate([each.forces_n for each in maps])
+    return np.concatenate([each.centres_mm for each in maps])[force > 0.0], force[force > 0.0]
+
+
+SHARP_SHARE = 0.1  # of a wheel with bare edges, with less of its load there forces are off by 1 %
+
+
+def share_at_sharp_edges(model: ElementModel, poses: Array) -> Array:
+    """Share (n,) of the pressing force Σ p·A, over all patches, on elements nearer to a crease of the moving mesh than
+    the nodes of its distance field lie from each other.
+
+    There the field rounds the edge off (`geometry.distance_field`), for elements and cells alike. 0 out of contact, and
+    for moving bodies without creases, as for those that are no meshes.
+    """
+    poses = as_poses(poses)
+    share = np.zeros(len(poses))
+    if model.scene.shape != "mesh":
+        return share
+    mesh, spacing = body_mesh(model.scene.geometry, "moving"), field_spacing(model.scene.geometry, "moving")
+    if not len(creases(mesh)[0]):
+        return share
+    pressed = [pressed_elements(model, pose) for pose in poses]
+    seen = [(points - pose[:3]) @ rotation(pose[3:]) for (points, _), pose in zip(pressed, poses, strict=True)]
+    at = np.repeat(np.arange(len(poses)), [len(points) for points in seen])
+    if not len(at):
+        return share
+    force = np.concatenate([each for _, each in pressed])
+    there = beside_creases(mesh, np.concatenate(seen), np.arange(len(mesh.faces)), spacing)
+    total, beside = np.bincount(at, force, len(poses)), np.bincount(at[there], force[there], len(poses))
+    return np.asarray(np.divide(beside, total, where=total > 0.0, out=share))

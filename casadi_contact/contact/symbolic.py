@@ -1,4 +1,12 @@
-"""Contact models without a kernel as CasADi functions with their own Jacobian; CasADi differences it for Hessians."""
+"""Contact models as CasADi functions: of models without a kernel, and of material and placement besides the pose.
+
+A model without a kernel is called back with its own Jacobian; CasADi differences that for Hessians.
+
+Loads are proportional to K(E, ν) and, under the linear law, to 1/h: material inputs are factors on the scene's own
+loads, NaN unless E > 0, -1 < ν < 0.5 and h > 0. The fixed body placed at (t_f, R_f) in the scene's frame is met by the
+moving body at R_fᵀ(t - t_f), R_fᵀR; its wrench (F', T') there is F = R_f F', T = R_f T' + t_f × F in the scene's frame,
+about its origin.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +17,12 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.core.conventions import Array, check_loads, pose_or_poses
+from casadi_contact.contact.pressure_law import layer_modulus
+from casadi_contact.core.conventions import POSE_NAMES, Array, check_loads, pose_or_poses
+from casadi_contact.networks.frames import relative_pose, rotation
 from casadi_contact.networks.functions import ContactFunctions
 from casadi_contact.networks.names import check_name
+from casadi_contact.scenes.material import Material
 
 Output = tuple[str, int, Callable[[Array], tuple[Array, Array]]]  # name, rows m, poses -> (n, m), (n, m, 6)
 _KEPT: list[ca.Callback] = []  # CasADi does not keep the Python side of a callback alive
@@ -34,8 +45,8 @@ def model_callback(
     rows = [model.load_names.index(load) for load in loads]
 
     def some_loads(poses: Array) -> tuple[Array, Array]:
-        values, slopes = model.jacobian(poses)
-        return values[:, rows], slopes[:, rows]
+        values, jacobian = model.jacobian(poses)
+        return values[:, rows], jacobian[:, rows]
 
     outputs = {"loads": (len(loads), some_loads), "roots": (len(model.patch_names), model.root_loads)}
     function = contact_callback(name, [(key, *outputs[key]) for key in wanted])
@@ -43,10 +54,12 @@ def model_callback(
 
 
 class _Values(ca.Callback):
-    def __init__(self, name: str, outputs: Sequence[Output], size: int) -> None:
+    """Outputs of one vector by name. CasADi asks it for its Jacobian, which is a callback as well."""
+
+    def __init__(self, name: str, outputs: Sequence[Output], size: int, **options: Any) -> None:
         super().__init__()
         self._outputs, self._size = outputs, size
-        self.construct(name, {})
+        self.construct(name, options)
 
     def get_n_in(self) -> int:
         return 1
@@ -68,46 +81,48 @@ class _Values(ca.Callback):
 
     def eval(self, arg: Sequence[Any]) -> list[Array]:
         """CasADi's call; NaN for a pose that is not finite."""
+        return self._evaluated(arg, 0, ())
+
+    def _evaluated(self, arg: Sequence[Any], which: int, columns: tuple[int, ...]) -> list[Array]:
+        """Values (which = 0) or Jacobians (1) of all outputs."""
         pose = np.array(arg[0], dtype=float).reshape(1, self._size)
         if not np.isfinite(pose).all():
-            return [np.full(rows, np.nan) for _, rows, _ in self._outputs]
-        return [model(pose)[0][0] for _, _, model in self._outputs]
+            return [np.full((rows, *columns), np.nan) for _, rows, _ in self._outputs]
+        return [model(pose)[which][0] for _, _, model in self._outputs]
 
     def has_jacobian(self) -> bool:
         return True
 
     def get_jacobian(self, name: str, inames: Any, onames: Any, opts: Any) -> ca.Function:
-        jacobian = _Jacobians(name, self._outputs, self._size, opts)
-        _KEPT.append(jacobian)
-        return jacobian
+        options = {**opts, "enable_fd": True, "fd_method": "central"}
+        _KEPT.append(_Jacobians(name, self._outputs, self._size, **options))
+        return _KEPT[-1]
 
 
-class _Jacobians(ca.Callback):
-    def __init__(self, name: str, outputs: Sequence[Output], size: int, options: Any) -> None:
-        super().__init__()
-        self._outputs, self._size = outputs, size
-        self.construct(name, {**options, "enable_fd": True, "fd_method": "central"})
+class _Jacobians(_Values):
+    """Its inputs are the vector and the outputs, which are not needed."""
 
     def get_n_in(self) -> int:
         return 1 + len(self._outputs)
 
-    def get_n_out(self) -> int:
-        return len(self._outputs)
+    def get_name_in(self, i: int) -> str:
+        return f"i{i}"
+
+    def get_name_out(self, i: int) -> str:
+        return f"o{i}"
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        if i == 0:
-            return ca.Sparsity.dense(self._size, 1)
-        return ca.Sparsity(self._outputs[i - 1][1], 1)  # an output, which is not needed
+        return ca.Sparsity(self._outputs[i - 1][1], 1) if i else super().get_sparsity_in(0)
 
     def get_sparsity_out(self, i: int) -> ca.Sparsity:
         return ca.Sparsity.dense(self._outputs[i][1], self._size)
 
     def eval(self, arg: Sequence[Any]) -> list[Array]:
         """CasADi's call; NaN for a pose that is not finite."""
-        pose = np.array(arg[0], dtype=float).reshape(1, self._size)
-        if not np.isfinite(pose).all():
-            return [np.full((rows, self._size), np.nan) for _, rows, _ in self._outputs]
-        return [model(pose)[1][0] for _, _, model in self._outputs]
+        return self._evaluated(arg, 1, (self._size,))
+
+    def has_jacobian(self) -> bool:
+        return False
 
 
 class SymbolicContact(ContactModel, Protocol):
@@ -158,6 +173,8 @@ class CallbackContact(ContactFunctions, ContactModel):
         self.load_names, self.patch_names = model.load_names, model.patch_names
         self.record: dict[str, Any] = {}
         self.has_wrenches, self.has_gaps = model.has_wrenches, model.has_gaps
+        for name in ("jacobian", "root_loads", "jacobian_and_roots", "wrenches", "wrench_jacobian", "gaps", "at_edge"):
+            setattr(self, name, getattr(model, name))
 
     def __repr__(self) -> str:
         return f"symbolic({self.model!r})"
@@ -167,30 +184,6 @@ class CallbackContact(ContactFunctions, ContactModel):
         """Named loads (n, loads) [N, N·mm], all or those asked for."""
         return self.model(poses)[:, [self.load_names.index(name) for name in self.check_loads(loads)]]
 
-    def jacobian(self, poses: Array) -> tuple[Array, Array]:
-        """The model's loads and Jacobian."""
-        return self.model.jacobian(poses)
-
-    def root_loads(self, poses: Array) -> tuple[Array, Array]:
-        """The model's signed root loads and their derivatives."""
-        return self.model.root_loads(poses)
-
-    def wrenches(self, poses: Array) -> Array:
-        """The model's wrenches (n, patches, 6)."""
-        return self.model.wrenches(poses)
-
-    def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:
-        """The model's wrenches and their derivatives (n, patches, 6, 6)."""
-        return self.model.wrench_jacobian(poses)
-
-    def gaps(self, poses: Array) -> Array:
-        """The model's gaps (n, patches) [mm]."""
-        return self.model.gaps(poses)
-
-    def at_edge(self, poses: Array) -> np.ndarray:
-        """Where contact reaches a rim of the model (n, patches)."""
-        return self.model.at_edge(poses)
-
     def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
         """The loads asked for (None: all); ValueError where one is not the scene's."""
         return check_loads(self.load_names, loads)
@@ -199,3 +192,66 @@ class CallbackContact(ContactFunctions, ContactModel):
         self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
     ) -> ca.Function:
         return model_callback(self.model, name, loads, wanted, batch)  # there is nothing to compile
+
+
+PLACEMENT = tuple(f"fixed_{name}" for name in POSE_NAMES)
+PARAMETERS = ("youngs_modulus", "poissons_ratio", "thickness", *PLACEMENT)
+
+
+def check_parameters(parameters: Iterable[str], material: Material) -> tuple[str, ...]:
+    """The parameters (E [MPa], ν, h [mm], placement [mm, rad]) asked for.
+
+    Raises ValueError for an unknown or repeated one, and for a thickness that is no factor of the loads.
+    """
+    names = tuple([parameters] if isinstance(parameters, str) else parameters)
+    unknown = [name for name in names if name not in PARAMETERS]
+    if unknown or len(set(names)) < len(names):
+        raise ValueError(f"parameters {', '.join(names)}, expected some of {', '.join(PARAMETERS)}, each once")
+    if "thickness" in names and material.law != "linear":
+        raise ValueError(f"thickness is no factor of the loads under the law {material.law!r}, expected the law linear")
+    return names
+
+
+def parametric_function(
+    name: str,
+    parameters: Sequence[str],
+    material: Material,
+    selection: Array,
+    wrenches: Callable[[ca.MX], ca.MX],
+) -> ca.Function:
+    """Function pose (6), parameters (m) -> loads (L).
+
+    selection (L, P, 6) picks loads from wrenches(pose) -> (6·P), those of the scene's own material in the fixed body's
+    frame, patch after patch.
+    """
+    pose, given = ca.MX.sym("pose", 6), ca.MX.sym("parameters", len(parameters))
+    value = dict(zip(parameters, ca.vertsplit(given), strict=True))
+    placed = any(key in value for key in PLACEMENT)
+    place = ca.vertcat(*(value.get(key, ca.MX(0.0)) for key in PLACEMENT))
+    turn, shift = rotation(place[3:]), place[:3]
+    forces = ca.reshape(
+        wrenches(relative_pose((shift, turn), (pose[:3], rotation(pose[3:]))) if placed else pose),
+        6,
+        selection.shape[1],
+    )
+    parts = []
+    for p in range(selection.shape[1]):
+        force, torque = forces[:3, p], forces[3:, p]
+        if placed:
+            force = turn @ force
+            torque = turn @ torque + ca.cross(shift, force)
+        parts.append(ca.DM(selection[:, p]) @ ca.vertcat(force, torque))
+    loads = _stiffness_ratio(value, material) * sum(parts[1:], parts[0])
+    return ca.Function(name, [pose, given], [loads], ["pose", "parameters"], ["loads"])
+
+
+def _stiffness_ratio(value: dict[str, ca.MX], material: Material) -> ca.MX:
+    """(K/h) over that of the scene's material; NaN where there is no such material, so that a solver steps back."""
+    names = ("youngs_modulus", "poissons_ratio", "thickness")
+    E, nu, h = (ca.MX(value.get(name, getattr(material, name))) for name in names)
+    modulus = (1.0 - nu) * E / ((1.0 + nu) * (1.0 - 2.0 * nu))
+    bounds = {"youngs_modulus": E > 0.0, "poissons_ratio": ca.logic_and(nu > -1.0, nu < 0.5), "thickness": h > 0.0}
+    ratio = modulus / layer_modulus(material) * material.thickness / h
+    for name in (name for name in names if name in value):
+        ratio = ca.if_else(bounds[name], ratio, np.nan)
+    return ratio

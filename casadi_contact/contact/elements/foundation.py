@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from pathlib import Path
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from casadi_contact.contact.elements.compiled import CompiledElements
 from casadi_contact.contact.elements.loops import element_depths, gap_many, point_distances, touches_many, wrench_many
+from casadi_contact.contact.foundation_source import C_FOLDER, C_LAWS, law_source
 from casadi_contact.contact.model import WrenchLoads
 from casadi_contact.contact.pressure_law import law_of, pressures
 from casadi_contact.contact.pressures import PressedElements, PressureMap, PressureSummary
 from casadi_contact.core.compilation import threads_for
+from casadi_contact.core.compiler import CompilerError, call_in_shares, shared_library
 from casadi_contact.core.conventions import (
     Array,
     as_poses,
@@ -22,18 +26,86 @@ from casadi_contact.core.conventions import (
     rotation,
     twist_to_pose_gradient,
 )
-from casadi_contact.geometry.creases import beside_creases, creases
-from casadi_contact.geometry.elements import ElementGrid
-from casadi_contact.geometry.moving_surface import MovingSurface
+from casadi_contact.geometry.elements import BLOCK_SIDE, ElementGrid
+from casadi_contact.geometry.moving_surface import SWEPT_ARCS, MovingSurface
+from casadi_contact.networks.kernel.source import c_text
 from casadi_contact.scenes.material import Material
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.checks import grid_size
-from casadi_contact.scenes.shapes.mesh_bodies import body_mesh, field_spacing
 
 
 def grid_text(grid: tuple[int, int]) -> str:
     """Elements per side as people write them: "80×40"."""
     return f"{grid[0]}×{grid[1]}"
+
+
+@dataclass(frozen=True)
+class CompiledElements:
+    """One bed as C reads it (``c/elements.h``): the library, and what it gets besides poses.
+
+    Both C and numba stay. Numba has every surface and pressure law, and needs no compiler. The C has swept arcs only,
+    with four elements in a vector: 8 against 105 µs a pose of 80×40 elements, which samples, references and
+    verification of knees wait for.
+    """
+
+    lanes: ClassVar[int] = 4  # groups of elements in a vector
+
+    library: Path
+    constants: tuple[np.ndarray, ...]
+
+    @classmethod
+    def of(cls, surface: MovingSurface, elements: ElementGrid, material: Material) -> CompiledElements | None:
+        """None where there is no C for the surface or the pressure law, or no compiler: numba has the same numbers."""
+        if surface.family != SWEPT_ARCS or material.law not in C_LAWS:
+            return None
+        texts = [law_source(material), c_text("elements.h", C_FOLDER)]
+        try:
+            library = shared_library("\n".join(texts))
+        except CompilerError:
+            return None
+        members, present = _in_groups(elements, cls.lanes)
+        boxes = _boxes(members, present).reshape(-1, cls.lanes, 12).transpose(0, 2, 1).copy()
+        count = np.array([len(members)], dtype=np.int64)
+        return cls(library, (count, surface.parameters.copy(), boxes, members.transpose(0, 2, 1).copy()))
+
+    def wrenches(self, rotations: Array, translations: Array, *, derivatives: bool) -> tuple[Array, Array]:
+        """Wrenches (n, 6), and d wrench/d twist (n, 6, 6) if asked for (else none), at n poses."""
+        count = len(translations)
+        wrenches = np.empty((count, 6))
+        stiffness = np.empty((count, 6, 6)) if derivatives else None
+        arrays = (np.ascontiguousarray(translations), wrenches, stiffness)
+        rotations = np.ascontiguousarray(rotations)
+        call_in_shares(self.library, "element_wrenches", rotations, *arrays, constants=self.constants)
+        return wrenches, np.empty((0, 6, 6)) if stiffness is None else stiffness
+
+
+def _in_groups(elements: ElementGrid, lanes: int) -> tuple[Array, np.ndarray]:
+    """c, n and area (groups, g, 7) of the blocks' elements, and which of them there are (groups, g). The groups are a
+    multiple of `lanes`, filled up with zeros."""
+    size = BLOCK_SIDE**2
+    spans = itertools.pairwise(elements.blocks.tolist())
+    groups = [(k, min(size, end - k)) for start, end in spans for k in range(start, end, size)]
+    groups += [(0, 0)] * (-len(groups) % lanes)
+    starts, sizes = np.array(groups).T
+    place = np.arange(size)
+    present = np.asarray(place < sizes[:, None])
+    columns = np.column_stack([elements.centres_mm, elements.normals, elements.areas_mm2])
+    return columns[np.where(present, starts[:, None] + place, 0)] * present[..., None], present
+
+
+def _boxes(members: Array, present: np.ndarray) -> Array:
+    """Middle and three half axes (groups, 12) of boxes about the elements, flat along their mean normals."""
+    normals = members[..., 3:6].sum(axis=1)
+    across = np.eye(3)[np.abs(normals).argmin(axis=1)]
+    frames = np.linalg.qr(np.stack([normals, across, np.ones_like(normals)], -1))[0]
+    along = members[..., :3] @ frames
+    low = np.where(present[..., None], along, np.inf).min(axis=1)
+    high = np.where(present[..., None], along, -np.inf).max(axis=1)
+    filled = np.any(present, axis=1, keepdims=True)
+    low, high = np.where(filled, low, 0.0), np.where(filled, high, 0.0)
+    middle = np.einsum("gik,gk->gi", frames, 0.5 * (low + high))
+    axes = (0.5 * (high - low))[:, :, None] * np.swapaxes(frames, 1, 2)
+    return np.concatenate([middle, axes.reshape(-1, 9)], 1)
 
 
 class PatchElements(NamedTuple):
@@ -192,38 +264,3 @@ class ElasticFoundation(WrenchLoads):
             results = [gap_many(s.family, s.parameters, e, rotations, translations) for s, e, _ in beds]
         slopes = twist_to_pose_gradient(np.stack([g for _, g in results], axis=1), poses)
         return np.stack([g for g, _ in results], axis=1), slopes
-
-
-def pressed_elements(model: ElasticFoundation, pose: Array) -> tuple[Array, Array]:
-    """Centres (m, 3) [mm] of the elements that bear load and their forces p·A (m,) [N]."""
-    maps = model.pressure_maps(pose)
-    force = np.concatenate([each.forces_n for each in maps])
-    return np.concatenate([each.centres_mm for each in maps])[force > 0.0], force[force > 0.0]
-
-
-SHARP_SHARE = 0.1  # of a wheel with bare edges, with less of its load there forces are off by 1 %
-
-
-def share_at_sharp_edges(model: ElasticFoundation, poses: Array) -> Array:
-    """Share (n,) of the pressing force Σ p·A, over all patches, on elements nearer to a crease of the moving mesh than
-    the nodes of its distance field lie from each other.
-
-    There the field rounds the edge off (`geometry.distance_field`), for elements and cells alike. 0 out of contact, and
-    for moving bodies without creases, as for those that are no meshes.
-    """
-    poses = as_poses(poses)
-    share = np.zeros(len(poses))
-    if model.scene.shape != "mesh":
-        return share
-    mesh, spacing = body_mesh(model.scene.geometry, "moving"), field_spacing(model.scene.geometry, "moving")
-    if not len(creases(mesh)[0]):
-        return share
-    pressed = [pressed_elements(model, pose) for pose in poses]
-    seen = [(points - pose[:3]) @ rotation(pose[3:]) for (points, _), pose in zip(pressed, poses, strict=True)]
-    at = np.repeat(np.arange(len(poses)), [len(points) for points in seen])
-    if not len(at):
-        return share
-    force = np.concatenate([each for _, each in pressed])
-    there = beside_creases(mesh, np.concatenate(seen), np.arange(len(mesh.faces)), spacing)
-    total, beside = np.bincount(at, force, len(poses)), np.bincount(at[there], force[there], len(poses))
-    return np.asarray(np.divide(beside, total, where=total > 0.0, out=share))

@@ -116,7 +116,7 @@ def fraction_in_disagreement(scene: Scene, pressed: list[tuple[Array, Array, Arr
     share = float(np.mean(np.concatenate(apart))) if apart else 0.0
     if share > choice.most_apart:
         raise NotGoodEnoughError(
-            f"scene {scene.name}: rays and {grid_text(choice.elements)} elements differ by more than its tolerances allow "
+            f"scene {scene.name}: rays and {grid_text(choice.elements)} elements differ by more than tolerances allow "
             f"in {share:.0%} of the poses that were tried, because contact is more than one spot there: {remedy(scene)}"
         )
     return share

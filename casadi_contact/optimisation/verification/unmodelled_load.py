@@ -7,13 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from casadi_contact.contact.elements.foundation import (
-    SHARP_SHARE,
-    ElasticFoundation,
-    pressed_elements,
-    share_at_sharp_edges,
-)
+from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.pressure_law import law_of, pressures
+from casadi_contact.contact.pressures import SHARP_SHARE, pressed_elements, share_at_sharp_edges
 from casadi_contact.core.conventions import Array, as_poses, rotation
 from casadi_contact.scenes.shapes.mesh_bodies import bare_mesh, body_field, body_mesh, body_surface
 
