@@ -27,8 +27,7 @@ import numpy as np
 
 import casadi_contact as cc
 from casadi_contact.contact.compiled_foundation import CompiledFoundation
-from casadi_contact.contact.symbolic import PLACEMENT, check_parameters
-from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.contact.symbolic import PLACEMENT, SymbolicContact, check_parameters
 from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, Array
 from casadi_contact.core.quantities import quantity
 from casadi_contact.core.terminal import run_program
