@@ -29,9 +29,6 @@ from casadi_contact.geometry.triangle_mesh import TriangleMesh
 MM_PER_UNIT = {"m": 1000.0, "mm": 1.0, "cm": 10.0, "inch": 25.4}
 FILE_AXES = ("x", "y", "z")  # axes as they are in the file
 FORMATS = (".stl", ".obj", ".ply", ".vtp")
-_SMALLEST_MM, _LARGEST_MM = 4.0, 1000.0  # across: a joint's parts lie well between, a wrong unit does not
-_LEAST_HEIGHT = 1e-6  # of a triangle over its longest edge: flatter ones have no usable normal
-_MOST_DROPPED = 0.5  # of the triangles: a sheet written twice, back on back, is still the same sheet
 
 
 MIRRORS = ("x", "y", "z")
@@ -128,8 +125,18 @@ def checked_mesh(
     axes: Sequence[str] = FILE_AXES,
     contact: Sequence[Box] | None = None,
     placement: Placement = AS_IN_FILE,
+    *,
+    smallest_mm: float = 4.0,
+    largest_mm: float = 1000.0,
+    least_height: float = 1e-6,
+    most_dropped: float = 0.5,
 ) -> TriangleMesh:
-    """Merge equal vertices, drop degenerate and repeated triangles; refuse what cannot work (see `load_mesh`)."""
+    """A mesh with equal vertices merged and without degenerate and repeated triangles; raises as `load_mesh` does.
+
+    smallest_mm, largest_mm: extent of a joint's parts, to detect wrong units. least_height: of a triangle over its
+    longest edge, below which it has no usable normal. most_dropped: share of triangles that may be dropped; a sheet
+    written twice is still the same sheet.
+    """
     if units not in MM_PER_UNIT:
         raise ValueError(f"mesh {name}: units = {units!r}, expected {' or '.join(MM_PER_UNIT)}")
     vertices, faces = np.asarray(vertices, dtype=float), np.asarray(faces, dtype=np.int64)
@@ -147,24 +154,24 @@ def checked_mesh(
     vertices = placement.points(MM_PER_UNIT[units] * vertices @ axes_rotation(axes).T)
     faces = placement.faces(faces)
     across = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    if not _SMALLEST_MM < across < _LARGEST_MM:
+    if not smallest_mm < across < largest_mm:
         sizes = {unit: across * size / MM_PER_UNIT[units] for unit, size in MM_PER_UNIT.items()}
-        fitting = [unit for unit, size in sizes.items() if _SMALLEST_MM < size < _LARGEST_MM]
-        cure = f"is the file in {' or '.join(fitting)}?" if fitting else "which no unit makes a joint's: scale it"
+        fitting = [unit for unit, size in sizes.items() if smallest_mm < size < largest_mm]
+        remedy = f"is the file in {' or '.join(fitting)}?" if fitting else "which no unit makes a joint's: scale it"
         raise ValueError(
-            f"mesh {name} is {across:.3g} mm across with units = {units!r}, expected {_SMALLEST_MM:g} to "
-            f"{_LARGEST_MM:g} mm: {cure}"
+            f"mesh {name} is {across:.3g} mm across with units = {units!r}, expected {smallest_mm:g} to "
+            f"{largest_mm:g} mm: {remedy}"
         )
     vertices, faces = _merge_vertices(vertices, faces)
-    wide, once = _heights(vertices, faces) > _LEAST_HEIGHT, _first_of_equals(faces)
+    wide, once = _heights(vertices, faces) > least_height, _first_of_equals(faces)
     sound, sliver = wide & once, ~wide & once & (faces != np.roll(faces, 1, axis=1)).all(axis=1)
     mesh = TriangleMesh(name, vertices, faces[sound], int((~sound).sum()), faces[sliver])
     if not sound.any():
         raise ValueError(f"mesh {name}: all {len(faces)} triangles are degenerate (no area), expected a surface")
-    if mesh.dropped > _MOST_DROPPED * len(faces):
+    if mesh.dropped > most_dropped * len(faces):
         raise ValueError(
             f"mesh {name}: {mesh.dropped} of {len(faces)} triangles are degenerate or repeated, expected "
-            f"{_MOST_DROPPED:.0%} at most: the file was misread or is damaged, export it again"
+            f"{most_dropped:.0%} at most: the file was misread or is damaged, export it again"
         )
     check_joined(mesh)
     check_manifold(mesh, contact)

@@ -1,5 +1,5 @@
-"""What a mesh must be for distances from it to have a sign: joined, manifold, of one orientation, outside out, its
-pieces apart. Each check raises ValueError, which says where the mesh is wrong and what to do."""
+"""Requirements for signed distances from a mesh: joined triangles, manifold, consistently oriented, outside out, pieces
+apart. Each check raises ValueError, which says where the mesh is wrong and what to do."""
 
 from __future__ import annotations
 
@@ -11,18 +11,12 @@ from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.triangle_mesh import RayCaster, TriangleMesh, directed_edges, point_words, undirected_edges
 
 Box = tuple[tuple[float, ...], tuple[float, ...]]  # lowest and highest corner [mm]
-_MANIFOLD_MARGIN_MM = 3.0  # about contact: normals there are fitted to vertices two edges away
-_FEW_PIECES = 20  # as single triangles: plates and marks
-_LEAST_THICKNESS_MM = 1e-6  # volume by area: what is flatter encloses nothing but rounding
-_BELOW_MM = 1e-3  # a triangle: where solid begins
-_DEEP_MM = 10.0  # in solid: farther from its surface another one changes no distance by 0.002 mm
-_LEAST_BURIED_MM2 = 1.0  # folds of a scan are smaller
 
 
-def check_joined(mesh: TriangleMesh) -> None:
-    """Triangles join to a surface: a piece of a mesh that has more than a few is more than two of them."""
+def check_joined(mesh: TriangleMesh, few_pieces: int = 20) -> None:
+    """The triangles form surfaces: pieces have more than two triangles on average, if there are more than a few."""
     pieces = int(mesh.pieces.max()) + 1
-    if pieces > _FEW_PIECES and 2 * pieces > len(mesh.faces):
+    if pieces > few_pieces and 2 * pieces > len(mesh.faces):
         raise ValueError(
             f"mesh {mesh.name}: its {len(mesh.faces)} triangles are {pieces} pieces that share no edges, expected a "
             "surface: are corners of neighbours written with different digits? Merge vertices that lie close together"
@@ -30,7 +24,7 @@ def check_joined(mesh: TriangleMesh) -> None:
 
 
 def check_manifold(mesh: TriangleMesh, contact: Sequence[Box] | None) -> None:
-    """Every edge near the contact boxes, or anywhere without such, joins at most two triangles."""
+    """Every edge near the contact boxes (without boxes: every edge) joins at most two triangles."""
     ends = mesh.vertices_mm[mesh.nonmanifold_edges]
     near = _near(ends, contact)
     if near.any():
@@ -54,12 +48,15 @@ def check_orientation(mesh: TriangleMesh) -> None:
         )
 
 
-def check_outside(mesh: TriangleMesh) -> None:
-    """Every closed piece has its outside out, or is a cavity: turned inwards, in the solid of others."""
+def check_outside(mesh: TriangleMesh, flat_mm: float = 1e-6) -> None:
+    """Every closed piece has outward normals, or is a cavity: inward normals, in the solid of other pieces.
+
+    flat_mm: pieces with a smaller ratio of volume to area are flat and enclose nothing.
+    """
     piece, count = mesh.pieces, int(mesh.pieces.max()) + 1
     areas = mesh.areas_mm2
     volume = np.bincount(piece, _volumes(mesh), count)
-    inward = volume < -_LEAST_THICKNESS_MM * np.bincount(piece, areas, count)
+    inward = volume < -flat_mm * np.bincount(piece, areas, count)
     inward[piece[_at_boundary(mesh)]] = False
     wrong = np.flatnonzero(inward)
     if count > 1 and len(wrong):
@@ -74,21 +71,29 @@ def check_outside(mesh: TriangleMesh) -> None:
         )
 
 
-def check_apart(mesh: TriangleMesh, contact: Sequence[Box] | None) -> None:
-    """No piece lies in the solid of another, near the contact boxes or anywhere without such: there the nearest surface
-    would be one inside the body, and distances from it have the wrong sign.
+def check_apart(
+    mesh: TriangleMesh,
+    contact: Sequence[Box] | None,
+    *,
+    below_mm: float = 1e-3,
+    deep_mm: float = 10.0,
+    least_mm2: float = 1.0,
+) -> None:
+    """No piece lies in the solid of another near the contact boxes (without boxes: anywhere).
 
-    A ray outwards from such a triangle comes out of the other piece; from any other it meets an outside, or nothing.
+    There the nearest surface would lie inside the body, and distances from it would have the wrong sign. An outward ray
+    from such a triangle leaves the other piece. Triangles deeper than ``deep_mm`` do not change distances, and areas
+    below ``least_mm2`` are folds of a scan.
     """
     if mesh.pieces.max() == 0:
         return
     out, middles = mesh.normals, mesh.corners_mm.mean(axis=1)
     caster = RayCaster(mesh)
-    depth, face = caster.first_hits(middles + _BELOW_MM * out, out)
-    buried = caster.leaves(out, face) & (depth < _DEEP_MM) & (mesh.pieces[face] != mesh.pieces)
+    depth, face = caster.first_hits(middles + below_mm * out, out)
+    buried = caster.leaves(out, face) & (depth < deep_mm) & (mesh.pieces[face] != mesh.pieces)
     buried &= _near(mesh.corners_mm, contact)
     area, count = mesh.areas_mm2[buried].sum(), mesh.pieces.max() + 1
-    if area > _LEAST_BURIED_MM2:
+    if area > least_mm2:
         raise ValueError(
             f"mesh {mesh.name}: {area:.3g} mm² of its surface lie inside another of its {count} pieces, first at "
             f"{point_words(middles[buried][0])} mm, expected the outside of the body alone: unite the pieces (boolean "
@@ -96,12 +101,15 @@ def check_apart(mesh: TriangleMesh, contact: Sequence[Box] | None) -> None:
         )
 
 
-def _near(corners_mm: Array, contact: Sequence[Box] | None) -> np.ndarray:
-    """True (n,) for edges or triangles by their corners (n, k, 3) that reach near a contact box; all without boxes."""
+def _near(corners_mm: Array, contact: Sequence[Box] | None, margin_mm: float = 3.0) -> np.ndarray:
+    """Mask (n,) of edges or triangles, by their corners (n, k, 3), within a margin of a contact box; all without boxes.
+
+    Normals in a box are fitted to vertices up to two edges away.
+    """
     near = np.full(len(corners_mm), contact is None)
     for low, high in contact or ():
-        reaches = (corners_mm.max(axis=1) >= np.subtract(low, _MANIFOLD_MARGIN_MM)) & (
-            corners_mm.min(axis=1) <= np.add(high, _MANIFOLD_MARGIN_MM)
+        reaches = (corners_mm.max(axis=1) >= np.subtract(low, margin_mm)) & (
+            corners_mm.min(axis=1) <= np.add(high, margin_mm)
         )
         near |= reaches.all(axis=1)
     return near
@@ -120,11 +128,11 @@ def _at_boundary(mesh: TriangleMesh) -> np.ndarray:
     return np.asarray(np.isin(edges, mesh.boundary_edges @ [size, 1]).reshape(3, -1).any(axis=0))
 
 
-def _solid_behind(mesh: TriangleMesh, triangles: np.ndarray) -> np.ndarray:
-    """True (n,) for the chosen triangles (n,) behind which lies solid: the whole mesh winds about the point there."""
+def _solid_behind(mesh: TriangleMesh, triangles: np.ndarray, below_mm: float = 1e-3) -> np.ndarray:
+    """Mask (n,) of the chosen triangles (n,) with solid behind them: the winding number there exceeds 1/2."""
     try:
         import igl
     except ImportError:
-        raise ImportError("telling cavities of meshes needs libigl: pip install casadi_contact[mesh]") from None
-    behind = mesh.corners_mm[triangles].mean(axis=1) - _BELOW_MM * mesh.normals[triangles]
+        raise ImportError("cavities of meshes need libigl: pip install casadi_contact[mesh]") from None
+    behind = mesh.corners_mm[triangles].mean(axis=1) - below_mm * mesh.normals[triangles]
     return np.asarray(igl.winding_number(mesh.vertices_mm, mesh.faces, behind) > 0.5)

@@ -14,12 +14,6 @@ from casadi_contact.geometry.projection import LEAST_UPWARD, ParallelProjection,
 from casadi_contact.geometry.smooth_surface import SmoothSurface
 from casadi_contact.geometry.triangle_mesh import RayCaster, TriangleMesh
 
-_LEAST_NET_AREA = 0.3  # of the whole: a closed body has none, a half-sphere half
-_ITERATIONS = 6
-_ROUNDED_OFF = 2.0  # times a field's spacing: as far beside a sharp edge its cubics differ from the surface
-# From triangle to smooth surface, normal to it: 0.5 mm, or of a triangle's longest edge what a coarse sphere bulges.
-_LARGEST_STEP_MM, _LARGEST_STEP_SHARE = 0.5, 0.15
-
 
 def grid_on_mesh(
     mesh: TriangleMesh,
@@ -28,27 +22,32 @@ def grid_on_mesh(
     box: tuple[Array, Array],
     projection: Projection,
     surface: Callable[[], SmoothSurface],
+    *,
+    rounded_nodes: float = 2.0,
+    step_mm: float = 0.5,
+    step_share: float = 0.15,
 ) -> Cells:
     """Centres (nx, nz, 3), unit normals (nx, nz, 3) and areas (nx, nz) of equal cells in u and v, inside the box.
 
-    A ray along the line of each cell's middle finds the mesh, Newton's method along it the smooth surface, whose normal
-    gives the area dA = du·dv·spread/cos(normal, line). Beside a crease, which a field rounds off, cells lie on the
-    smooth surface itself: `surface` makes it, where there is a crease. A cell whose ray misses the mesh, or meets a
-    wall, has no area. Raises ValueError if no cell is left.
+    A ray along the line of each cell's middle finds the mesh, and Newton's method along it the smooth surface, whose
+    normal gives the area dA = du·dv·spread/cos(normal, line). A field rounds off creases: within ``rounded_nodes`` of
+    its spacing beside a crease, cells lie on the smooth surface itself, made by `surface`. Cells whose ray misses the
+    mesh or meets a wall have no area, nor have those whose smooth surface lies farther from the triangle than step_mm
+    and step_share of its longest edge (how far a coarse sphere bulges). Raises ValueError if no cell is left.
     """
     low, high, top = projection.bounds(mesh, box)
     step = (high - low) / grid
     u, v = (low[axis] + (np.arange(count) + 0.5) * step[axis] for axis, count in enumerate(grid))
     lines = projection.lines(*(values.ravel() for values in np.meshgrid(u, v, indexing="ij")))
-    up, seen_from, cure = lines.ups, projection.seen_from, _cure(mesh, projection)
+    up, seen_from, remedy = lines.ups, projection.seen_from, _remedy(mesh, projection)
     tops, down = lines.starts + top * up, -up
     caster = RayCaster(mesh)
     distance, face = caster.first_hits(tops, down)
     if not (face >= 0).any():
-        raise ValueError(f"mesh {mesh.name}: no ray from {seen_from} meets it on a {grid[0]}×{grid[1]} grid: {cure}")
+        raise ValueError(f"mesh {mesh.name}: no ray from {seen_from} meets it on a {grid[0]}×{grid[1]} grid: {remedy}")
     if caster.leaves(down, face).sum() > 0.5 * (face >= 0).sum():
         raise ValueError(
-            f"mesh {mesh.name} shows its inside to {seen_from}, expected the outside of the surface: {cure}"
+            f"mesh {mesh.name} shows its inside to {seen_from}, expected the outside of the surface: {remedy}"
         )
     met = np.flatnonzero(np.isfinite(distance) & ~caster.leaves(down, face))
     centres, normals, areas = tops.copy(), up.copy(), np.zeros(len(tops))
@@ -56,52 +55,57 @@ def grid_on_mesh(
     flat = lines.starts[met] + h[:, None] * along
     h, on, normal = _on_field(field, lines.starts[met], along, h)
     bears = np.einsum("nk,nk->n", mesh.normals[face[met]], along) > LEAST_UPWARD
-    rounded = beside_creases(mesh, flat, face[met[bears]], _ROUNDED_OFF * field_parts(field.parameters)[1])
+    rounded = beside_creases(mesh, flat, face[met[bears]], rounded_nodes * field_parts(field.parameters)[1])
     if len(rounded):
         on[rounded], normal[rounded] = surface().along_lines(flat[rounded], along[rounded])
         h = np.einsum("nk,nk->n", on - lines.starts[met], along)
     upward = np.einsum("nk,nk->n", normal, along)
     corners = mesh.corners_mm[face[met]]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    largest_step = np.maximum(_LARGEST_STEP_MM, _LARGEST_STEP_SHARE * longest)
+    largest_step = np.maximum(step_mm, step_share * longest)
     kept = (upward > LEAST_UPWARD) & (np.linalg.norm(on - flat, axis=1) * upward < largest_step)
     kept &= np.all((on >= box[0]) & (on < box[1]), axis=1)
     centres[met[kept]], normals[met[kept]] = on[kept], normal[kept]
     areas[met[kept]] = step.prod() * projection.spread(h[kept]) / upward[kept]
     if not kept.any():
-        raise ValueError(f"mesh {mesh.name}: all it shows to {seen_from} is steeper than 78 degrees: {cure}")
+        raise ValueError(f"mesh {mesh.name}: all it shows to {seen_from} is steeper than 78 degrees: {remedy}")
     return centres.reshape(*grid, 3), normals.reshape(*grid, 3), areas.reshape(grid)
 
 
-def _on_field(field: DistanceField, starts: Array, along: Array, h: Array) -> tuple[Array, Array, Array]:
-    """How far along unit directions (m, 3) from starts (m, 3) the field is zero, begun at h (m,) [mm], the points there
-    (m, 3) and the field's unit normals (m, 3)."""
+def _on_field(
+    field: DistanceField, starts: Array, along: Array, h: Array, iterations: int = 6
+) -> tuple[Array, Array, Array]:
+    """The zero h (m,) [mm] of the field along unit directions (m, 3) from starts (m, 3), the points there (m, 3) and
+    the field's unit normals (m, 3), by Newton's method from the given h."""
     h, on = h.copy(), starts + h[:, None] * along
-    for _ in range(_ITERATIONS):
+    for _ in range(iterations):
         value, gradient = field(on)
         h -= value / np.maximum(np.einsum("nk,nk->n", gradient, along), LEAST_UPWARD)
         on = starts + h[:, None] * along
     return h, on, gradient / np.linalg.norm(gradient, axis=1, keepdims=True)
 
 
-def facing_axis(mesh: TriangleMesh) -> str | None:
-    """The axis that an open mesh's surface faces on the whole, with its sign ("+z"); None where it faces all ways."""
+def facing_axis(mesh: TriangleMesh, least_share: float = 0.3) -> str | None:
+    """The signed axis ("+z") of the mesh's net area vector; None if it is less than a share of the area.
+
+    The net area of a closed body is 0, of a half-sphere half of its area.
+    """
     area = mesh.area_vectors_mm2
     net = area.sum(axis=0)
-    return axis_name(net) if np.linalg.norm(net) > _LEAST_NET_AREA * np.linalg.norm(area, axis=1).sum() else None
+    return axis_name(net) if np.linalg.norm(net) > least_share * np.linalg.norm(area, axis=1).sum() else None
 
 
-def _cure(mesh: TriangleMesh, projection: Projection) -> str:
+def _remedy(mesh: TriangleMesh, projection: Projection) -> str:
     facing = facing_axis(mesh)
     if facing is None or not isinstance(projection, ParallelProjection):
-        return projection.cure
+        return projection.remedy
     return f"its surface faces {facing}: turn it to the moving body with geometry.axes, or set geometry.pressing"
 
 
-def triangles_on_mesh(mesh: TriangleMesh, field: DistanceField) -> tuple[Array, Array, Array]:
+def triangles_on_mesh(mesh: TriangleMesh, field: DistanceField, iterations: int = 6) -> tuple[Array, Array, Array]:
     """Each triangle's centre (f, 3) moved onto the smooth surface, the normal there (f, 3) and its flat area (f,)."""
     centres = mesh.corners_mm.mean(axis=1)
-    for _ in range(_ITERATIONS):
+    for _ in range(iterations):
         value, gradient = field(centres)
         centres -= (value / (gradient**2).sum(axis=1))[:, None] * gradient
     normals = gradient / np.linalg.norm(gradient, axis=1, keepdims=True)

@@ -43,7 +43,7 @@ class Projection(Protocol):
         """Where rays come from, in words."""
 
     @property
-    def cure(self) -> str:
+    def remedy(self) -> str:
         """What to do where rays do not meet the surface."""
 
     def lines(self, u: Array, v: Array) -> Lines:
@@ -71,7 +71,7 @@ class ParallelProjection:
     """Along the second row of a frame (3, 3), over the plane of the other two."""
 
     frame: Array
-    cure = "check geometry.axes and geometry.pressing"
+    remedy = "check geometry.axes and geometry.pressing"
 
     @property
     def seen_from(self) -> str:
@@ -109,7 +109,7 @@ class CentralProjection:
     frame: Array
     centre_mm: Array
     radius_mm: float
-    cure = "expected the middle of a cup's curvature [mm], in its hollow"
+    remedy = "expected the middle of a cup's curvature [mm], in its hollow"
 
     @property
     def seen_from(self) -> str:
@@ -171,6 +171,6 @@ def _facing(mesh: TriangleMesh, centre_mm: Array) -> Array:
     faces = np.einsum("nk,nk->n", middle, area) < -LEAST_UPWARD * size
     if not faces.any():
         raise ValueError(
-            f"mesh {mesh.name}: none of it faces geometry.cup_centre = {centre_mm.tolist()}, {CentralProjection.cure}"
+            f"mesh {mesh.name}: none of it faces geometry.cup_centre = {centre_mm.tolist()}, {CentralProjection.remedy}"
         )
     return np.asarray(corners[faces].reshape(-1, 3))

@@ -21,20 +21,13 @@ from casadi_contact.geometry.creases import split_at_creases
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 
 EDGE_RADIUS_MM = 3.0
-_LEAST_AGREEMENT = 0.8  # cos between fitted and averaged normal: below, the vertex lies on a sharp edge
-_FAR_LARGER = 8.0  # in area: of a mesh that follows its curvature neighbours are some times as large at most
-_FAR = 2.0  # times the way from a triangle to its patch
-_FAN_SLOPE = 0.4  # tan of the angle to the normal up to which a point counts as straight above its closest point
-_MOST_NEIGHBOURS = 256  # of a vertex by which two others count as near: far more than in scans, poles and most fans
-_CHUNK = 200_000  # points per batch
-_LINE_STEPS = 3  # of Newton's method from a triangle to its patch
 
 
 class SmoothSurface:
     """Signed distance from the smooth surface through a mesh's vertices: negative behind its triangles.
 
     Beyond an open edge of the mesh the surface is taken to round off with EDGE_RADIUS_MM, so that the distance stays
-    continuous there. Closest points on the mesh come from libigl (exact, by its bounding-box tree).
+    continuous there. Closest points on the mesh come from libigl (exact, bounding-box tree).
     """
 
     def __init__(self, mesh: TriangleMesh) -> None:
@@ -57,10 +50,10 @@ class SmoothSurface:
         open_vertex[mesh.boundary_edges.ravel()] = True
         self._open_corner = open_vertex[mesh.faces]
 
-    def distance(self, points_mm: Array) -> Array:
+    def distance(self, points_mm: Array, chunk: int = 200_000) -> Array:
         """Signed distances (n,) [mm] of points (n, 3)."""
-        chunks = range(0, len(points_mm), _CHUNK)
-        return np.concatenate([self._distance(np.ascontiguousarray(points_mm[k : k + _CHUNK])) for k in chunks])
+        starts = range(0, len(points_mm), chunk)
+        return np.concatenate([self._distance(np.ascontiguousarray(points_mm[k : k + chunk])) for k in starts])
 
     def beyond_open_edges(self, points_mm: Array) -> np.ndarray:
         """True (n,) for points (n, 3) whose nearest point of the mesh lies on an open edge."""
@@ -68,30 +61,30 @@ class SmoothSurface:
         _, face, closest, _ = self._closest(points, self.mesh.vertices_mm, self.mesh.faces)
         return self._at_open_edge(face, _barycentric(self.mesh.corners_mm[face], closest))
 
-    def along_lines(self, points_mm: Array, directions: Array) -> tuple[Array, Array]:
-        """Where lines through points (n, 3) of the mesh along directions (n, 3) meet the smooth patch of the triangle
-        that each point lies on (n, 3) [mm], and its unit normal there (n, 3): beside a crease those of its side."""
+    def along_lines(self, points_mm: Array, directions: Array, steps: int = 3) -> tuple[Array, Array]:
+        """Intersections (n, 3) [mm] of lines through points (n, 3) of the mesh along directions (n, 3) with the smooth
+        patch of each point's triangle, and its unit normals there (n, 3), by Newton's method."""
         on = np.ascontiguousarray(points_mm, dtype=float)
         _, face, _, _ = self._closest(on, self.mesh.vertices_mm, self.mesh.faces)
-        for _ in range(_LINE_STEPS):
+        for _ in range(steps):
             patch, normal = self._patch(face, _barycentric(self.mesh.corners_mm[face], on))
             rise = np.einsum("nk,nk->n", patch - on, normal) / np.einsum("nk,nk->n", directions, normal)
             on = on + rise[:, None] * directions
         return on, normal
 
-    def _distance(self, points: Array) -> Array:
+    def _distance(self, points: Array, far_factor: float = 2.0, fan_tan: float = 0.4) -> Array:
         flat, face, closest, _ = self._closest(points, self.mesh.vertices_mm, self.mesh.faces)
         share = _barycentric(self.mesh.corners_mm[face], closest)
         on, normal = self._patch(face, share)
         offset = points - on
         height = np.einsum("ij,ij->i", offset, normal)
         aside2 = np.maximum(np.einsum("ij,ij->i", offset, offset) - height**2, 0.0)
-        # About the normal the height over the tangent plane is the distance, to second order in what the closest
-        # point of the flat triangle is off; on a sharp edge points far off the normal have the edge's distance. Farther
-        # from the mesh than its patch is, a point lies on the side of the one as of the other, which is certain of the
-        # mesh: at an edge the height over one of its triangles may have either sign.
-        far = np.abs(flat) > _FAR * np.linalg.norm(on - closest, axis=1)
-        size = np.sqrt(height**2 + np.maximum(aside2 - (_FAN_SLOPE * height) ** 2, 0.0))
+        # Near the normal (within an angle of tangent fan_tan) the height over the tangent plane is the distance, to
+        # second order in the error of the flat triangle's closest point. Beside a sharp edge, points far from the
+        # normal have the distance of the edge. Beyond far_factor times the distance between triangle and patch, the
+        # side is that of the mesh: at an edge the height over one of its triangles may have either sign.
+        far = np.abs(flat) > far_factor * np.linalg.norm(on - closest, axis=1)
+        size = np.sqrt(height**2 + np.maximum(aside2 - (fan_tan * height) ** 2, 0.0))
         distance = np.copysign(size, np.where(far, self._side(points, flat, far), height))
         edge = self._at_open_edge(face, share)
         rounded = np.sqrt(aside2 + (height + EDGE_RADIUS_MM) ** 2) - EDGE_RADIUS_MM
@@ -99,10 +92,10 @@ class SmoothSurface:
         return np.where(edge & beside, rounded, distance)
 
     def _side(self, points: Array, flat: Array, far: np.ndarray) -> Array:
-        """Numbers (n,) of the sign that distances from the mesh have at the points that are far from it.
+        """Numbers (n,) with the sign of the distance at points far from the mesh.
 
-        Where triangles fold over their neighbours, or the surface runs through itself, pseudonormals tell some points
-        the wrong side at any distance. A closed mesh tells what is inside by how often it winds about it.
+        Pseudonormals give wrong signs at any distance from folded triangles and self-intersections. For a closed mesh
+        the winding number decides instead.
         """
         if len(self.mesh.boundary_edges):
             return flat
@@ -138,12 +131,13 @@ class SmoothSurface:
         return point, normal / np.linalg.norm(normal, axis=1, keepdims=True)
 
 
-def fitted_normals(mesh: TriangleMesh) -> Array:
+def fitted_normals(mesh: TriangleMesh, least_cos: float = 0.8) -> Array:
     """Outward unit normal at every vertex (v, 3), by a quadric through the vertex fitted to those within two edges.
 
     In the frame of the area-averaged normal the neighbours at (x, y, z) give z = a·x + b·y + c·x² + d·x·y + e·y² by
-    least squares weighted with 1/r; the normal is (-a, -b, 1). A vertex on a sharp edge keeps its averaged normal, and
-    one where a fillet of small triangles runs out into a plane of large ones takes theirs.
+    least squares weighted with 1/r; the normal is (-a, -b, 1). A vertex whose fitted and averaged normals have a cosine
+    below least_cos lies on a sharp edge and keeps the averaged one. A vertex between a fillet of small triangles and a
+    plane of large ones takes the normal of the large ones.
     """
     size = len(mesh.vertices_mm)
     averaged = np.zeros((size, 3))
@@ -163,36 +157,39 @@ def fitted_normals(mesh: TriangleMesh) -> Array:
     coefficients = np.einsum("nij,nj->ni", np.linalg.pinv(squares, rcond=1e-10, hermitian=True), moments)
     fitted = averaged - coefficients[:, :1] * first - coefficients[:, 1:2] * second
     fitted /= np.linalg.norm(fitted, axis=1, keepdims=True)
-    agree = np.einsum("nk,nk->n", fitted, averaged) > _LEAST_AGREEMENT
+    agree = np.einsum("nk,nk->n", fitted, averaged) > least_cos
     normals = np.where(agree[:, None], fitted, averaged)
-    led, leading = _led_by_large(mesh)
-    normals[led] = leading
+    vertices, of_large = _normals_of_large_triangles(mesh)
+    normals[vertices] = of_large
     return normals
 
 
-def _led_by_large(mesh: TriangleMesh) -> tuple[np.ndarray, Array]:
-    """The vertices (m,) at which one triangle is far larger than the median one, and the normals (m, 3) of the largest
-    there. Normals that lean towards the small ones by degrees would bend the large one, as of a flat face from CAD
-    beside its fillet, by tenths of a millimetre."""
+def _normals_of_large_triangles(mesh: TriangleMesh, least_ratio: float = 8.0) -> tuple[np.ndarray, Array]:
+    """The vertices (m,) at which one triangle has over 8 times the median area, and the normals (m, 3) of the largest.
+
+    Normals fitted to the small triangles would bend the large one (a flat face from CAD beside its fillet) by tenths of
+    a millimetre.
+    """
     vertex, area = mesh.faces.T.ravel(), np.tile(mesh.areas_mm2, 3)
     order = np.lexsort((area, vertex))
     first, count = np.unique(vertex[order], return_index=True, return_counts=True)[1:]
     median, largest = area[order[first + (count - 1) // 2]], area[order[first + count - 1]]
-    led = vertex[order[first]][largest > _FAR_LARGER * median]
+    chosen = vertex[order[first]][largest > least_ratio * median]
     sums = np.zeros((len(mesh.vertices_mm), 3))
     np.add.at(sums, vertex, np.tile(mesh.area_vectors_mm2, (3, 1)) * area[:, None] ** 2)
-    return led, sums[led] / np.linalg.norm(sums[led], axis=1, keepdims=True)
+    return chosen, sums[chosen] / np.linalg.norm(sums[chosen], axis=1, keepdims=True)
 
 
-def _neighbours(faces: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs (i, j), sorted by i, of different vertices at most two edges apart, by no vertex of too many edges.
+def _neighbours(faces: np.ndarray, size: int, most: int = 256) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs (i, j), sorted by i, of different vertices at most two edges apart.
 
-    The hub of a fan of n triangles would make pairs of all its n neighbours, 2.5 GB of them in fits at n = 2,000.
+    Paths through a vertex with more than ``most`` neighbours are left out: the hub of a fan of 2,000 triangles would
+    need 2.5 GB.
     """
     i, j = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).T
     near = sparse.coo_matrix((np.ones(len(i)), (i, j)), shape=(size, size)).tocsr()
     near = near + near.T
-    ordinary = np.diff(near.indptr) <= _MOST_NEIGHBOURS
+    ordinary = np.diff(near.indptr) <= most
     by = near if ordinary.all() else near[:, ordinary]
     pairs = (near + by @ by.T).tocoo()
     order = np.lexsort((pairs.col, pairs.row))

@@ -1,7 +1,5 @@
 """A mesh is closed, and its outside out, by what its triangles enclose: slivers in it change nothing."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
@@ -41,18 +39,6 @@ def test_a_vertex_that_slid_over_its_neighbours_leaves_the_outside_outside(by_mm
     assert np.abs(SmoothSurface(mesh).distance(points[near]) - exact[near]).max() < 1.0
 
 
-def test_a_closed_mesh_with_a_row_of_slivers_is_closed():
-    """The edge is cut in four: three slivers, of which two lie beside each other alone."""
-    vertices, faces = ball_mesh(16.0, 2.5)
-    a, b, c = faces[0]
-    along = vertices[a] + np.outer([0.25, 0.5, 0.75], vertices[b] - vertices[a])
-    chain = [a, *(len(vertices) + np.arange(3)), b]
-    fan = [[start, end, c] for start, end in pairwise(chain)]
-    slivers = [[chain[0], chain[4], chain[2]], [chain[0], chain[2], chain[1]], [chain[2], chain[4], chain[3]]]
-    mesh = checked_mesh("ball", np.vstack([vertices, along]), np.vstack([faces[1:], fan, slivers]))
-    assert (mesh.dropped, len(mesh.boundary_edges)) == (3, 0)
-
-
 def test_slivers_at_an_open_edge_leave_it_open():
     vertices, faces = cap_mesh(20.0, 2.0, 0.6)
     plain = checked_mesh("cap", vertices, faces)
@@ -73,19 +59,6 @@ def test_a_part_beside_a_sliver_is_open_where_it_is_cut():
     assert len(mesh.part(beside).boundary_edges) == 4  # of a quadrilateral: the halves and their neighbour
     for face in np.flatnonzero(beside):
         assert len(mesh.part(np.arange(len(mesh.faces)) == face).boundary_edges) == 3
-
-
-def test_slivers_do_not_hide_that_a_mesh_is_inside_out():
-    vertices, faces = ball_mesh(16.0, 2.5)
-    with pytest.raises(ValueError, match="ball is inside-out"):
-        checked_mesh("ball", *with_sliver(vertices, faces[:, ::-1]))
-
-
-def test_slivers_do_not_hide_that_a_closed_shell_is_thin():
-    vertices, faces = shell_mesh(14.5, 16.0, 1.5, 1.0, [0.0, 1.0, 0.0])
-    thickness = shell_thickness(checked_mesh("shell", vertices, faces))
-    assert thickness == pytest.approx(1.5, abs=0.05)
-    assert shell_thickness(checked_mesh("shell", *with_sliver(vertices, faces, 400))) == pytest.approx(thickness, 1e-3)
 
 
 def test_a_shell_with_a_hole_and_two_unjoined_sheets_are_as_thin_as_a_closed_shell():
@@ -165,12 +138,6 @@ def test_bodies_side_by_side_and_cavities_in_solid_have_the_sign_of_what_they_ar
     surface = SmoothSurface(mesh)
     assert (surface.distance(centres + 0.5 * normals) > 0.0).all()
     assert (surface.distance(centres - 0.5 * normals) < 0.0).all()
-
-
-def test_a_flake_without_volume_beside_a_body_is_no_body_turned_inside_out():
-    flake = np.array([[30.0, 0.1, 0.2], [33.0, 0.7, 1.1], [31.0, 2.3, 0.9]])
-    for turn in ([[0, 1, 2], [0, 2, 1]], [[1, 0, 2], [1, 2, 0]]):
-        assert checked_mesh("ball", *together(BIG, (flake, np.array(turn)))).pieces.max() == 1
 
 
 PEG = wheel_mesh(4.0, 5.0, 1.0)  # along z

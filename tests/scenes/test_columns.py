@@ -1,11 +1,10 @@
 """Columns go into a CSV file and come back as they were; a file that is none is refused, and none is half written."""
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from casadi_contact.scenes.columns import TextColumns, read_columns, write_columns
+from casadi_contact.scenes.columns import read_columns, write_columns
 
 
 @given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1, max_size=20))
@@ -15,13 +14,6 @@ def test_numbers_come_back_bit_by_bit(tmp_path_factory, numbers):
     back = read_columns(path, required=("b", "a"))
     assert back["a"].tolist() == numbers
     assert back["b"].tolist() == list(range(len(numbers)))
-
-
-def test_digits_round_numbers_and_leave_text_and_counts_alone(tmp_path):
-    table = {"x": np.array([1.0 / 3.0, 2e-12]), "n": np.array([1234567, 2]), "why": ["a, b", ""]}
-    write_columns(tmp_path / "t.csv", table, digits=4)
-    assert (tmp_path / "t.csv").read_text().splitlines() == ["x,n,why", '0.3333,1234567,"a, b"', "2e-12,2,"]
-    assert TextColumns.read(tmp_path / "t.csv").text("why") == ["a, b", ""]
 
 
 def test_columns_of_different_lengths_leave_the_old_file_in_place(tmp_path):
@@ -69,9 +61,3 @@ def test_a_frame_whose_cells_are_empty_is_not_left_out(tmp_path):
     (tmp_path / "t.csv").write_text("x,y\n1,2\n,\n , \n3,4\n")
     with pytest.raises(ValueError, match=r"t\.csv line 3 has empty cells, expected numbers: is a frame missing"):
         read_columns(tmp_path / "t.csv", required=("x", "y"))
-
-
-def test_messages_name_the_line_of_the_file_whatever_quoted_cells_hold(tmp_path):
-    (tmp_path / "t.csv").write_text('x,note\n1.0,"two\nlines"\nno number,b\n')
-    with pytest.raises(ValueError, match="line 4"):
-        TextColumns.read(tmp_path / "t.csv").numbers("x")

@@ -74,19 +74,6 @@ def test_a_motion_does_not_depend_on_the_loads_that_are_learned(name, tmp_path):
     assert set(read_joint_cycle(tmp_path / "cycle.csv", fewer).targets()) == set(cycle.targets())
 
 
-def test_loads_that_nothing_asks_for_are_no_part_of_a_cycle(tmp_path):
-    """A planar knee goes by the total Fy: that of a side in the file is a column like any other."""
-    planar = cc.load_scene("planar_knee")
-    assert driving_loads(planar) == ("Fy", "Fx")
-    (tmp_path / "cycle.csv").write_text("time_s,rz_rad,Fy_N,Fy_med_N,Tz_Nmm\n0.0,0,-9,-5,1\n0.1,0,-9,-5,1\n")
-    assert set(read_joint_cycle(tmp_path / "cycle.csv", planar).targets()) == {"Fy"}
-
-
-def test_a_scene_without_motion_asks_for_cycles():
-    with pytest.raises(ValueError, match=r"has no \[motion\], expected it there or a cycle file$"):
-        scene_cycles(cc.load_scene("sphere_on_plane"))
-
-
 def test_a_cycle_file_names_its_units(tmp_path):
     scene = cc.load_scene("hip")
     cycle = scene_cycles(scene)[0]
@@ -140,16 +127,3 @@ def test_angles_in_degrees_and_names_without_a_known_unit_are_refused(tmp_path, 
 def test_curves_that_are_no_cycle_are_refused_by_name(time_s, pose, loads, said):
     with pytest.raises(ValueError, match=said):
         JointCycle("walk", time_s, pose, loads)
-
-
-def test_lengths_of_kilometres_are_a_file_in_other_units():
-    given = {"time_s": [0.0, 1.0], "loads": {"Fy": [500.0, 500.0]}}
-    for far in ({"pose": {"tx": [0.0, 5000.0]}}, {"pose": {}, "centres": {"cop_x": [0.0, -5000.0]}}):
-        with pytest.raises(ValueError, match=r"(tx|cop_x) reaches 5000 mm.*in mm"):
-            JointCycle("far", **{**given, **far})
-
-
-def test_a_pose_parameter_is_no_load_and_a_load_no_pose_parameter():
-    for pose, loads in (({"Fy": [1.0, 2.0]}, {"Fy": [1.0, 2.0]}), ({}, {"ty": [1.0, 2.0]})):
-        with pytest.raises(ValueError, match="given as a pose parameter or a load that it is not"):
-            JointCycle("mixed", [0.0, 1.0], pose, loads)

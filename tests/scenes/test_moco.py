@@ -50,33 +50,11 @@ def test_poses_go_to_the_states_of_a_moco_knee_and_back(tmp_path):
     np.testing.assert_allclose(back, POSES, rtol=1e-14)
 
 
-def test_rotations_are_written_in_degrees_where_all_maps_say_so(tmp_path):
-    maps = [ColumnMap("a", "rx", unit="deg"), ColumnMap("b", "rz", -1.0, "deg")]
-    table = renamed_table(CURVES, maps, "turns")
-    assert table.in_degrees
-    np.testing.assert_allclose(table.column("b"), -np.degrees(POSES[:, 5]))
-    np.testing.assert_allclose(through_file(table, tmp_path / "t.mot", maps)["rz"], POSES[:, 5], rtol=1e-14)
-    with pytest.raises(ValueError, match="rotations are mapped to rad and to deg"):
-        renamed_table(CURVES, [maps[0], ColumnMap("b", "rz")], "turns")
-
-
 def test_torques_leave_in_nm_and_the_femur_gets_the_opposite():
     curves = {"time": TIME, "Fy": np.full(4, -700.0), "Tx": np.full(4, 1500.0)}
     maps = [ColumnMap.parse(text) for text in ("tibia_vy=Fy", "tibia_torque_x=Tx", "femur_torque_x=-Tx:Nm")]
     table = renamed_table(curves, maps, "contact")
     assert [table.column(item.column)[0] for item in maps] == [-700.0, 1.5, -1.5]
-
-
-@pytest.mark.parametrize(
-    ("maps", "said"),
-    [
-        ((ColumnMap("x", "Fy_med"),), "there are no curves Fy_med, expected some of time, tx"),
-        ((ColumnMap("x", "tx"), ColumnMap("x", "ty")), "column x is written twice"),
-    ],
-)
-def test_maps_that_cannot_be_written_are_refused(maps, said):
-    with pytest.raises(ValueError, match=said):
-        renamed_table(CURVES, maps, "poses")
 
 
 @needs_opensim

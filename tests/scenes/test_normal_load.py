@@ -66,11 +66,6 @@ def test_other_text_is_refused(names, patches, said):
         normal_loads(names, patches)
 
 
-def test_the_shipped_surrogates_still_belong_to_the_ready_knee():
-    for name in ("knee", "knee_two_stage"):
-        assert cc.load_surrogate(name).scene.digest == cc.load_scene("knee").digest
-
-
 def test_two_stage_says_which_scenes_it_cannot_stand_for():
     from casadi_contact.surrogate.two_stage.surrogate import TwoStageSurrogate
 

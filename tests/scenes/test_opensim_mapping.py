@@ -156,16 +156,3 @@ def test_measured_poses_become_a_pose_file(tmp_path):
     poses = read_poses(tmp_path / "poses.csv")
     assert poses.shape == (101, 6)
     np.testing.assert_allclose(poses[0], [-7.4, 41.7, -1.0, 0.0063, 0.0037, -0.0943], atol=1e-12)
-
-
-def test_measured_poses_come_out_in_mm_and_rad():
-    table = read_opensim_table(shared_file("data/dm_tka/fluoroscopic_gait.sto"))
-    curves = mapped_curves(table, [ColumnMap.parse("knee_sup_r=ty"), ColumnMap.parse("knee_rot_r=rz")])
-    assert 40.0 < curves["ty"].min() < curves["ty"].max() < 45.0
-    assert -1.5 < curves["rz"].min() < 0.0
-
-
-def test_a_table_has_a_column_for_every_load_and_no_other():
-    for shape, names in (((2, 3), ("Fx", "Fy")), ((2, 1), ("Fx", "Fy")), ((2,), ("Fx",)), ((2, 2), ("Fx", "Fx"))):
-        with pytest.raises(ValueError, match=r"values has shape .* expected \(n, "):
-            loads_table([0.0, 1.0], np.ones(shape), names, "loads")

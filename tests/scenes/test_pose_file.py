@@ -23,12 +23,6 @@ def test_a_csv_file_is_read_back_bit_by_bit(tmp_path):
     np.testing.assert_array_equal(poses, POSES)
 
 
-def test_the_file_names_the_unit_of_every_column_as_result_tables_do(tmp_path):
-    write_poses(np.arange(5.0), POSES, tmp_path / "poses.csv")
-    (header, *_) = (tmp_path / "poses.csv").read_text().splitlines()
-    assert header.split(",") == ["time_s", *COLUMNS]
-
-
 def test_an_opensim_file_of_this_library_is_read_in_mm_and_rad(tmp_path):
     write_table(poses_table(np.arange(5.0), POSES, "poses"), tmp_path / "poses.sto")
     np.testing.assert_allclose(read_poses(tmp_path / "poses.sto"), POSES, rtol=1e-15)

@@ -21,16 +21,8 @@ from casadi_contact.geometry.smooth_surface import SmoothSurface
 from casadi_contact.geometry.triangle_mesh import RayCaster, TriangleMesh
 from casadi_contact.scenes.shapes.own_model import patch_anchors
 
-_SPACING_SHARE = 0.4  # of a shell's thickness: its surface is then off by up to 0.01 mm, at 0.2 by 0.002 mm
-MOST_BOTH_SIDES = 0.2  # of an outer side: some of its rim is kept on both sides
-_BELOW_MM = 1e-3  # the surface: where rays into the body begin
-THIN_MM = 4.0  # a moving body thinner than this is a shell, which overlaps may reach the middle of
-_LEAST_AREA_MM2, _LEAST_SIDE_MM = 4.0, 0.2  # of a patch: a smaller spot is no joint's
-_SAME_SURFACE = 0.35  # of a cell: farther from the surface, the point beside an edge lies beyond it
-_SURELY_BORNE = 0.5  # cosine of an angle to the line of sight, well above that of walls which bear no elements
-_ROLLING_OVER = 0.3  # sine of the angle that the surface turns away by within a cell: there the part ends
-_ALONG_EDGE = 9  # points of each open edge
-_NEAR_OPEN_EDGE = 1.5  # cells
+MOST_BOTH_SIDES = 0.2  # largest share of an outer side's area that holds both sides of a shell: some of its rim
+THIN_MM = 4.0  # a moving body thinner than this is a shell: overlaps may reach its middle
 
 
 class _Source(NamedTuple):
@@ -74,9 +66,9 @@ def body_surface(geometry: Geometry, body: str) -> SmoothSurface:
     return _surface(_source(geometry, body))
 
 
-def check_shells(geometry: Geometry) -> None:
+def check_shells(geometry: Geometry, most_spacing: float = 0.4) -> None:
     """Raise ValueError for a moving body that is a thin shell, unless the scene says which side of it counts, and for a
-    shell whose distance field is too coarse: its surface would be off by hundredths of a mm and more."""
+    shell whose field's spacing exceeds 0.4 times its thickness: its surface would be wrong by 0.01 mm and more."""
     for body in ("moving", "fixed"):
         source = _source(geometry, body)
         if source.about_mm is not None or (thickness := _shell_thickness(source)) > THIN_MM:
@@ -87,10 +79,10 @@ def check_shells(geometry: Geometry) -> None:
                 f"{what}: pressed about as deep, its inside is reached and the load falls. Set geometry.shell to "
                 "'outer' to count the side away from the anchors alone, or to 'whole' where overlaps are far smaller"
             )
-        if (spacing := field_spacing(geometry, body)) > _SPACING_SHARE * thickness:
+        if (spacing := field_spacing(geometry, body)) > most_spacing * thickness:
             raise ValueError(
                 f"{what}, and geometry.spacing = {spacing:g} mm too coarse for it: expected at most "
-                f"{_SPACING_SHARE * thickness:.2g} mm"
+                f"{most_spacing * thickness:.2g} mm"
             )
 
 
@@ -112,11 +104,11 @@ def outer_side(mesh: TriangleMesh, anchors_mm: Array) -> tuple[np.ndarray, float
     return outer, float(areas @ (outer[behind] & (thickness < THIN_MM)) / max(areas.sum(), 1e-300))
 
 
-def _through(mesh: TriangleMesh) -> tuple[Array, np.ndarray]:
-    """The way (f,) [mm] from each triangle straight through the body, infinite where a ray does not come out, and the
-    triangle (f,) that it comes out of."""
+def _through(mesh: TriangleMesh, below_mm: float = 1e-3) -> tuple[Array, np.ndarray]:
+    """The thickness (f,) [mm] of the body below each triangle, infinite if a ray does not leave it, and the triangle
+    (f,) by which the ray leaves."""
     caster, inwards = RayCaster(mesh), -mesh.normals
-    distance, face = caster.first_hits(mesh.corners_mm.mean(axis=1) + _BELOW_MM * inwards, inwards)
+    distance, face = caster.first_hits(mesh.corners_mm.mean(axis=1) + below_mm * inwards, inwards)
     return np.where(caster.leaves(inwards, face), distance, np.inf), face
 
 
@@ -266,18 +258,18 @@ def patch_projection(geometry: Geometry, patch: str) -> Projection:
     return projection_of(*patch_view(geometry, patch), patch_mesh(geometry, patch, reaching=True))
 
 
-def check_patches(geometry: Geometry) -> None:
-    """Raise ValueError for a patch of hardly any surface."""
+def check_patches(geometry: Geometry, least_mm2: float = 4.0, least_side_mm: float = 0.2) -> None:
+    """Raise ValueError for a patch with hardly any surface."""
     mesh = body_mesh(geometry, "fixed")
     centres, area = mesh.corners_mm.mean(axis=1), mesh.areas_mm2
     for patch in geometry["patches"]:
         low, high = patch_box(geometry, patch)
-        area_mm2, thin = area[_in_box(geometry, patch, centres)].sum(), (high - low).min() < _LEAST_SIDE_MM
-        if area_mm2 < _LEAST_AREA_MM2 or thin:
-            cure = "are its bounds in m? They are in mm" if thin else f"the mesh reaches {mesh.extent}: check them"
+        area_mm2, thin = area[_in_box(geometry, patch, centres)].sum(), (high - low).min() < least_side_mm
+        if area_mm2 < least_mm2 or thin:
+            remedy = "are its bounds in m? They are in mm" if thin else f"the mesh reaches {mesh.extent}: check them"
             raise ValueError(
                 f"scene: geometry.patches.{patch} holds {area_mm2:.2g} mm² of the mesh {mesh.name} within its bounds, "
-                f"expected {_LEAST_AREA_MM2:g} mm² at least, and bounds {_LEAST_SIDE_MM:g} mm apart: {cure}"
+                f"expected {least_mm2:g} mm² at least, and bounds {least_side_mm:g} mm apart: {remedy}"
             )
 
 
@@ -298,45 +290,59 @@ def check_shared(geometry: Geometry, elements: Sequence[Cells]) -> None:
             )
 
 
-def cut_cells(geometry: Geometry, patch: str, cells: Cells, field: DistanceField) -> np.ndarray:
-    """True (nx, nz) for cells beside which the surface goes on in no patch, or the mesh was cut open: contact that
-    reaches them may be larger than the model knows. At a rim of the part contact ends indeed: the surface turns away
-    there, or lies within the patch's own box and is flat enough to bear elements. Where it grows too steep for them, as
-    deep in a cup, it goes on.
+def cut_cells(
+    geometry: Geometry,
+    patch: str,
+    cells: Cells,
+    field: DistanceField,
+    *,
+    same_surface: float = 0.35,
+    turning_sine: float = 0.3,
+    flat_cosine: float = 0.5,
+    edge_cells: float = 1.5,
+) -> np.ndarray:
+    """Mask (nx, nz) of cells beside which the surface goes on without elements, or the mesh was cut open.
 
-    What lies beside a cell is looked at a step of the grid away, and not nearer than the field's nodes lie, which round
-    off a rim.
+    Contact that reaches them may be larger than the model knows. A point one step of the grid away from an outermost
+    cell (at least the spacing of the field, which rounds off rims) decides. The surface goes on if it passes within
+    ``same_surface`` of the step from this point, except
+
+    - if it turns away by more than an angle of sine ``turning_sine`` within the patch's box: a rim of the part;
+    - if it is flat enough to bear elements there (cosine to the line of sight above ``flat_cosine``);
+    - in another patch.
+
+    Within ``edge_cells`` steps of an open edge of the mesh, geometry.open_edges decides instead.
     """
     centres, normals, areas = cells
     mesh, cut = body_mesh(geometry, "fixed"), np.zeros(areas.shape, dtype=bool)
     ends = mesh.vertices_mm[mesh.boundary_edges]
-    along = np.linspace(0.0, 1.0, _ALONG_EDGE)[:, None, None]
+    along = np.linspace(0.0, 1.0, 9)[:, None, None]
     points = ((1.0 - along) * ends[:, 0] + along * ends[:, 1]).reshape(-1, 3)
     open_edges = cKDTree(points) if len(points) else None
     others = [other for other in geometry["patches"] if other != patch]
     for axis, step in ((0, -1), (0, 1), (1, -1), (1, 1)):
-        lacking = areas > 0.0
+        present = areas > 0.0
         beside = np.roll(areas, -step, axis) > 0.0
         at_end = [slice(None), slice(None)]
         at_end[axis] = slice(-1, None) if step > 0 else slice(0, 1)
         beside[tuple(at_end)] = False
-        rows = np.nonzero(lacking & ~beside)
-        here, normal, sideways = centres[rows], normals[rows], step * _along(cells, axis, rows)
+        rows = np.nonzero(present & ~beside)
+        centre, normal, sideways = centres[rows], normals[rows], step * _along(cells, axis, rows)
         width = np.maximum(np.linalg.norm(sideways, axis=1), field_spacing(geometry, "fixed"))
         tangent = sideways - np.einsum("nk,nk->n", normal, sideways)[:, None] * normal
         tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-        beyond = here + width[:, None] * tangent
+        beyond = centre + width[:, None] * tangent
         distance, gradient = field(beyond)
         size, away = np.linalg.norm(gradient, axis=1), np.einsum("nk,nk->n", gradient, tangent)
-        turned = np.linalg.norm(np.cross(normal, gradient), axis=1) > _ROLLING_OVER * size
-        turned_away = turned & (away > -_ROLLING_OVER * size)
-        borne = _upward(geometry, patch, beyond, gradient) > _SURELY_BORNE * size
+        turned = np.linalg.norm(np.cross(normal, gradient), axis=1) > turning_sine * size
+        turned_away = turned & (away > -turning_sine * size)
+        borne = _upward(geometry, patch, beyond, gradient) > flat_cosine * size
         ends_here = _in_box(geometry, patch, beyond) & (turned_away | borne)
-        goes_on = (np.abs(distance) < _SAME_SURFACE * width) & ~(turned & (away > 0.0)) & ~ends_here
+        goes_on = (np.abs(distance) < same_surface * width) & ~(turned & (away > 0.0)) & ~ends_here
         for other in others:
             goes_on &= ~_in_box(geometry, other, beyond)
         if open_edges is not None:
-            near = open_edges.query(here)[0] < _NEAR_OPEN_EDGE * width
+            near = open_edges.query(centre)[0] < edge_cells * width
             goes_on = np.where(near, geometry["open_edges"] == "cut", goes_on)
         cut[rows] |= goes_on
     return cut

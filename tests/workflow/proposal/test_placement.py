@@ -24,15 +24,6 @@ def test_a_ball_presses_along_the_pole_of_its_cup_wherever_the_scan_s_origin_lie
     np.testing.assert_allclose(centre, 0.0, atol=0.6)
 
 
-@pytest.mark.parametrize("triangles_mm", [None, 3.0])
-def test_large_flat_triangles_tell_where_a_surface_is_as_small_ones_do(triangles_mm):
-    placement, patches, joint, _ = analysed(*ball_on_box(triangles_mm))
-    np.testing.assert_allclose(placement.pressing, [0.0, -1.0, 0.0], atol=1e-3)
-    np.testing.assert_allclose(placement.translation_mm, 0.0, atol=0.2)
-    np.testing.assert_allclose(patches.anchors_mm, [[0.0, 20.0, 0.0]], atol=0.3)
-    assert (joint.kind, joint.patches) == ("other", ("contact",))
-
-
 def test_an_open_condyle_touches_with_its_outside_and_never_with_its_hollow():
     """Behind an open surface distances are negative however far it is: the way there is no touch."""
     condyle, faces = cap_mesh(25.0, 1.5, 1.2)

@@ -16,8 +16,7 @@ from casadi_contact.samples.chunk import plan_chunks
 from casadi_contact.samples.reference import reference_motion, reference_poses
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.joint_cycle import scene_cycles
-from casadi_contact.workflow.proposal.joint_geometry import Joint
-from casadi_contact.workflow.proposal.propose import _sampling, load_meshes, propose
+from casadi_contact.workflow.proposal.propose import load_meshes, propose
 from casadi_contact.workflow.proposal.tables import scene_text
 from tests.support.meshes import ball_mesh, cap_mesh, groove, sheet_mesh, shell_mesh, slab_mesh, unit, write_obj
 
@@ -107,12 +106,6 @@ def test_a_motion_that_a_joint_can_mostly_not_follow_is_tried_in_two_cycles_alon
     assert any("100 of 202 frames tried of the reference motion" in line for line in proposal.open_questions)
 
 
-def test_a_small_joint_is_sampled_about_its_motion_on_its_own_scale():
-    one_patch = Joint("other", ("contact",), "-y")
-    assert _sampling(one_patch, 0.25)["fixed_offsets"] == {"tx": [0.12, 0.5], "tz": [0.12, 0.5]}
-    assert "fixed_offsets" not in _sampling(one_patch, 1.0), "as the sampling assumes"
-
-
 def refused(*arguments):
     result = CliRunner().invoke(app, ["scene", *map(str, arguments)])
     assert isinstance(result.exception, ValueError)
@@ -156,10 +149,3 @@ def test_a_scene_file_reads_back_as_its_tables(folder):
     written = tomllib.loads(scene_text(SimpleNamespace(tables=tables), ["remark"], folder))
     assert written["geometry"] == {**geometry, "moving": "a  b/[ x, ].stl", "fixed": "c.stl"}
     assert {**written, "geometry": geometry} == tables
-
-
-def test_the_same_body_twice_is_refused(folder):
-    (folder / "copy.obj").write_bytes((folder / "ball.obj").read_bytes())
-    result = CliRunner().invoke(app, ["scene", str(folder / "ball.obj"), str(folder / "copy.obj")])
-    assert isinstance(result.exception, ValueError)
-    assert "hold the same body, expected the two that touch each other" in str(result.exception)
