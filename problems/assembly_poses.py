@@ -90,7 +90,7 @@ def walking() -> AssemblyCycle:
     quadriceps = [walk.muscles.names.index(name) for name in ("recfem", "vasint", "vaslat", "vasmed")]
     tension = {"quadriceps": solved.muscle_forces_n[:, quadriceps].sum(axis=1)}
     pose = {"femur": {"ry": cycle.ry, "rz": cycle.rz}}
-    return AssemblyCycle(cycle.time_s, pose, "tibiofemoral", cycle.wanted(), tension)
+    return AssemblyCycle(cycle.time_s, pose, "tibiofemoral", cycle.estimation_targets(), tension)
 
 
 def bending() -> AssemblyCycle:

@@ -50,14 +50,17 @@ def smooth_regions(mesh: TriangleMesh) -> np.ndarray:
 
 
 def beside_creases(mesh: TriangleMesh, points: Array, face: np.ndarray, reach_mm: float) -> np.ndarray:
-    """Numbers of the points (m, 3) within reach of a crease of which the triangles (k,) hold one side alone, or both as
-    parts of different smooth regions. One that ends in a region is taken for a fillet of few triangles, and the edge of
-    a region smaller than the reach for noise."""
+    """Numbers of the points (m, 3) within reach of a relevant crease.
+
+    A crease counts if one of its two triangles alone is among the triangles (k,), or both in different smooth regions.
+    A crease that ends within a region is a fillet of few triangles, and the edge of a region smaller than the reach is
+    noise; both are ignored.
+    """
     ends, triangles = creases(mesh)
     regions = smooth_regions(mesh)
     large = np.bincount(regions, mesh.areas_mm2)[regions] > reach_mm**2
-    held, parted = np.isin(triangles, face), np.diff(regions[triangles])[:, 0] != 0
-    ends = ends[held.any(axis=1) & (~held.all(axis=1) | (parted & large[triangles].all(axis=1)))]
+    inside, parted = np.isin(triangles, face), np.diff(regions[triangles])[:, 0] != 0
+    ends = ends[inside.any(axis=1) & (~inside.all(axis=1) | (parted & large[triangles].all(axis=1)))]
     if not len(ends):
         return np.zeros(0, dtype=int)
     longest = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max()

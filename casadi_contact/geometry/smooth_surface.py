@@ -35,7 +35,7 @@ class SmoothSurface:
             import igl
         except ImportError:
             raise ImportError("smooth surfaces of meshes need libigl: pip install casadi_contact[mesh]") from None
-        # Its side is told by the pseudonormal of the nearest triangle, edge or vertex (Bærentzen and Aanæs 2005).
+        # The sign is that of the pseudonormal of the nearest triangle, edge or vertex (Bærentzen and Aanæs 2005).
         self._closest = partial(igl.signed_distance, sign_type=igl.SIGNED_DISTANCE_TYPE_PSEUDONORMAL)
         self._winding = partial(igl.fast_winding_number, mesh.vertices_mm, mesh.faces)
         self.mesh = mesh

@@ -111,7 +111,7 @@ class PoseEstimation:
     @classmethod
     def of_cycle(cls, model: SymbolicContact, cycle: LoadCycle | JointCycle, **settings: Any) -> PoseEstimation:
         """The problem of a cycle's targets and measured pose; settings: smoothness and compiled."""
-        return cls(model, cycle.wanted(), cycle.measured_pose(), **settings)
+        return cls(model, cycle.estimation_targets(), cycle.measured_pose(), **settings)
 
     def _check_determined(self) -> None:
         free, sensitive = self.contact.free, self.model.scene.sensitive_pose

@@ -74,8 +74,8 @@ class JointCycle(OverTime):
         """The measured loads."""
         return self.loads
 
-    def wanted(self) -> Mapping[str, Array]:
-        """What pose estimation asks for: the measured loads and centres of pressure."""
+    def estimation_targets(self) -> Mapping[str, Array]:
+        """Targets of pose estimation: the measured loads and centres of pressure."""
         return {**self.loads, **self.centres}
 
 

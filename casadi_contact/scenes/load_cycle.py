@@ -80,8 +80,8 @@ class LoadCycle(OverTime):
             "Tz": self.cop_ap_mm * fy,
         }
 
-    def wanted(self) -> dict[str, Array]:
-        """What pose estimation asks for: the forces, and the centre of pressure itself."""
+    def estimation_targets(self) -> dict[str, Array]:
+        """Targets of pose estimation: the forces, and the centre of pressure itself."""
         return {"Fy_med": self.fy_med, "Fy_lat": self.fy_lat, "cop_ap": self.cop_ap_mm, "cop_ml": self.cop_ml_mm}
 
     def measured_pose(self) -> dict[str, Array]:

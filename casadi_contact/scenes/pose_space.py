@@ -8,8 +8,8 @@ A pose q of the space satisfies q = M·q + c. Whatever searches for poses (`sett
 space. Contact models take whole poses (6) all the same:
 
 - an elastic foundation or a user's own model has the loads of the pose as given, on the space or not;
-- a surrogate knows the space alone. Its loads are those of M·q + c, its derivatives those of this composition (zero
-  along locked parameters), and its validity falls to zero beyond `OFF_SPACE`.
+- a surrogate is defined on the space alone. Its loads are those of M·q + c, its derivatives those of this composition
+  (zero along locked parameters), and its validity falls to zero beyond `OFF_SPACE`.
 """
 
 from __future__ import annotations

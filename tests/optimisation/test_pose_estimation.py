@@ -228,8 +228,8 @@ def test_a_centre_of_pressure_is_the_torque_over_the_force(knee):
     ],
 )
 def test_wrong_units_and_signs_are_warned_of(knee, changed, word):
-    assert not check_targets(PoseTargets.of(knee.scene, reference_cycle().wanted()))
-    (warning,) = check_targets(PoseTargets.of(knee.scene, changed(reference_cycle()).wanted()))
+    assert not check_targets(PoseTargets.of(knee.scene, reference_cycle().estimation_targets()))
+    (warning,) = check_targets(PoseTargets.of(knee.scene, changed(reference_cycle()).estimation_targets()))
     assert word in warning
 
 

@@ -18,7 +18,7 @@ def knee():
 
 
 @pytest.fixture(scope="module")
-def wanted(knee):
+def estimation_targets(knee):
     return optimal_control.simulated(knee, frames=201)
 
 

@@ -21,10 +21,10 @@ _DEEPEST = 6  # tables within tables
 def fail(key: str, got: object, expected: str) -> ValueError:
     """The error of a bad value: key, got, expected, on one short line."""
     try:
-        said = repr(got)
+        text = repr(got)
     except ValueError:  # Python prints no integer of more than 4300 digits
-        said = "a number of thousands of digits"
-    return ValueError(f"scene: {key} = {said if len(said) <= 200 else f'{said[:200]}...'}, expected {expected}")
+        text = "a number of thousands of digits"
+    return ValueError(f"scene: {key} = {text if len(text) <= 200 else f'{text[:200]}...'}, expected {expected}")
 
 
 def number(key: str, value: object, *, low: float = -math.inf, high: float = math.inf) -> float:

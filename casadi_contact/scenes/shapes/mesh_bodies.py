@@ -196,23 +196,22 @@ def patch_mesh(geometry: Geometry, patch: str, *, reaching: bool = False) -> Tri
 
 
 def bare_mesh(geometry: Geometry, longest_mm: float, *, within: bool) -> TriangleMesh:
-    """The triangles of the fixed mesh that bear no elements, divided until their edges are no longer than `longest_mm`.
+    """The triangles of the fixed mesh without elements, divided until no edge is longer than `longest_mm`.
 
-    within: those in the patches' boxes, too steep for elements of all that hold them, or undercut; else those outside
-    of all boxes. Where elements are the triangles themselves each bears whole or not, by its centre; on a grid parts of
-    it may.
+    within: those in the patches' boxes that are too steep for elements, or undercut; else those outside of all boxes.
+    If elements are the triangles themselves, a triangle counts as a whole, by its centre; on a grid, by its parts.
     """
 
     def covered(mesh: TriangleMesh, points: Sequence[Array]) -> tuple[np.ndarray, np.ndarray]:
         """Whether a box holds all of some points (f, 3) of each triangle, and whether its patch's elements do."""
         centres, patches = mesh.corners_mm.mean(axis=1), geometry["patches"]
-        held = np.array([np.all([_in_box(geometry, patch, each) for each in points], axis=0) for patch in patches])
+        boxed = np.array([np.all([_in_box(geometry, patch, each) for each in points], axis=0) for patch in patches])
         seen = np.array([_seen(geometry, patch, centres, mesh.normals) for patch in patches])
-        return np.asarray(held.any(axis=0)), np.asarray((held & seen).any(axis=0))
+        return np.asarray(boxed.any(axis=0)), np.asarray((boxed & seen).any(axis=0))
 
     def chosen(mesh: TriangleMesh) -> TriangleMesh:
-        held, borne = covered(mesh, [mesh.corners_mm.mean(axis=1)])
-        return mesh.part(held & ~borne if within else ~held)
+        boxed, borne = covered(mesh, [mesh.corners_mm.mean(axis=1)])
+        return mesh.part(boxed & ~borne if within else ~boxed)
 
     mesh = body_mesh(geometry, "fixed")
     if geometry["elements"] == "triangles":
@@ -231,9 +230,8 @@ def _divided(mesh: TriangleMesh, longest_mm: float) -> TriangleMesh:
 
 
 def _seen(geometry: Geometry, patch: str, points: Array, normals: Array) -> np.ndarray:
-    """True (n,) where a surface at points (n, 3) with normals (n, 3) bears elements of a patch whose box holds it:
-    where it is not too steep, of triangles where it faces the moving body, or anywhere if nothing says where that is.
-    """
+    """Mask (n,) of points (n, 3) of a patch's box that bear elements: on a grid those whose normals (n, 3) are not too
+    steep, of triangles those that face the moving body (all, if the scene gives no direction)."""
     grid = geometry["elements"] == "grid"
     if not grid and not {"pressing", "cup_centre"} & {*geometry, *geometry["patches"][patch]}:
         return np.ones(len(points), dtype=bool)
@@ -241,7 +239,7 @@ def _seen(geometry: Geometry, patch: str, points: Array, normals: Array) -> np.n
 
 
 def _upward(geometry: Geometry, patch: str, points: Array, normals: Array) -> Array:
-    """Parts (n,) of normals (n, 3) at points (n, 3) towards where a patch's elements are looked at from."""
+    """Components (n,) of normals (n, 3) at points (n, 3) towards the side from which a patch is pressed."""
     pressing, centre = patch_view(geometry, patch)
     inwards = np.array([pressing]) if centre is None else points - centre
     return np.asarray(-(normals * inwards).sum(axis=1) / np.linalg.norm(inwards, axis=1))
