@@ -184,7 +184,7 @@ class CallableModel(ContactModel):
 
         Raises ValueError for `overlaps_without_load`, naming the pose.
         """
-        wrenches, slopes = self.wrench_jacobian(poses)
+        wrenches, jacobian = self.wrench_jacobian(poses)
 
         def gaps(rows: np.ndarray) -> tuple[Array, Array]:
             found = self.gaps(poses[rows])
@@ -193,19 +193,19 @@ class CallableModel(ContactModel):
                     f"the contact model returned the {self._gap_text(poses[rows], found, *wrong[0])}, where it "
                     "returned no load, expected a gap above 0: is its sign the wrong way round?"
                 )
-            return found, self._gap_slopes(poses[rows])
+            return found, self._gap_jacobian(poses[rows])
 
-        return signed_roots(self.scene, wrenches, slopes, gaps)
+        return signed_roots(self.scene, wrenches, jacobian, gaps)
 
-    def _gap_slopes(self, poses: Array) -> Array:
+    def _gap_jacobian(self, poses: Array) -> Array:
         """Derivatives (n, patches, 6) of the gaps: differences of the user's, else by the motion of the anchors."""
         if self._gaps is not None:
             return self._differences(self.gaps, poses)
-        slopes = np.zeros((len(poses), len(self.patch_names), 6))
+        jacobian = np.zeros((len(poses), len(self.patch_names), 6))
         turn, rotations = angular_velocity_map(poses[:, 3:]), rotation(poses[:, 3:])
         for p, (anchor, along) in enumerate(zip(self.scene.anchors_mm, self._directions(), strict=True)):
             # The gap of a patch closes with the motion of its anchor, so a turn of the body closes it too.
             arm = rotations @ anchor
-            slopes[:, p, :3] = -along
-            slopes[:, p, 3:] = -np.cross(np.swapaxes(turn, 1, 2), arm[:, None, :]) @ along
-        return slopes
+            jacobian[:, p, :3] = -along
+            jacobian[:, p, 3:] = -np.cross(np.swapaxes(turn, 1, 2), arm[:, None, :]) @ along
+        return jacobian

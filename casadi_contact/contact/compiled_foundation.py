@@ -93,7 +93,7 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
     @pose_or_poses
     def wrenches(self, poses: Array) -> Array:
         """Wrench of each patch on the fixed body (n, patches, 6) [N, N·mm], for poses (n, 6)."""
-        return self._wrenches(poses, slopes=False)[0]
+        return self._wrenches(poses, jacobian=False)[0]
 
     @pose_or_poses
     def jacobian(self, poses: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
@@ -101,18 +101,18 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
         if self._library is None:
             return super().jacobian(poses, loads)
         values = np.empty((len(poses), len(self.load_names)))
-        slopes = np.empty((*values.shape, 6))
-        call_in_shares(self._library, "array_jacobians", poses, values, slopes)
-        asked = self.check_loads(loads)
-        if asked == self.load_names:
-            return values, slopes
-        columns = [self.load_names.index(name) for name in asked]
-        return values[:, columns], slopes[:, columns]
+        jacobian = np.empty((*values.shape, 6))
+        call_in_shares(self._library, "array_jacobians", poses, values, jacobian)
+        names = self.check_loads(loads)
+        if names == self.load_names:
+            return values, jacobian
+        columns = [self.load_names.index(name) for name in names]
+        return values[:, columns], jacobian[:, columns]
 
     @pose_or_poses
     def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Wrenches (n, patches, 6) and their derivatives by the pose (n, patches, 6, 6)."""
-        return self._wrenches(poses, slopes=True)[:2]
+        return self._wrenches(poses, jacobian=True)[:2]
 
     @pose_or_poses
     def hessian(self, poses: Array, weights: ArrayLike, loads: Iterable[str] | None = None) -> Array:
@@ -123,11 +123,11 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
         """
         names = self.check_loads(loads)
         columns = np.eye(len(self.load_names))[[self.load_names.index(name) for name in names]]
-        wanted = as_weights(weights, len(poses), names) @ columns  # of all loads: what was not asked for counts nothing
+        of_all = as_weights(weights, len(poses), names) @ columns  # other loads have no weight
         if self._library is None:
-            return weighted_hessians(self._differences, poses, wanted)
+            return weighted_hessians(self._differences, poses, of_all)
         hessians = np.empty((len(poses), 6, 6))
-        call_in_shares(self._library, "array_hessians", poses, wanted, hessians)
+        call_in_shares(self._library, "array_hessians", poses, of_all, hessians)
         return hessians
 
     @cached_property
@@ -142,7 +142,7 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
     @pose_or_poses
     def at_edge(self, poses: Array) -> np.ndarray:
         """True (n, patches) where contact reaches a patch's rim: part of it may lie beyond."""
-        return self._wrenches(poses, slopes=False)[2]
+        return self._wrenches(poses, jacobian=False)[2]
 
     def function(
         self,
@@ -160,11 +160,11 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
         the fixed body lies in the scene's frame, which pose and loads then refer to. Raises ValueError for a load that
         is not the scene's, for a batch that is no whole number of 1 or more, and like `check_parameters`.
         """
-        wanted, batch = check_parameters(parameters, self.scene.material), checked_batch(batch)
-        if not wanted:
+        inputs, batch = check_parameters(parameters, self.scene.material), checked_batch(batch)
+        if not inputs:
             return super().function(loads, name, compiled=compiled, batch=batch)
         wrenches = self._wrench_function(name_of_wrenches(check_name(name)), compiled is not False)
-        function = parametric_function(name, wanted, self.scene.material, self._rows(loads), wrenches)
+        function = parametric_function(name, inputs, self.scene.material, self._rows(loads), wrenches)
         return function if batch is None else function.map(batch)
 
     def _wrench_function(self, name: str, compiled: bool) -> ca.Function:
@@ -175,8 +175,8 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
             return ca.external(name, str(path))
 
         def wrenches(poses: Array) -> tuple[Array, Array]:
-            values, slopes, _ = self._wrenches(poses, slopes=True)
-            return values.reshape(len(poses), -1), slopes.reshape(len(poses), -1, 6)
+            values, jacobian, _ = self._wrenches(poses, jacobian=True)
+            return values.reshape(len(poses), -1), jacobian.reshape(len(poses), -1, 6)
 
         return contact_callback(name, [("loads", len(names), wrenches)])
 
@@ -225,16 +225,16 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
         return [float(value) for value in pose]
 
     def _function(
-        self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
+        self, name: str, loads: Sequence[str], outputs: Sequence[str], compiled: bool, batch: int | None
     ) -> ca.Function:
         symbol = name_of_batch(check_name(name), batch or 1)
-        path = self._kernel(symbol, loads, wanted, batch or 1) if compiled else None
+        path = self._kernel(symbol, loads, outputs, batch or 1) if compiled else None
         if path is not None:
             return ca.external(symbol, str(path))
-        return model_callback(self, name, loads, wanted, batch)
+        return model_callback(self, name, loads, outputs, batch)
 
     def _kernel(
-        self, name: str, loads: Sequence[str], wanted: Sequence[str], batch: int = 1, more: str = ""
+        self, name: str, loads: Sequence[str], outputs: Sequence[str], batch: int = 1, more: str = ""
     ) -> Path | None:
         """The compiled kernel, for CasADi and for arrays, and more C with it.
 
@@ -243,13 +243,13 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
         if not self._compiled:
             return None
         sizes = {"loads": len(loads), "roots": len(self.patch_names)}
-        outputs = {key: sizes[key] for key in wanted}
+        lengths = {key: sizes[key] for key in outputs}
         kernel = FoundationKernel(self.scene, loads, self._patch_source(), self.lanes)
-        source = kernel.source(loads=outputs.get("loads", 0), roots=outputs.get("roots", 0))
-        check_unused(name, f"{source}\n{casadi_interface({UNNAMED: outputs}, batch)}")
+        source = kernel.source(loads=lengths.get("loads", 0), roots=lengths.get("roots", 0))
+        check_unused(name, f"{source}\n{casadi_interface({UNNAMED: lengths}, batch)}")
         texts = [
             source,
-            casadi_interface({check_name(name): outputs}, batch),
+            casadi_interface({check_name(name): lengths}, batch),
             c_text("arrays.h"),
             c_text("batch.h", C_FOLDER),
             more,
@@ -265,35 +265,35 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
         """The kernel for arrays of poses: the one that `load_and_root_function` takes."""
         return self._kernel(BOTH, self.load_names, ("loads", "roots"))
 
-    def _wrenches(self, poses: Array, *, slopes: bool) -> tuple[Array, Array, np.ndarray]:
+    def _wrenches(self, poses: Array, *, jacobian: bool) -> tuple[Array, Array, np.ndarray]:
         """Wrenches (n, P, 6), d wrench/d pose (n, P, 6, 6) if asked for, cut by the rim (n, P)."""
         if self._library is None:
             wrenches, by_twist, _, _, cut = self._by_twist(rotation(poses[:, 3:]), poses[:, :3])
             return wrenches, twist_to_pose_gradient(by_twist, poses), cut
         shape = (len(poses), len(self.patch_names))
         wrenches, cut = np.empty((*shape, 6)), np.empty(shape, dtype=np.int32)
-        derivatives = np.empty((*shape, 6, 6)) if slopes else None
-        call_in_shares(self._library, "foundation_wrenches", poses, wrenches, derivatives, cut, None, None)
-        return wrenches, np.empty(0) if derivatives is None else derivatives, cut.astype(bool)
+        by_pose = np.empty((*shape, 6, 6)) if jacobian else None
+        call_in_shares(self._library, "foundation_wrenches", poses, wrenches, by_pose, cut, None, None)
+        return wrenches, np.empty(0) if by_pose is None else by_pose, cut.astype(bool)
 
     def _wrenches_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
         if self._library is None:
             return super()._wrenches_and_roots(poses)
         shape = (len(poses), len(self.patch_names))
-        wrenches, slopes, cut = np.empty((*shape, 6)), np.empty((*shape, 6, 6)), np.empty(shape, dtype=np.int32)
-        gaps, gap_slopes = np.zeros(shape), np.zeros((*shape, 6))
-        call_in_shares(self._library, "foundation_wrenches", poses, wrenches, slopes, cut, gaps, gap_slopes)
-        roots = signed_roots(self.scene, wrenches, slopes, lambda rows: (gaps[rows], gap_slopes[rows]))
-        return wrenches, slopes, *roots
+        wrenches, jacobian, cut = np.empty((*shape, 6)), np.empty((*shape, 6, 6)), np.empty(shape, dtype=np.int32)
+        gaps, gap_jacobian = np.zeros(shape), np.zeros((*shape, 6))
+        call_in_shares(self._library, "foundation_wrenches", poses, wrenches, jacobian, cut, gaps, gap_jacobian)
+        roots = signed_roots(self.scene, wrenches, jacobian, lambda rows: (gaps[rows], gap_jacobian[rows]))
+        return wrenches, jacobian, *roots
 
     def _gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
         if self._library is None:
             _, _, gaps, by_twist, _ = self._by_twist(rotation(poses[:, 3:]), poses[:, :3])
             return gaps, twist_to_pose_gradient(by_twist, poses)
         shape = (len(poses), len(self.patch_names))
-        gaps, slopes = np.empty(shape), np.empty((*shape, 6))
-        call_in_shares(self._library, "foundation_gaps", poses, gaps, slopes)
-        return gaps, slopes
+        gaps, jacobian = np.empty(shape), np.empty((*shape, 6))
+        call_in_shares(self._library, "foundation_gaps", poses, gaps, jacobian)
+        return gaps, jacobian
 
 
 class CompiledPressures(CompiledFoundation, PressureOutputs):
@@ -313,9 +313,9 @@ class CompiledPressures(CompiledFoundation, PressureOutputs):
             values, by_twist = self._moments_by_twist(rotation(poses[:, 3:]), poses[:, :3])
             return values, twist_to_pose_gradient(by_twist, poses)
         shape = (len(poses), len(self.patch_names), MOMENTS)
-        values, slopes = np.empty(shape), np.empty((*shape, 6))
-        call_in_shares(self._pressure_library, "foundation_moments", poses, values, slopes)
-        return values, slopes
+        values, jacobian = np.empty(shape), np.empty((*shape, 6))
+        call_in_shares(self._pressure_library, "foundation_moments", poses, values, jacobian)
+        return values, jacobian
 
     def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
         """C of the loads, root loads and pressures; raises ValueError for a pressure law without C."""

@@ -52,12 +52,12 @@ def leaps_in_words(poses: Array, names: Sequence[str]) -> str:
 
 @dataclass(frozen=True)
 class Motion:
-    """Frames to be carried by a contact model: free pose parameters, wanted loads (n,) by name, how closely these are
+    """Frames to be carried by a contact model: free pose parameters, target loads (n,) by name, how closely these are
     settled (n,) [N]. usable (n,): frames that have a pose to find; low, high (6,): bounds of poses."""
 
     model: ContactModel
     free: Sequence[str]
-    wanted: Mapping[str, Array]
+    targets: Mapping[str, Array]
     tolerance_n: Array
     usable: np.ndarray
     low: Array = field(default_factory=lambda: np.full(6, -np.inf))
@@ -77,10 +77,10 @@ class Motion:
 
     def unstable(self, poses: Array) -> np.ndarray:
         """True (n,) where target forces leave the body in an unstable equilibrium in poses (n, 6)."""
-        return unstable_equilibria(self.model, self.free, tuple(self.wanted), poses)
+        return unstable_equilibria(self.model, self.free, tuple(self.targets), poses)
 
     def without_leaps(self, poses: Array, solved: np.ndarray) -> Array:
-        """Poses (n, 6), of which some are solved (n,), with others that carry the wanted loads where the motion then
+        """Poses (n, 6), of which some are solved (n,), with others that carry the target loads where the motion then
         leaps less, and is shorter; also of frames that were not solved, where a neighbour leads there."""
         leaping = self.leaping(poses, solved)
         known = [[pose] if ready else [] for pose, ready in zip(poses, solved, strict=True)]
@@ -100,7 +100,7 @@ class Motion:
             for begin, ahead in ((k, 1), (k + 1, -1)):
                 pose, frame = poses[begin], begin
                 while 0 <= (to := frame + ahead) < len(poses) and self.usable[to]:
-                    now, then = ({name: curve[at] for name, curve in self.wanted.items()} for at in (frame, to))
+                    now, then = ({name: curve[at] for name, curve in self.targets.items()} for at in (frame, to))
                     pose, share = follow(self.model, pose, poses[to], self.free, now, then, self.tolerance_n[to])
                     inside = ((pose >= self.low) & (pose <= self.high))[self.columns].all()
                     if share < 1.0 or not inside or self._is_known(pose, known[to]):
@@ -151,8 +151,8 @@ def follow(
     while share < 1.0 and step >= smallest_step:
         ahead = min(share + step, 1.0)
         pose[fixed] = (1.0 - ahead) * first[fixed] + ahead * to[fixed]
-        wanted = {name: np.array([(1.0 - ahead) * load + ahead * end[name]]) for name, load in begin.items()}
-        tried, report = settle(model, pose[None], free, wanted, tolerance=tolerance_n, max_iterations=max_iterations)
+        targets = {name: np.array([(1.0 - ahead) * load + ahead * end[name]]) for name, load in begin.items()}
+        tried, report = settle(model, pose[None], free, targets, tolerance=tolerance_n, max_iterations=max_iterations)
         if report.converged[0]:
             pose, share = tried[0], ahead
         else:

@@ -62,27 +62,27 @@ class Errors:
         if rms.max() >= single.max():
             load, kind = int(rms.argmax()), " (RMS)"
             allowed = self.scene.tolerances_of()[load]
-            found = rms[load] * allowed
+            values = rms[load] * allowed
         else:
             n, load = (int(k) for k in np.unravel_index(single.argmax(), single.shape))
-            found, kind = self.loads[self._judged][n, load], ""
-            allowed = found / single[n, load]
+            values, kind = self.loads[self._judged][n, load], ""
+            allowed = values / single[n, load]
         name = self.scene.load_names[load]
-        return f"{beside(found, allowed)} {load_unit(name)} in {name}{kind}, expected {allowed:g} at most"
+        return f"{beside(values, allowed)} {load_unit(name)} in {name}{kind}, expected {allowed:g} at most"
 
-    def record(self, **said: Any) -> dict[str, Any]:
+    def record(self, **details: Any) -> dict[str, Any]:
         """What is said of the model, and its errors, in plain values; of poses at the rim, where others are judged,
         which share exceeds what is allowed."""
-        found = {}
+        values = {}
         for where, rows in (("", self._judged), ("_at_rim", ~self._judged)):
             if rows.any():
-                found[f"rms{where}"] = np.sqrt(np.mean(self.loads[rows] ** 2, axis=0))
-                found[f"largest{where}"] = self.loads[rows].max(axis=0)
+                values[f"rms{where}"] = np.sqrt(np.mean(self.loads[rows] ** 2, axis=0))
+                values[f"largest{where}"] = self.loads[rows].max(axis=0)
         names = self.scene.load_names
-        by_name = {key: dict(zip(names, sizes.tolist(), strict=True)) for key, sizes in found.items()}
+        by_name = {key: dict(zip(names, sizes.tolist(), strict=True)) for key, sizes in values.items()}
         exceed = (self.of_allowed[~self._judged] > 1.0).any(axis=1)
         at_rim = {"exceeding_at_rim": float(exceed.mean())} if len(exceed) else {}
-        return {**said, "poses": len(self.loads), "forces_n": list(forces_tried(self.scene)), **by_name, **at_rim}
+        return {**details, "poses": len(self.loads), "forces_n": list(forces_tried(self.scene)), **by_name, **at_rim}
 
     def _rms(self, rows: np.ndarray) -> Array:
         """Of every load (L,), in its tolerance."""
@@ -93,17 +93,17 @@ class Errors:
         return ~self.at_rim | (np.mean(self.at_rim) > self.mostly)
 
 
-def cheapest(scene: Scene, candidates: Iterable[Model], errors_of: Callable[[Model], Array], **said: Any) -> Model:
+def cheapest(scene: Scene, candidates: Iterable[Model], errors_of: Callable[[Model], Array], **details: Any) -> Model:
     """The first candidate whose errors (poses, loads) are small enough (`Errors.ratio`, whatever the force), its
     record telling so.
 
     said: what the record holds besides. Raises ValueError where no candidate is good enough.
     """
     for model in candidates:
-        found = np.abs(errors_of(model))
-        errors = Errors(scene, found, np.zeros(len(found)), np.zeros(len(found), dtype=bool))
+        values = np.abs(errors_of(model))
+        errors = Errors(scene, values, np.zeros(len(values)), np.zeros(len(values), dtype=bool))
         if errors.ratio <= 1.0:
-            model.record = errors.record(**said)
+            model.record = errors.record(**details)
             return model
     raise not_good_enough(model, errors)
 

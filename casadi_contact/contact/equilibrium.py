@@ -1,4 +1,4 @@
-"""The equations of a static analysis: which pose parameters are free, which loads are wanted, how far off they are."""
+"""The equations of a static analysis: free pose parameters, target loads, and how far off these are."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ class Equilibrium:
     """Wanted loads (n, targets) of a contact model, to be met by varying the free pose parameters.
 
     A patch's normal load that is one load is compared as a signed root load, r = s - √(N*/N0), which is nearly
-    linear in the pose and keeps its slope out of contact. Where it is the magnitude of three wanted forces these are
+    linear in the pose and keeps its slope out of contact. Where it is the magnitude of three target forces these are
     compared as a root vector likewise: r = s·u - √(N*/N0)·u*, with u the direction of the force (out of contact, that
     in which the body closes the gap). The total of normal loads along one direction likewise, with the root
-    S = √(Σ max(s, 0)²) of all patches, out of contact that of the nearest. Any other load as r = (load - wanted)/N0
+    S = √(Σ max(s, 0)²) of all patches, out of contact that of the nearest. Any other load as r = (load - target)/N0
     (torques over N0·LEVER_MM).
     """
 
     model: ContactModel
     free: tuple[int, ...]
     names: tuple[str, ...]
-    wanted: Array
+    target: Array
 
     @classmethod
     def of(cls, model: ContactModel, count: int, free: Sequence[str], targets: Mapping[str, ArrayLike]) -> Equilibrium:
@@ -39,17 +39,17 @@ class Equilibrium:
             raise ValueError(f"free is {tuple(free)!r}, expected at least one pose parameter, each named once")
         model.scene.pose_space.check_free(free)
         if not targets:
-            raise ValueError("targets is empty, expected wanted loads by name, for example {'Fy_med': -700.0}")
+            raise ValueError("targets is empty, expected target loads by name, for example {'Fy_med': -700.0}")
         model = with_loads(model, tuple(targets))
-        wanted = np.empty((count, len(targets)))
+        target = np.empty((count, len(targets)))
         for column, (name, value) in enumerate(targets.items()):
             array = np.asarray(value, dtype=float)
             if array.shape not in ((), (1,), (count,)):
                 raise ValueError(f"target {name} has shape {array.shape}, expected a number or ({count},)")
             if not np.isfinite(array).all():
                 raise ValueError(f"target {name} holds NaN or infinity, expected finite loads")
-            wanted[:, column] = array
-        return cls(model, tuple(pose_index(name) for name in free), tuple(targets), wanted)
+            target[:, column] = array
+        return cls(model, tuple(pose_index(name) for name in free), tuple(targets), target)
 
     @property
     def _directed_targets(self) -> dict[int, int]:
@@ -86,11 +86,11 @@ class Equilibrium:
         columns = sorted({*self._directed_targets, *self._total_targets, *of_vectors})
         if not columns or len(columns) != len(sensitive) or not set(sensitive) < set(self.free):
             return None
-        return Equilibrium(self.model, sensitive, tuple(self.names[k] for k in columns), self.wanted[:, columns])
+        return Equilibrium(self.model, sensitive, tuple(self.names[k] for k in columns), self.target[:, columns])
 
     def of_rows(self, rows: np.ndarray) -> Equilibrium:
         """The equations of these poses alone."""
-        return Equilibrium(self.model, self.free, self.names, self.wanted[rows])
+        return Equilibrium(self.model, self.free, self.names, self.target[rows])
 
     def misses_a_force(self, misfit: Array, share: float = 0.01) -> np.ndarray:
         """True (n,) where the body can be moved freely and carries less than a share of a target force that has no
@@ -98,16 +98,16 @@ class Equilibrium:
         missing = np.zeros(len(misfit), dtype=bool)
         if {0, 1, 2} <= set(self.free):
             for columns in self._vector_targets.values():
-                force = self.wanted[:, columns]
+                force = self.target[:, columns]
                 carried = np.linalg.norm(misfit[:, columns] + force, axis=1)
                 missing |= carried < share * np.linalg.norm(force, axis=1)
         return missing
 
     def along_the_force(self, poses: Array, ways_mm: Array, number: int) -> Array:
-        """Poses (n, 6) moved along the force that a patch is wanted to carry, by the way about which residuals are
+        """Poses (n, 6) moved along the force that a patch shall carry, by the way about which residuals are
         least (number 0), next to least (1), ...: there are several where the body passes a rim before it presses."""
         columns = next(iter(self._vector_targets.values()))
-        force = self.wanted[:, columns]
+        force = self.target[:, columns]
         along = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-300)
         moved = np.repeat(poses[:, None], len(ways_mm), axis=1)
         moved[:, :, :3] += ways_mm[:, None] * along[:, None]
@@ -120,16 +120,16 @@ class Equilibrium:
         return np.asarray(moved[np.arange(len(poses)), order[:, number]])
 
     def pulls(self) -> np.ndarray:
-        """True (n,) where a wanted normal load would pull, which no contact can."""
+        """True (n,) where a target normal load would pull, which no contact can."""
         normals = self.model.scene.normal_loads
         patches = self._directed_targets | dict.fromkeys(self._total_targets, 0)
-        pulling = [normals[p].sign * self.wanted[:, column] < 0.0 for column, p in patches.items()]
-        return np.any(pulling, axis=0) if pulling else np.zeros(len(self.wanted), dtype=bool)
+        pulling = [normals[p].sign * self.target[:, column] < 0.0 for column, p in patches.items()]
+        return np.any(pulling, axis=0) if pulling else np.zeros(len(self.target), dtype=bool)
 
     def misfit(self, loads: Array, rows: np.ndarray) -> Array:
-        """Named loads minus wanted loads (rows, targets) [N, N·mm]."""
+        """Named loads minus target loads (rows, targets) [N, N·mm]."""
         columns = [self.model.load_names.index(name) for name in self.names]
-        return loads[:, columns] - self.wanted[rows]
+        return loads[:, columns] - self.target[rows]
 
     def each_in_newtons(self, misfit: Array) -> Array:
         """Sizes (..., targets) [N] of misfits, torques over LEVER_MM."""
@@ -149,30 +149,30 @@ class Equilibrium:
         else:
             loads, jacobian = model.jacobian(poses)
         misfit = self.misfit(loads, rows)
-        r, slope = np.empty_like(misfit), np.empty((*misfit.shape, 6))
+        r, gradient = np.empty_like(misfit), np.empty((*misfit.shape, 6))
         for column, (name, scale) in enumerate(zip(self.names, n0 * newton_scales(self.names, LEVER_MM), strict=True)):
             r[:, column] = misfit[:, column] / scale
-            slope[:, column] = jacobian[:, model.load_names.index(name)] / scale
+            gradient[:, column] = jacobian[:, model.load_names.index(name)] / scale
         for column in totals:
-            wanted = model.scene.normal_loads[0].sign * self.wanted[rows, column]
-            total, slope[:, column] = _total_root(*roots)
-            r[:, column] = total - np.sqrt(np.maximum(wanted, 0.0) / n0)
+            target = model.scene.normal_loads[0].sign * self.target[rows, column]
+            total, gradient[:, column] = _total_root(*roots)
+            r[:, column] = total - np.sqrt(np.maximum(target, 0.0) / n0)
         for column, patch in directed.items():
-            wanted = model.scene.normal_loads[patch].sign * self.wanted[rows, column]
-            r[:, column] = roots[0][:, patch] - np.sqrt(np.maximum(wanted, 0.0) / n0)
-            slope[:, column] = roots[1][:, patch]
+            target = model.scene.normal_loads[patch].sign * self.target[rows, column]
+            r[:, column] = roots[0][:, patch] - np.sqrt(np.maximum(target, 0.0) / n0)
+            gradient[:, column] = roots[1][:, patch]
         for patch, columns in vectors.items():
             of_loads = [model.load_names.index(self.names[column]) for column in columns]
-            wanted = self.wanted[rows][:, columns]
-            size = np.linalg.norm(wanted, axis=1, keepdims=True)
-            vector, slope[:, columns] = _root_vector(
+            target = self.target[rows][:, columns]
+            size = np.linalg.norm(target, axis=1, keepdims=True)
+            vector, gradient[:, columns] = _root_vector(
                 loads[:, of_loads], jacobian[:, of_loads], roots[0][:, patch], roots[1][:, patch], n0
             )
-            r[:, columns] = vector - wanted / np.sqrt(n0 * np.where(size > 0.0, size, 1.0))
-        slope = self._space.pull_back(slope)[..., list(self.free)] * self.free_scales
-        lost = ~np.isfinite(slope).all(axis=(1, 2)) | ~np.isfinite(r).all(axis=1)
-        r[lost], slope[lost], misfit[lost] = np.nan, np.nan, np.nan
-        return r, slope, misfit
+            r[:, columns] = vector - target / np.sqrt(n0 * np.where(size > 0.0, size, 1.0))
+        gradient = self._space.pull_back(gradient)[..., list(self.free)] * self.free_scales
+        lost = ~np.isfinite(gradient).all(axis=(1, 2)) | ~np.isfinite(r).all(axis=1)
+        r[lost], gradient[lost], misfit[lost] = np.nan, np.nan, np.nan
+        return r, gradient, misfit
 
     def moved(self, poses: Array, steps: Array) -> Array:
         """Poses (n, 6) after comparable steps (n, free) of the free parameters, what is tied to them following."""
@@ -201,7 +201,7 @@ def _total_root(s: Array, ds: Array) -> tuple[Array, Array]:
     return value, np.where(loaded[:, None], np.einsum("np,npj->nj", shares, ds), ds[rows, nearest])
 
 
-def _root_vector(force: Array, slope: Array, s: Array, ds: Array, n0: float) -> tuple[Array, Array]:
+def _root_vector(force: Array, gradient: Array, s: Array, ds: Array, n0: float) -> tuple[Array, Array]:
     """s·u (n, 3) and its derivatives (n, 3, 6): F/√(N·N0) in contact; out of contact along the gap's gradient.
 
     There the turning of u is left out of the derivative: a step closes the gap first.
@@ -210,7 +210,7 @@ def _root_vector(force: Array, slope: Array, s: Array, ds: Array, n0: float) -> 
     loaded = size > 0.0
     root = np.sqrt(np.where(loaded, size, 1.0) * n0)[:, None]
     along = force / np.where(loaded, size, 1.0)[:, None]
-    in_contact = (slope - 0.5 * np.einsum("ni,nk,nkj->nij", along, along, slope)) / root[..., None]
+    in_contact = (gradient - 0.5 * np.einsum("ni,nk,nkj->nij", along, along, gradient)) / root[..., None]
     closing = ds[:, :3] / np.maximum(np.linalg.norm(ds[:, :3], axis=1, keepdims=True), 1e-300)
     vector = np.where(loaded[:, None], force / root, s[:, None] * closing)
     return vector, np.where(loaded[:, None, None], in_contact, closing[..., None] * ds[:, None, :])

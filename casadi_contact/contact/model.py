@@ -100,29 +100,29 @@ def with_loads(model: ContactModel, names: Sequence[str]) -> ContactModel:
     return model if set(names) <= set(model.load_names) else NamedLoads(model, names)
 
 
-def root_of_normal(normal: Array, slope: Array, reference_load: float) -> tuple[Array, Array]:
+def root_of_normal(normal: Array, gradient: Array, reference_load: float) -> tuple[Array, Array]:
     """s = √(N/N0) and ds = dN/(2·N0·s), for N (...) > 0 and dN (..., 6); zero elsewhere."""
     loaded = normal > 0.0
     s = np.sqrt(np.where(loaded, normal, 0.0) / reference_load)
-    return s, np.where(loaded, 1.0 / (2.0 * reference_load * np.where(loaded, s, 1.0)), 0.0)[..., None] * slope
+    return s, np.where(loaded, 1.0 / (2.0 * reference_load * np.where(loaded, s, 1.0)), 0.0)[..., None] * gradient
 
 
 def signed_roots(
-    scene: Scene, wrenches: Array, slopes: Array, gaps: Callable[[np.ndarray], tuple[Array, Array]]
+    scene: Scene, wrenches: Array, jacobian: Array, gaps: Callable[[np.ndarray], tuple[Array, Array]]
 ) -> tuple[Array, Array]:
     """Signed root loads (n, patches) and ds/dpose (n, patches, 6) from wrenches and their derivatives by the pose.
 
     gaps(rows): gaps and their derivatives at those poses, asked for where some patch carries no load.
     """
     normal = normal_forces(scene.normal_loads, wrenches)
-    s, slope = root_of_normal(normal, normal_gradients(scene.normal_loads, wrenches, slopes), scene.reference_load)
+    s, gradient = root_of_normal(normal, normal_gradients(scene.normal_loads, wrenches, jacobian), scene.reference_load)
     rows = np.flatnonzero((normal <= 0.0).any(axis=1))
     if len(rows):
         free = normal[rows] <= 0.0
         distance, by_pose = gaps(rows)
         s[rows] = np.where(free, -scene.gap_slope * distance, s[rows])
-        slope[rows] = np.where(free[..., None], -scene.gap_slope * by_pose, slope[rows])
-    return s, slope
+        gradient[rows] = np.where(free[..., None], -scene.gap_slope * by_pose, gradient[rows])
+    return s, gradient
 
 
 def overlaps_without_load(wrenches: Array, gaps: Array, allowed_mm: float = 0.1) -> np.ndarray:
@@ -178,8 +178,8 @@ class WrenchLoads(ContactModel):
     @pose_or_poses
     def jacobian_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
         """All that `jacobian` and `root_loads` return, from one evaluation."""
-        wrenches, slopes, roots, root_slopes = self._wrenches_and_roots(poses)
-        return *load_jacobian(self._selection, wrenches, slopes), roots, root_slopes
+        wrenches, jacobian, roots, root_jacobian = self._wrenches_and_roots(poses)
+        return *load_jacobian(self._selection, wrenches, jacobian), roots, root_jacobian
 
     def _rows(self, loads: Iterable[str] | None) -> Array:
         """Rows (loads, patches, 6) of the selection that picks named loads from wrenches."""
@@ -187,6 +187,6 @@ class WrenchLoads(ContactModel):
 
     def _wrenches_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
         """All that `wrench_jacobian` and `root_loads` return."""
-        wrenches, slopes = self.wrench_jacobian(poses)
-        roots = signed_roots(self.scene, wrenches, slopes, lambda rows: self._gap_jacobian(poses[rows]))
-        return wrenches, slopes, *roots
+        wrenches, jacobian = self.wrench_jacobian(poses)
+        roots = signed_roots(self.scene, wrenches, jacobian, lambda rows: self._gap_jacobian(poses[rows]))
+        return wrenches, jacobian, *roots

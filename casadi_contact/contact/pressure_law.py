@@ -63,16 +63,16 @@ def pressures(number, modulus, thickness, depths):
     return values
 
 
-def pressure_slopes(number: int, modulus: float, thickness: float, depths: Array) -> tuple[Array, Array]:
+def pressure_derivatives(number: int, modulus: float, thickness: float, depths: Array) -> tuple[Array, Array]:
     """p [MPa] and dp/dd [MPa/mm] at depths (...) [mm]; zero where there is none."""
-    values, slopes = _slopes(number, modulus, thickness, np.ascontiguousarray(depths).ravel())
-    return values.reshape(depths.shape), slopes.reshape(depths.shape)
+    values, derivatives = _derivatives(number, modulus, thickness, np.ascontiguousarray(depths).ravel())
+    return values.reshape(depths.shape), derivatives.reshape(depths.shape)
 
 
 @njit()
-def _slopes(number, modulus, thickness, depths):
-    values, slopes = np.zeros(len(depths)), np.zeros(len(depths))
+def _derivatives(number, modulus, thickness, depths):
+    values, derivatives = np.zeros(len(depths)), np.zeros(len(depths))
     for n in range(len(depths)):
         if depths[n] > 0.0:
-            values[n], slopes[n], _ = pressure(number, modulus, thickness, depths[n])
-    return values, slopes
+            values[n], derivatives[n], _ = pressure(number, modulus, thickness, depths[n])
+    return values, derivatives

@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 import casadi as ca
 import numpy as np
 
-from casadi_contact.contact.pressure_law import law_of, pressure_slopes
+from casadi_contact.contact.pressure_law import law_of, pressure_derivatives
 from casadi_contact.contact.symbolic import contact_callback
 from casadi_contact.core.conventions import Array, as_poses, pose_or_poses, rotation
 from casadi_contact.geometry.creases import beside_creases, creases
@@ -134,9 +134,9 @@ class PressureOutputs(ABC):
 
         Without contact all are zero, but a centre of pressure is NaN. Raises ValueError for an unknown name.
         """
-        values, slopes = self._outputs(poses)
+        values, jacobian = self._outputs(poses)
         columns = [self.pressure_names.index(name) for name in self._checked(names)]
-        return values[:, columns], slopes[:, columns]
+        return values[:, columns], jacobian[:, columns]
 
     def summary(self, poses: Array) -> PressureSummary:
         """Areas, pressures, centres of pressure and penetrations of each patch at poses (n, 6)."""
@@ -150,20 +150,20 @@ class PressureOutputs(ABC):
 
         Raises ValueError for an unknown name.
         """
-        wanted = self._checked(names)
-        return contact_callback(name, [("pressures", len(wanted), lambda poses: self.pressures(poses, wanted))])
+        chosen = self._checked(names)
+        return contact_callback(name, [("pressures", len(chosen), lambda poses: self.pressures(poses, chosen))])
 
     def _checked(self, names: Iterable[str] | None) -> tuple[str, ...]:
         known = self.pressure_names
-        wanted = known if names is None else tuple([names] if isinstance(names, str) else names)
-        if not wanted or any(name not in known for name in wanted):
-            raise ValueError(f"pressures {', '.join(wanted) or '(none)'}, expected some of {', '.join(known)}")
-        return wanted
+        chosen = known if names is None else tuple([names] if isinstance(names, str) else names)
+        if not chosen or any(name not in known for name in chosen):
+            raise ValueError(f"pressures {', '.join(chosen) or '(none)'}, expected some of {', '.join(known)}")
+        return chosen
 
     def _outputs(self, poses: Array) -> tuple[Array, Array]:
         """All outputs (n, P·7) and their derivatives by the pose (n, P·7, 6)."""
         m, dm = self.pressure_moments(poses)
-        peak, rise = pressure_slopes(*law_of(self.scene.material), m[..., 5])
+        peak, rise = pressure_derivatives(*law_of(self.scene.material), m[..., 5])
         loaded = m[..., 1] > 0.0
         area, force = np.where(loaded, m[..., 0], 1.0), np.where(loaded, m[..., 1], np.nan)
         mean, centre = np.where(loaded, m[..., 1] / area, 0.0), m[..., 2:5] / force[..., None]
@@ -171,9 +171,9 @@ class PressureOutputs(ABC):
         of_mean = (dm[..., 1, :] - mean[..., None] * dm[..., 0, :]) / area[..., None]
         of_centre = (dm[..., 2:5, :] - centre[..., None] * dm[..., 1:2, :]) / force[..., None, None]
         of_peak = rise[..., None] * dm[..., 5, :]
-        slopes = np.concatenate([np.stack([dm[..., 0, :], of_mean, of_peak], -2), of_centre, dm[..., 5:, :]], -2)
+        jacobian = np.concatenate([np.stack([dm[..., 0, :], of_mean, of_peak], -2), of_centre, dm[..., 5:, :]], -2)
         shape = (len(poses), len(self.pressure_names))  # no -1: there may be no poses
-        return values.reshape(shape), slopes.reshape(*shape, 6)
+        return values.reshape(shape), jacobian.reshape(*shape, 6)
 
 
 def pressed_elements(model: ElementModel, pose: Array) -> tuple[Array, Array]:

@@ -40,7 +40,7 @@ def _conjugate_motion(model: ContactModel, names: Sequence[str], pose: Array) ->
 
 @dataclass(frozen=True)
 class _DampedMotion:
-    """The body of one row of the equations, moving from a pose (6,): m·q̈ = Aᵀ·(wanted - loads) - c·q̇.
+    """The body of one row of the equations, moving from a pose (6,): m·q̈ = Aᵀ·(target - loads) - c·q̇.
 
     A state (2k,) holds the k free pose parameters q [mm, rotations times LEVER_MM] and their rates [mm/s].
     """
@@ -74,7 +74,7 @@ class _DampedMotion:
     def rate(self, _: float, state: Array) -> Array:
         """d state/dt (2k,), by damping alone where loads are not finite: integration then crosses that border."""
         pose, speed = self.pose(state), _halves(state)[1]
-        missing = self.equations.wanted[self.row] - self.equations.model(pose[None])[0, self._loads]
+        missing = self.equations.target[self.row] - self.equations.model(pose[None])[0, self._loads]
         missing = missing if np.isfinite(missing).all() else np.zeros_like(missing)
         return np.concatenate([speed, (self._motion(pose).T @ missing - self.damping * speed) / self.mass])
 
@@ -146,7 +146,7 @@ def relax(
     end_time: float = 100.0,
     method: str = "BDF",
 ) -> tuple[Array, SettleReport]:
-    """Let each pose come to rest under the wanted loads: m·q̈ = Aᵀ·(wanted - loads) - c·q̇ until accelerations vanish.
+    """Let each pose come to rest under the target loads: m·q̈ = Aᵀ·(target - loads) - c·q̇ until accelerations vanish.
 
     q are the free pose parameters (rotations times LEVER_MM), A the conjugate motions of the targets, c the joint
     damping [N·s/mm]. The contact is stiff, so integration is implicit: SciPy's ``BDF`` or ``Radau``. It ends at rest,

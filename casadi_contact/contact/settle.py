@@ -21,7 +21,7 @@ NOT_FINITE = "the contact model's loads are not finite"
 class SettleReport:
     """What became of each pose: converged (n,), iterations (n,), residual (n,) [N, torques over 25 mm], reason (n,).
 
-    misfit holds load minus wanted load by name, each (n,) [N, N·mm]; reason is "" where converged.
+    misfit holds load minus target load by name, each (n,) [N, N·mm]; reason is "" where converged.
     """
 
     converged: np.ndarray
@@ -50,7 +50,7 @@ def settle(
     trust_region: bool = True,
     progress: Progress | None = None,
 ) -> tuple[Array, SettleReport]:
-    """Vary the free pose parameters of each pose until the model carries the wanted loads.
+    """Vary the free pose parameters of each pose until the model carries the target loads.
 
     Levenberg-Marquardt on `Equilibrium`'s residuals with the model's own Jacobian: with as many targets as free
     parameters a damped Newton method; with more, or where no pose carries the loads, it ends at the nearest pose in
@@ -101,7 +101,7 @@ def _newton_with_restarts(
     reach_mm: float = 30.0,
 ) -> tuple[Array, Array, np.ndarray, np.ndarray]:
     """What `_newton` gives; a body that stalls without contact, between the walls of a cup or beside it, begins again
-    from where it presses on its way along the wanted force."""
+    from where it presses on its way along the target force."""
     start = poses
     poses, misfit, iterations, stalled = _newton(equations, start, tolerance, max_iterations, progress)
     for number in range(restarts):
@@ -236,7 +236,7 @@ def _reasons(equations: Equilibrium, converged: np.ndarray, stalled: np.ndarray,
         name = equations.names[worst]
         left = f"{name} is off by {misfit[row, worst]:.4g} {quantity(name).unit}"
         if pulls[row]:
-            reasons[row] = f"no equilibrium: a wanted load pulls, contact only pushes; {left}"
+            reasons[row] = f"no equilibrium: a target load pulls, contact only pushes; {left}"
         elif stalled[row]:
             reasons[row] = f"no equilibrium near this start: at the nearest pose found {left}"
         else:

@@ -69,7 +69,7 @@ def test_a_pulling_target_is_reported_not_hidden(knee):
     targets["Fy_lat"][2] = 50.0
     _, report = cc.settle(knee, poses, ("ty", "rx"), targets)
     assert report.converged.tolist() == [True, True, False, True]
-    assert report.reason[2].startswith("no equilibrium: a wanted load pulls")
+    assert report.reason[2].startswith("no equilibrium: a target load pulls")
     assert report.residual[2] > 1.0
     assert "3 of 4" in str(report)
 

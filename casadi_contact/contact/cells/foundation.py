@@ -94,9 +94,8 @@ class CellFoundation(CompiledPressures):
 
     def _by_twist(self, R: Array, t: Array) -> tuple[Array, Array, Array, Array, np.ndarray]:
         found = [[patch.loads(*pose) for patch in self.patches] for pose in zip(R, t, strict=True)]
-        keys = ("wrench", "stiffness", "gap", "gap_slope", "cut")
-        wrench, stiffness, gap, gap_slope, cut = (np.array([[getattr(p, k) for p in f] for f in found]) for k in keys)
-        return wrench, stiffness, gap, gap_slope, cut
+        keys = ("wrench", "stiffness", "gap", "gap_gradient", "cut")
+        return tuple(np.array([[getattr(p, key) for p in each] for each in found]) for key in keys)
 
 
 def cell_patches(

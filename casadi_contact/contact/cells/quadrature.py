@@ -21,7 +21,7 @@ import numpy as np
 from casadi_contact.contact.cells.basis import Cells, corner_shares, hermite_functions, positive_ramp, ramp, smooth_step
 from casadi_contact.contact.cells.patches import CellPatch
 from casadi_contact.contact.elements.loops import STEEPEST_FIELD, point_distances
-from casadi_contact.contact.pressure_law import pressure, pressure_slopes
+from casadi_contact.contact.pressure_law import pressure, pressure_derivatives
 from casadi_contact.contact.pressures import MOMENTS
 from casadi_contact.core.conventions import Array, wrench_about_origin
 from casadi_contact.geometry.moving_surface import MovingSurface
@@ -64,7 +64,7 @@ class PatchLoads:
     wrench: Array
     stiffness: Array
     gap: float
-    gap_slope: Array
+    gap_gradient: Array
     cut: bool
 
 
@@ -85,13 +85,13 @@ class Quadrature:
         distance = point_distances(self.body.family, self.body.parameters, p.c, R, t)
         nearest = int(np.argmin(np.where(p.known, distance, np.inf)))
         gap, slope, _ = distance_derivatives(self.body, ((p.c[nearest] - t) @ R)[None])
-        gap_slope = -wrench_about_origin(R @ slope[0], p.c[nearest] - t)
+        gap_gradient = -wrench_about_origin(R @ slope[0], p.c[nearest] - t)
         touch = self._touch(R, t, distance)
-        total, by_total = touch.total, -p.loads[touch.nodes.used].T @ self.slopes(touch)[0]
+        total, by_total = touch.total, -p.loads[touch.nodes.used].T @ self.derivatives(touch)[0]
         fade, fade_slope = smooth_step(-total[6] / self.fade_n)
         wrench, stiffness = total[:6], by_total[:6]
         stiffness = fade * stiffness - np.outer(wrench, by_total[6]) * fade_slope / self.fade_n
-        return PatchLoads(fade * wrench, stiffness, float(gap[0]), gap_slope, touch.cut)
+        return PatchLoads(fade * wrench, stiffness, float(gap[0]), gap_gradient, touch.cut)
 
     def wrench_and_cut(self, R: Array, t: Array) -> tuple[Array, bool]:
         """The patch's wrench (6,), and whether contact reaches the rim."""
@@ -104,17 +104,17 @@ class Quadrature:
         values = self._nodes(R, t, np.arange(len(p.c))).values[p.corners].reshape(-1, 12)
         depths = np.maximum(ramp(values @ hermite_functions(self.cells), self.tuning.width)[0], 0.0)
         share = p.present.mean(axis=1)
-        mean = (pressure_slopes(*self.law, depths)[0] * p.present).mean(axis=1) / share
+        mean = (pressure_derivatives(*self.law, depths)[0] * p.present).mean(axis=1) / share
         return p.c[p.corners].mean(axis=1), p.loads[p.corners, 6].mean(axis=1) * share, mean
 
     def touch(self, R: Array, t: Array) -> Touch:
         """What touches in a pose."""
         return self._touch(R, t, point_distances(self.body.family, self.body.parameters, self.patch.c, R, t))
 
-    def slopes(self, touch: Touch) -> tuple[Array, Array]:
+    def derivatives(self, touch: Touch) -> tuple[Array, Array]:
         """Derivatives by the twist of the moving body: of the nodes' weights (m, 6), of depths (k, sub-points, 6)."""
         corners, nodes = touch.corners, touch.nodes
-        by_depth = self._by_depth(self._slopes(nodes)[0], touch)
+        by_depth = self._by_depth(self._derivatives(nodes)[0], touch)
         shared = np.einsum("cr,kra->kca", corner_shares(self.cells), touch.stiffness[..., None] * by_depth)
         by_node = np.zeros((len(nodes.used), 6))
         np.add.at(by_node, corners.ravel(), shared.reshape(-1, 6))
@@ -130,14 +130,14 @@ class Quadrature:
         then becomes the distance to that side.
         """
         nodes = touch.nodes
-        slopes, by_sigma = self._slopes(nodes)
+        derivatives, by_sigma = self._derivatives(nodes)
         sigma = -np.einsum("ij,ij->i", nodes.G, self.patch.n[nodes.used])
         step, rise = smooth_step((sigma - self.tuning.steep_ray) / self.tuning.steep_ray_width)
         share = self.tuning.flattest + (1.0 - self.tuning.flattest) * step
         by_share = ((1.0 - self.tuning.flattest) / self.tuning.steep_ray_width * rise)[:, None] * by_sigma
         values = (share[:, None] * nodes.values)[touch.corners].reshape(-1, 12)
-        slopes = share[:, None, None] * slopes + nodes.values[..., None] * by_share[:, None]
-        return values @ hermite_functions(self.cells), self._by_depth(slopes, touch)
+        derivatives = share[:, None, None] * derivatives + nodes.values[..., None] * by_share[:, None]
+        return values @ hermite_functions(self.cells), self._by_depth(derivatives, touch)
 
     def _start(self, overlap: Array) -> tuple[Array, Array]:
         """Where along the rays the distance is taken, no farther away than -g at the nodes; its derivative by -g."""
@@ -151,9 +151,9 @@ class Quadrature:
         rise, slope, _ = positive_ramp(sigma - self.tuning.flattest, self.tuning.flattest_width)
         return self.tuning.flattest + rise, slope
 
-    def _by_depth(self, slopes: Array, touch: Touch) -> Array:
+    def _by_depth(self, derivatives: Array, touch: Touch) -> Array:
         """Derivatives by twist (k, sub-points, 6) of depths interpolated between nodes' values, from theirs."""
-        by_corner = slopes[touch.corners].reshape(-1, 12, 6)
+        by_corner = derivatives[touch.corners].reshape(-1, 12, 6)
         return np.asarray(np.einsum("jr,kja->kra", hermite_functions(self.cells), by_corner, optimize=True))
 
     def _touch(self, R: Array, t: Array, distance: Array) -> Touch:
@@ -190,7 +190,7 @@ class Quadrature:
         values = np.column_stack([near - self.tuning.far_depth, along_chart])
         return _Nodes(used, R, t, x, start, by_start, G, d, values)
 
-    def _slopes(self, nodes: _Nodes) -> tuple[Array, Array]:
+    def _derivatives(self, nodes: _Nodes) -> tuple[Array, Array]:
         """Derivatives by twist of the nodes' values (m, 3, 6), and of σ (m, 6)."""
         p, used, d, G = self.patch, nodes.used, nodes.d, nodes.G
         n, rho = p.n[used], nodes.x - nodes.t
@@ -214,13 +214,13 @@ class Quadrature:
         by_d = wrench_about_origin(G, rho) + (m - sigma)[:, None] * nodes.by_start - (d - nodes.start)[:, None] * by_m
         by_d /= m[:, None]
         _, near_slope, near_bend = positive_ramp(d + self.tuning.far_depth, self.tuning.far_width)
-        slopes = [near_slope[:, None] * by_d]
+        derivatives = [near_slope[:, None] * by_d]
         for axis in (0, 1):
             (a, by_a), (b, by_b) = moving(p.tangents[used, axis]), moving(p.bends[used, axis])
             slope = (d * b - a) / m
             by_slope = (b[:, None] * by_d + d[:, None] * by_b - by_a - slope[:, None] * by_m) / m[:, None]
-            slopes.append(near_slope[:, None] * by_slope + (near_bend * slope)[:, None] * by_d)
-        return np.stack(slopes, 1), by_sigma
+            derivatives.append(near_slope[:, None] * by_slope + (near_bend * slope)[:, None] * by_d)
+        return np.stack(derivatives, 1), by_sigma
 
 
 @dataclass(frozen=True)
@@ -258,7 +258,7 @@ class Touch:
 def _pressures(law: tuple[int, float, float], depths: Array) -> tuple[Array, Array]:
     """p [MPa] and its slope at depths (...), continued below zero by its first two derivatives there."""
     _, stiffness, bend = pressure(*law, 0.0)
-    p, slope = pressure_slopes(*law, depths)
+    p, slope = pressure_derivatives(*law, depths)
     below = depths <= 0.0
     return (
         np.where(below, stiffness * depths + 0.5 * bend * depths**2, p),
@@ -274,7 +274,7 @@ def cell_moments(quad: Quadrature, R: Array, t: Array) -> tuple[Array, Array]:
     p, used = quad.patch, touch.nodes.used
     areas = p.loads[used, 6]
     pressed = np.column_stack([areas, areas[:, None] * p.c[used]])
-    by_node, by_depth = quad.slopes(touch)
+    by_node, by_depth = quad.derivatives(touch)
     _, in_contact, in_contact_slope = positive_ramp(touch.depth, quad.tuning.width)
     area = p.present[touch.cells] * (areas[touch.corners] @ corner_shares(quad.cells))
     largest, by_largest = _largest(quad, touch, area)

@@ -75,12 +75,12 @@ class CupFoundation(CompiledPressures):
 
     def _by_twist(self, R: Array, t: Array) -> tuple[Array, Array, Array, Array, np.ndarray]:
         found = cup_loads(self.cup, self.law, self.points, t)
-        wrench, stiffness, gap_slope = np.zeros((len(t), 6)), np.zeros((len(t), 6, 6)), np.zeros((len(t), 6))
+        wrench, stiffness, gap_gradient = np.zeros((len(t), 6)), np.zeros((len(t), 6, 6)), np.zeros((len(t), 6))
         wrench[:, :3], wrench[:, 3:] = found.force, np.cross(self.cup.centre, found.force)
         stiffness[:, :3, :3] = found.stiffness
         stiffness[:, 3:, :3] = np.swapaxes(np.cross(self.cup.centre, np.swapaxes(found.stiffness, 1, 2)), 1, 2)
-        gap_slope[:, :3] = found.gap_slope
-        return wrench[:, None], stiffness[:, None], found.gap[:, None], gap_slope[:, None], found.cut[:, None]
+        gap_gradient[:, :3] = found.gap_gradient
+        return wrench[:, None], stiffness[:, None], found.gap[:, None], gap_gradient[:, None], found.cut[:, None]
 
 
 def cup_foundation(

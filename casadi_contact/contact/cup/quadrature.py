@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.contact.pressure_law import pressure_slopes
+from casadi_contact.contact.pressure_law import pressure_derivatives
 from casadi_contact.contact.pressures import MOMENTS
 from casadi_contact.core.conventions import Array
 from casadi_contact.scenes.scene import Scene
@@ -65,7 +65,7 @@ class CupLoads:
     force: Array
     stiffness: Array
     gap: Array
-    gap_slope: Array
+    gap_gradient: Array
     cut: np.ndarray
 
 
@@ -116,16 +116,16 @@ def cap_of(cup: Cup, points: int, centres: Array) -> Cap:
 def cup_loads(cup: Cup, law: tuple[int, float, float], points: int, centres: Array) -> CupLoads:
     """Evaluate a cup for balls with their centres (n, 3) in the fixed frame."""
     cap, radius_2 = cap_of(cup, points, centres), cup.radius**2
-    p, dp = pressure_slopes(*law, cap.s + cap.w - cup.radius)
+    p, dp = pressure_derivatives(*law, cap.s + cap.w - cup.radius)
     first = cap.first()
     force = radius_2 * np.einsum("nm,nmi->ni", cap.weight * p, first)
     stiffness = radius_2 * np.einsum("nm,nmij->nij", cap.weight * dp, rates(cap, first))
-    gap, gap_slope = _gap(cup, cap)
+    gap, gap_gradient = _gap(cup, cap)
     return CupLoads(
         np.einsum("nki,nk->ni", cap.frame, force),
         np.einsum("nki,nkl,nlj->nij", cap.frame, stiffness, cap.frame),
         gap,
-        gap_slope,
+        gap_gradient,
         (cap.edge < 1.0) & (cap.edge < _rims(cup, cap.cos_tilt, cap.sin_tilt)[0]),
     )
 
@@ -227,7 +227,7 @@ def _gap(cup: Cup, cap: Cap) -> tuple[Array, Array]:
 def cup_moments(cup: Cup, law: tuple[int, float, float], points: int, centres: Array) -> tuple[Array, Array]:
     """Moments (n, 6) of balls with their centres (n, 3), and their derivatives by the centre (n, 6, 3)."""
     cap, radius_2 = cap_of(cup, points, centres), cup.radius**2
-    p, dp = pressure_slopes(*law, cap.s + cap.w - cup.radius)
+    p, dp = pressure_derivatives(*law, cap.s + cap.w - cup.radius)
     first, zero = cap.first(), np.zeros((len(centres), MOMENTS))
     value, slope = zero, np.zeros((len(centres), MOMENTS, 3))
     to_fixed = cap.frame

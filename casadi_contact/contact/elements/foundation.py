@@ -262,5 +262,5 @@ class ElasticFoundation(WrenchLoads):
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
         with threads_for(len(poses)):
             results = [gap_many(s.family, s.parameters, e, rotations, translations) for s, e, _ in beds]
-        slopes = twist_to_pose_gradient(np.stack([g for _, g in results], axis=1), poses)
-        return np.stack([g for g, _ in results], axis=1), slopes
+        gradients = twist_to_pose_gradient(np.stack([g for _, g in results], axis=1), poses)
+        return np.stack([g for g, _ in results], axis=1), gradients

@@ -1,1 +1,1 @@
-"""Polar quadrature: smooth surfaces with one spot of contact a patch, and another on its rim, integrated on rays."""
+"""Polar quadrature: smooth surfaces with one contact area a patch, and another on its rim, integrated on rays."""

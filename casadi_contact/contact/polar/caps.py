@@ -1,4 +1,4 @@
-"""What the moving body's next arc changes of a spot: the caps of the spot beyond the junctions of arcs.
+"""What the moving body's next arc changes of a contact area: the caps of the contact area beyond the junctions of arcs.
 
 Arcs meet with a common tangent and different curvatures. Rays that cross their junction would feel it at angles that no
 rule of equal steps meets. So the torus of the peak's arc is integrated as if it went on; in the cap beyond each
@@ -14,16 +14,16 @@ import numpy as np
 
 from casadi_contact.contact.polar.lines import Lines
 from casadi_contact.contact.polar.peak import Peak, edge_distance
-from casadi_contact.contact.polar.ray_hits import Spot, ray_hits, rise
+from casadi_contact.contact.polar.ray_hits import LocalDepth, ray_hits, rise
 from casadi_contact.contact.polar.surfaces import SmoothPatch
 from casadi_contact.core.conventions import Array
 
 
 @dataclass(frozen=True)
 class _Junction:
-    """A junction in n poses as the peak of the spot sees it: its plane, with a point and the normal (n, 3) away from
-    the peak; directions (n, 2) across and along it in the chart; the rate (n,) at which points run behind it across,
-    and the peak's distance from it. before, behind (n,): the arcs.
+    """A junction in n poses, seen from the peak of the contact area: its plane, with a point and the normal (n, 3) away
+    from the peak; directions (n, 2) across and along it in the chart; the rate (n,) at which points run behind it
+    across, and the peak's distance from it. before, behind (n,): the arcs.
     """
 
     point: Array
@@ -42,8 +42,8 @@ class _Junction:
 
 @dataclass(frozen=True)
 class _Chord:
-    """Where a junction crosses spots: the place (n, 2) of the largest depth on it, and half (n,) of its length within
-    the contact, estimated; 0 where it does not cross.
+    """Where a junction crosses contact areas: the place (n, 2) of the largest depth on it, and half (n,) of its
+    estimated length within the contact; 0 where it does not cross.
     """
 
     junction: _Junction
@@ -58,13 +58,13 @@ class _Chord:
 
 
 def curvature_jump_segments(patch: SmoothPatch, R: Array, t: Array, peak: Peak, count: int) -> list[Lines]:
-    """Lines (n, count) of both arcs of each junction; without area where the junction does not cross a spot."""
-    junctions = [_junction(patch, R, t, peak.spot, number) for number in range(len(patch.arcs) - 1)]
+    """Lines (n, count) of both arcs of each junction; without area where the junction does not cross a contact area."""
+    junctions = [_junction(patch, R, t, peak.local, number) for number in range(len(patch.arcs) - 1)]
     chords = [_chord(patch, R, t, peak, junctions, number) for number in range(len(junctions))]
     return [lines for chord in chords for lines in _lines(patch, R, t, peak, chord, count)]
 
 
-def _junction(patch: SmoothPatch, R: Array, t: Array, m: Spot, number: int) -> _Junction:
+def _junction(patch: SmoothPatch, R: Array, t: Array, m: LocalDepth, number: int) -> _Junction:
     forward = number >= m.ends.arc
     point = t + R[:, :, :2] @ patch.arcs[number, :2]
     normal = np.where(forward, 1.0, -1.0)[:, None] * (R[:, :, :2] @ patch.arcs[number, 3:])
@@ -78,10 +78,10 @@ def _junction(patch: SmoothPatch, R: Array, t: Array, m: Spot, number: int) -> _
 
 
 def _chord(patch: SmoothPatch, R: Array, t: Array, peak: Peak, junctions: list[_Junction], number: int) -> _Chord:
-    m, j = peak.spot, junctions[number]
+    m, j = peak.local, junctions[number]
     # The depth on the line, from the peak's: greatest at `top`
     both = np.stack([j.across, j.along], 1)
-    slope, k = np.einsum("nia,na->ni", both, m.slope), both @ m.curvature @ np.swapaxes(both, 1, 2)
+    slope, k = np.einsum("nia,na->ni", both, m.gradient), both @ m.curvature @ np.swapaxes(both, 1, 2)
     k_along, slope_along = np.maximum(k[:, 1, 1], patch.tuning.least_curvature), slope[:, 1] - k[:, 0, 1] * j.distance
     top = slope_along / k_along
     depth = np.maximum(m.depth, 0.0) + 0.5 * slope_along * top
@@ -96,14 +96,14 @@ def _chord(patch: SmoothPatch, R: Array, t: Array, peak: Peak, junctions: list[_
     return _Chord(j, np.stack([m.u, m.v], -1) + off, np.sqrt(2.0 * np.where(crosses, depth, 0.0) / k_along))
 
 
-def _bend(m: Spot, directions: Array) -> Array:
+def _bend(m: LocalDepth, directions: Array) -> Array:
     """Squared component along the peak's arc of unit steps along directions (n, m, 2) in the chart."""
     return np.asarray(np.einsum("nma,nai,ni->nm", directions, m.ends.tangents, m.ends.along) ** 2)
 
 
 def _lines(patch: SmoothPatch, R: Array, t: Array, peak: Peak, chord: _Chord, count: int) -> list[Lines]:
     """Rays of the fan across the cap, on the arcs before and behind the junction."""
-    m, j = peak.spot, chord.junction
+    m, j = peak.local, chord.junction
     start, directions, r, weight = _fan(peak, _ends(patch, R, t, chord), count, patch.tuning.least_chord)
     arc, behind = (np.repeat(a[:, None], count, 1) for a in (j.before, j.behind))
     du, dv = np.moveaxis(directions, -1, 0)
@@ -143,8 +143,8 @@ def _ends(patch: SmoothPatch, R: Array, t: Array, chord: _Chord) -> Array:
 def _fan(peak: Peak, ends: Array, count: int, least_chord: float) -> tuple[Array, Array, Array, Array]:
     """Start (n, 2) of a fan of rays, their directions (n, m, 2), distances (n, m) to the chord, weights of the angle.
 
-    Where `form` makes the spot a circle the fan is a right angle over the chord: caps up to a half circle are smooth
-    functions of its rays.
+    Where `form` makes the contact area a circle the fan is a right angle over the chord: caps up to a half circle are
+    smooth functions of its rays.
     """
     x = np.einsum("nab,neb->nea", np.linalg.inv(peak.form), ends)
     half = 0.5 * (x[:, 1] - x[:, 0])
@@ -164,7 +164,7 @@ def fan_angles(count: int) -> tuple[Array, Array, Array]:
     return np.cos(angle), np.sin(angle), 0.25 * np.pi * share
 
 
-def _more_curved(patch: SmoothPatch, R: Array, t: Array, m: Spot, arc: np.ndarray) -> Array:
+def _more_curved(patch: SmoothPatch, R: Array, t: Array, m: LocalDepth, arc: np.ndarray) -> Array:
     """Curvature along the arc (n, m) of another arc's torus at the peak, less that of the peak's own."""
     own = patch.arcs[m.ends.arc]
     end = np.einsum("nji,nj->ni", R, m.ends.x - t)[:, :2] - own[:, :2]

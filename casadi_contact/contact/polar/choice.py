@@ -117,7 +117,7 @@ def fraction_in_disagreement(scene: Scene, pressed: list[tuple[Array, Array, Arr
     if share > choice.most_apart:
         raise NotGoodEnoughError(
             f"scene {scene.name}: rays and {grid_text(choice.elements)} elements differ by more than tolerances allow "
-            f"in {share:.0%} of the poses that were tried, because contact is more than one spot there: {remedy(scene)}"
+            f"in {share:.0%} of the poses that were tried, because they have several contact areas: {remedy(scene)}"
         )
     return share
 
@@ -170,9 +170,9 @@ def _poses_for_elements(
     few = evenly(len(t), count)
     R, t, wrench = R[few], t[few], wrench[few]
     turned, place = patch.turn @ R, t @ patch.turn.T
-    spot = peak(patch, turned, place).spot
-    near = nearest(patch, turned, place, spot.u, spot.v)
-    front = (near.depth > 0.0) & (near.ends.slope < patch.tuning.facing)
+    local = peak(patch, turned, place).local
+    near = nearest(patch, turned, place, local.u, local.v)
+    front = (near.depth > 0.0) & (near.ends.cosine < patch.tuning.facing)
     return R[front], t[front], wrench[front]
 
 

@@ -17,9 +17,9 @@ import numpy as np
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.contact.polar.peak import deepest_within, peak
 from casadi_contact.contact.polar.quadrature import integration
-from casadi_contact.contact.polar.ray_hits import RayHits, Spot
+from casadi_contact.contact.polar.ray_hits import LocalDepth, RayHits
 from casadi_contact.contact.polar.surfaces import SmoothPatch, Torus
-from casadi_contact.contact.pressure_law import pressure_slopes
+from casadi_contact.contact.pressure_law import pressure_derivatives
 from casadi_contact.core.conventions import Array
 
 RADII = ("dish_sagittal_radius", "dish_frontal_radius")
@@ -27,7 +27,7 @@ RADII = ("dish_sagittal_radius", "dish_frontal_radius")
 
 def dish_slopes(
     patch: SmoothPatch, law: tuple[int, float, float], rays: Rays, R: Array, t: Array
-) -> tuple[Array, Spot, Array]:
+) -> tuple[Array, LocalDepth, Array]:
     """d wrench/d radii (n, 6, 2) [N/mm, N], the deepest point, and d its depth/d radii (n, 2), radii as in `RADII`, in
     n poses.
 
@@ -38,10 +38,10 @@ def dish_slopes(
         raise ValueError("a patch has no dish, expected a scene of the shape knee")
     m = peak(patch, R, t)
     found = integration(patch, R, t, m, rays)
-    spot, ends, u, v = m.spot, found.ends, found.u, found.v
-    p, dp = pressure_slopes(*law, ends.depth)
-    weight = np.where((spot.depth > 0.0)[:, None, None], found.weight, 0.0)
-    there = deepest_within(patch, R, t, spot.u, spot.v)
+    local, ends, u, v = m.local, found.ends, found.u, found.v
+    p, dp = pressure_derivatives(*law, ends.depth)
+    weight = np.where((local.depth > 0.0)[:, None, None], found.weight, 0.0)
+    there = deepest_within(patch, R, t, local.u, local.v)
     V = np.concatenate([ends.N, np.cross(ends.c, ends.N)], -1)
     by_radius, deepest_by_radius = [], []
     for sagittal in (True, False):
@@ -50,7 +50,7 @@ def dish_slopes(
         turned = np.concatenate([N, np.cross(c, ends.N) + np.cross(ends.c, N)], -1)
         by_radius.append(-by_depth - np.einsum("nmg,nmgk->nk", weight * p, turned))
         at_deepest = _depth_slope(there.ends, *_surface_slopes(patch.torus, there.u, there.v, sagittal=sagittal))
-        deepest_by_radius.append(np.where(spot.depth > 0.0, at_deepest, 0.0))
+        deepest_by_radius.append(np.where(local.depth > 0.0, at_deepest, 0.0))
     return np.stack(by_radius, -1), there, np.stack(deepest_by_radius, -1)
 
 
@@ -72,4 +72,4 @@ def _depth_slope(ends: RayHits, c: Array, N: Array) -> Array:
     """Depth by a radius (...) where the fixed point and its normal change by c and N (..., 3)."""
     n = ends.N / ends.length[..., None]
     turned = (N - n * np.sum(n * N, -1)[..., None]) / ends.length[..., None]
-    return np.asarray(np.sum(ends.G * (c - ends.depth[..., None] * turned), -1) / ends.slope)
+    return np.asarray(np.sum(ends.G * (c - ends.depth[..., None] * turned), -1) / ends.cosine)

@@ -78,12 +78,12 @@ def _surfaces(patch: SmoothPatch) -> str:
 
 
 class PolarFoundation(CompiledPressures):
-    """Elastic foundation between smooth surfaces, integrated on rays from the peak of each patch's spot.
+    """Elastic foundation between smooth surfaces, integrated on rays from the peak of each patch's contact area.
 
-    Contact is found in any pose that presses the moving arcs on the patch. Where the rim cuts the spot (`at_edge`),
-    loads are off by 0.1 to 0.4 % in the median and 1 to 2 % in the worst hundredth, against elements. The rays serve
-    one spot, and a second one on the rim. On the body's back, beyond its outermost arcs, the distance jumps and contact
-    may be passed over.
+    Contact is found in any pose that presses the moving arcs on the patch. Where the rim cuts the contact area
+    (`at_edge`), loads are off by 0.1 to 0.4 % in the median and 1 to 2 % in the worst hundredth, against elements. The
+    rays serve one contact area, and a second one on the rim. The distance jumps on the body's back, beyond its last
+    arcs: contact may be missed there.
 
     rays: multiples of 4. Raises ValueError for another number, or a scene of another shape than `POLAR_SHAPES`.
     """
@@ -120,6 +120,5 @@ class PolarFoundation(CompiledPressures):
 
     def _by_twist(self, R: Array, t: Array) -> tuple[Array, Array, Array, Array, np.ndarray]:
         found = [patch_loads(patch, self.law, self.rays, R, t) for patch in self.patches]
-        keys = ("wrench", "stiffness", "gap", "gap_slope", "cut")
-        wrench, stiffness, gap, gap_slope, cut = (np.stack([getattr(f, key) for f in found], 1) for key in keys)
-        return wrench, stiffness, gap, gap_slope, cut
+        keys = ("wrench", "stiffness", "gap", "gap_gradient", "cut")
+        return tuple(np.stack([getattr(each, key) for each in found], 1) for key in keys)

@@ -127,7 +127,7 @@ class Rays:
 
     @property
     def at_rim(self) -> int:
-        """Number of rays of a spot that the rim may cut: their sum converges more slowly there."""
+        """Number of rays of a contact area that the rim may cut: their sum converges more slowly there."""
         return max(self.count, 32)
 
     def __str__(self) -> str:
@@ -136,7 +136,7 @@ class Rays:
 
 def rays_from(patch: SmoothPatch, peak: Peak, rays: Rays) -> list[Lines]:
     """Rays from the peak through the torus of its arc, which goes on beyond the arc's ends; where the rim may cut the
-    spot through each ray's own. A set of rays has no area in the poses that it is not for."""
+    contact area through each ray's own. A set of rays has no area in the poses that it is not for."""
     return [_fan_out(patch, peak, rays.count, peak.whole[:, None]), *rays_at_rim(patch, peak, rays, ~peak.whole)]
 
 
@@ -146,11 +146,11 @@ def rays_at_rim(patch: SmoothPatch, peak: Peak, rays: Rays, used: np.ndarray) ->
 
 
 def _fan_out(patch: SmoothPatch, peak: Peak, count: int, used: np.ndarray) -> Lines:
-    m = peak.spot
+    m = peak.local
     cosine, sine = ray_angles(count)
     directions = np.einsum("nab,jb->nja", peak.form, np.stack([cosine, sine], -1))
     one = np.ones(directions.shape[:2])
-    slope = np.einsum("nr,njr->nj", m.slope, directions)
+    slope = np.einsum("nr,njr->nj", m.gradient, directions)
     k = np.einsum("njr,nrs,njs->nj", directions, m.curvature, directions)
     edge = edge_distance(np.maximum(m.depth, 0.0)[:, None], slope, k, patch.tuning.least_curvature)
     u, v, arc = (np.broadcast_to(x[:, None], one.shape) for x in (m.u, m.v, np.where(peak.whole, m.ends.arc, -1)))

@@ -14,15 +14,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from casadi_contact.contact.polar.ray_hits import Spot, ray_hits, spot_at, tube_frame
+from casadi_contact.contact.polar.ray_hits import LocalDepth, local_depth, ray_hits, tube_frame
 from casadi_contact.contact.polar.surfaces import SmoothPatch, rim_box, stretch, within
 from casadi_contact.core.conventions import Array
 
 ACROSS = np.linspace(0.0, 1.0, 4)  # starts, as parts of the rim's box in w and v, on the rim too
 
 
-def nearest(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) -> Spot:
-    """The point of the patch nearest to the body (`spot_at` with at_start).
+def nearest(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) -> LocalDepth:
+    """The point of the patch nearest to the body (`local_depth` with at_start).
 
     From the lowest of (u, v) and the starts; where the body lies nearly as flat as the patch, from each row of starts.
     """
@@ -47,16 +47,16 @@ def nearest(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) -> Spot:
         deeper = other.depth > depth[several]
         rows = several[deeper]
         best_u[rows], best_v[rows], depth[rows] = other.u[deeper], other.v[deeper], other.depth[deeper]
-    return spot_at(patch, R, t, best_u, best_v, at_start=True)
+    return local_depth(patch, R, t, best_u, best_v, at_start=True)
 
 
-def deepest_within(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) -> Spot:
+def deepest_within(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) -> LocalDepth:
     """The deepest point along the rays: at the rim it is not the nearest one, from which the search for it runs."""
     near = nearest(patch, R, t, u, v)
     return highest(patch, R, t, near.u, near.v, at_start=False)
 
 
-def highest(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_start: bool) -> Spot:
+def highest(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_start: bool) -> LocalDepth:
     """The point of the patch where the depth (at_start: -g) has the maximum that is uphill from (u, v)."""
     low, high = rim_box(patch)
     x = np.stack([u / stretch(patch, v)[0], v], -1)
@@ -78,21 +78,21 @@ def highest(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_st
             kept[rows] = new[taken]
         trust[going] = np.where(taken, 2.0 * trust[going], 0.25 * part)
         going = going[~last]
-    return spot_at(patch, R, t, x[:, 0] * stretch(patch, x[:, 1])[0], x[:, 1], at_start=at_start)
+    return local_depth(patch, R, t, x[:, 0] * stretch(patch, x[:, 1])[0], x[:, 1], at_start=at_start)
 
 
 def _model(patch: SmoothPatch, R: Array, t: Array, x: Array, at_start: bool) -> tuple[Array, Array, Array]:
     """Depth at (w, v), its slopes (n, 2), and minus its second derivatives ww, wv, vv (n, 3), ww and vv bounded."""
     w, v = x.T
     s, rate, bend = stretch(patch, v)
-    spot = spot_at(patch, R, t, w * s, v, at_start=at_start)
-    k, (b_u, b_v), lean = spot.curvature, spot.slope.T, w * rate
+    local = local_depth(patch, R, t, w * s, v, at_start=at_start)
+    k, (b_u, b_v), lean = local.curvature, local.gradient.T, w * rate
     k_uv = k[:, 0, 1] + lean * k[:, 0, 0]
     k_ww, k_wv = s * s * k[:, 0, 0], s * k_uv - rate * b_u
     k_vv = k[:, 1, 1] + lean * (k[:, 0, 1] + k_uv) - w * bend * b_u
     least = patch.tuning.least_curvature
     k = np.stack([np.maximum(k_ww, least * s * s), k_wv, np.maximum(k_vv, least)], -1)
-    return spot.depth, np.stack([s * b_u, b_v + lean * b_u], -1), k
+    return local.depth, np.stack([s * b_u, b_v + lean * b_u], -1), k
 
 
 def _model_step(slope: Array, k: Array, low: Array, high: Array, sweeps: int) -> Array:
@@ -151,24 +151,24 @@ def _arc_along(patch: SmoothPatch, direction: Array) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Peak:
-    """The spot at the peak; form (n, 2, 2): of determinant 1, makes of a circle a curve like the edge of contact;
-    whole (n,): the rim does not cut the spot.
+    """The depth at the peak of a contact area; form (n, 2, 2): of determinant 1, turns a circle into a curve like the
+    edge of contact; whole (n,): the rim does not cut the contact area.
     """
 
-    spot: Spot
+    local: LocalDepth
     form: Array
     whole: np.ndarray
 
 
 def peak(patch: SmoothPatch, R: Array, t: Array) -> Peak:
-    """The deepest point and the ellipse of the curvatures there, K^(-1/2); where the rim cuts the spot, the peak of
-    chords through the point nearest to the body, and a form as long and wide as they are.
+    """The deepest point and the ellipse of the curvatures there, K^(-1/2). Where the rim cuts the contact area: the
+    peak of chords through the point nearest to the body, and a form as long and wide as they are.
 
     Its depth is above zero exactly where some of the patch lies inside the body.
     """
     found = np.stack(deepest(patch, R, t))
-    spot = spot_at(patch, R, t, *within(patch, *found))
-    u, v, k, depth, (b_u, b_v) = spot.u, spot.v, spot.curvature, np.maximum(spot.depth, 0.0), spot.slope.T
+    local = local_depth(patch, R, t, *within(patch, *found))
+    u, v, k, depth, (b_u, b_v) = local.u, local.v, local.curvature, np.maximum(local.depth, 0.0), local.gradient.T
     k_uu, k_uv, k_vv = k[:, 0, 0], k[:, 0, 1], k[:, 1, 1]
     determinant = np.maximum(k_uu * k_vv - k_uv**2, patch.tuning.least_curvature**2)
     convex = (k_uu > 0.0) & (determinant > patch.tuning.least_curvature**2)
@@ -182,9 +182,9 @@ def peak(patch: SmoothPatch, R: Array, t: Array) -> Peak:
         u, v, cut = u.copy(), v.copy(), ~whole
         near = nearest(patch, R[cut], t[cut], u[cut], v[cut])
         u[cut], v[cut] = chord_middles(patch, R[cut], t[cut], near.u, near.v)
-        spot = spot_at(patch, R, t, u, v)
+        local = local_depth(patch, R, t, u, v)
     w = whole[:, None, None]
-    return Peak(spot, np.where(w, _ellipse(np.where(w, spot.curvature, np.eye(2))), chord_form(patch, spot)), whole)
+    return Peak(local, np.where(w, _ellipse(np.where(w, local.curvature, np.eye(2))), chord_form(patch, local)), whole)
 
 
 def _ellipse(curvature: Array) -> Array:
@@ -195,18 +195,19 @@ def _ellipse(curvature: Array) -> Array:
     return np.asarray(form / np.sqrt(s * (k_uu + k_vv + 2.0 * s))[:, None, None])
 
 
-def chord_form(patch: SmoothPatch, spot: Spot) -> Array:
-    """The form (n, 2, 2) as long and wide as the chords through a spot."""
-    begin, end = np.stack([_chord_ends(patch, spot, axis)[:, axis] for axis in (0, 1)], axis=1)
+def chord_form(patch: SmoothPatch, local: LocalDepth) -> Array:
+    """The form (n, 2, 2) as long and wide as the chords through a contact area."""
+    begin, end = np.stack([_chord_ends(patch, local, axis)[:, axis] for axis in (0, 1)], axis=1)
     length = np.maximum(end - begin, patch.tuning.least_chord)
     ratio = np.sqrt(length[0] / length[1])
     return np.stack([ratio, 1.0 / ratio], -1)[:, :, None] * np.eye(2)
 
 
-def _chord_ends(patch: SmoothPatch, spot: Spot, axis: int) -> Array:
-    """(u, v) where a chord along u (0) or v (1) through a spot begins and ends (2, 2, n), estimated, within the rim."""
-    depth, slope, k = np.maximum(spot.depth, 0.0), spot.slope[:, axis], spot.curvature[:, axis, axis]
-    ends = np.tile(np.stack([spot.u, spot.v]), (2, 1, 1))
+def _chord_ends(patch: SmoothPatch, local: LocalDepth, axis: int) -> Array:
+    """Estimated (u, v) (2, 2, n), within the rim, where a chord along u (0) or v (1) through a contact area begins and
+    ends."""
+    depth, slope, k = np.maximum(local.depth, 0.0), local.gradient[:, axis], local.curvature[:, axis, axis]
+    ends = np.tile(np.stack([local.u, local.v]), (2, 1, 1))
     for end, sign in zip(ends, (-1.0, 1.0), strict=True):
         end[axis] += sign * edge_distance(depth, sign * slope, k, patch.tuning.least_curvature)
         end[:] = within(patch, *end)
@@ -216,13 +217,13 @@ def _chord_ends(patch: SmoothPatch, spot: Spot, axis: int) -> Array:
 def chord_middles(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array) -> tuple[Array, Array]:
     """Peak of the chord along u through (u, v), then of that along v through this peak.
 
-    Nowhere more shallow than half the depth at (u, v): there a chord's ends, which are estimates, missed the spot.
+    Nowhere more shallow than half the depth at (u, v): there a chord's estimated ends missed the contact area.
     """
     for axis in (0, 1):
-        spot = spot_at(patch, R, t, u, v)
-        tried = np.stack(within(patch, *_chord_ends(patch, spot, axis).mean(axis=0)))
-        deep = spot_at(patch, R, t, *tried).depth >= 0.5 * np.maximum(spot.depth, 0.0)
-        u, v = np.where((spot.depth > 0.0) & deep, tried, [u, v])
+        local = local_depth(patch, R, t, u, v)
+        tried = np.stack(within(patch, *_chord_ends(patch, local, axis).mean(axis=0)))
+        deep = local_depth(patch, R, t, *tried).depth >= 0.5 * np.maximum(local.depth, 0.0)
+        u, v = np.where((local.depth > 0.0) & deep, tried, [u, v])
     return u, v
 
 

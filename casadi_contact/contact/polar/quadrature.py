@@ -1,18 +1,18 @@
-"""Polar quadrature of an elastic foundation between smooth surfaces with one spot of contact, in NumPy.
+"""Polar quadrature of an elastic foundation between smooth surfaces with one contact area of contact, in NumPy.
 
 In the chart (u, v) of the fixed surface the patch's wrench
 
     W = -∫ p(d)·V du dv,   V = (N, c × N),   N = τ_v × τ_u (not a unit vector), d the depth along it
 
-is a sum over Gauss points on rays from the spot's peak (the trapezoidal rule of a periodic function), as if the
-moving arc there went on, and on lines across the caps that other arcs press: the depth is smooth on each of them, no
-element jumps in or out. A second spot on the rim has rays of its own. Derivatives are those of the integral. The kernel
-in C (``c/polar.h``) follows the same formulas; each is the other's check.
+is a sum over Gauss points on rays from the peak of the contact area (the trapezoidal rule of a periodic function), as
+if the moving arc there went on, and on lines across the caps that other arcs press: the depth is smooth on each of
+them, no element jumps in or out. A second contact area on the rim has rays of its own. Derivatives are those of the
+integral. The kernel in C (``c/polar.h``) follows the same formulas; each is the other's check.
 
 A body that fits its dish closely, turned or leant in it, bears on the rim as well as in the middle, or on two corners.
 Where it does, the distance g from the body falls towards the rim. Of some starts along both sides of the rim at which g
-does so, and is small, the one with the least g is followed to the least around. About a single spot g rises towards the
-rim.
+does so, and is small, the one with the least g is followed to the least around. About a single contact area g rises
+towards the rim.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from casadi_contact.contact.polar.peak import (
     nearest,
     peak,
 )
-from casadi_contact.contact.polar.ray_hits import RayHits, ray_hits, rise, spot_at
+from casadi_contact.contact.polar.ray_hits import RayHits, local_depth, ray_hits, rise
 from casadi_contact.contact.polar.surfaces import SmoothPatch, rim_box, stretch
-from casadi_contact.contact.pressure_law import pressure_slopes
+from casadi_contact.contact.pressure_law import pressure_derivatives
 from casadi_contact.contact.pressures import MOMENTS
 from casadi_contact.core.conventions import Array, wrench_about_origin
 
@@ -45,7 +45,7 @@ OUTWARDS = np.rint(2.0 * RIM_STARTS - 1.0) * np.isin(RIM_STARTS, (0.0, 1.0))  # 
 
 def fits_closely(patch: SmoothPatch) -> bool:
     """Whether the largest radius of the body, along its arcs or across, comes near to the dish's: only then is a second
-    spot looked for, which takes a twentieth of the time of all."""
+    contact area looked for, which takes a twentieth of the time of all."""
     if (f := patch.torus) is None:
         return False
     along = (float(patch.arcs[:, 2].max()) + patch.tube_radius) / (f.offset + f.radius) if f.w_sign < 0.0 else 0.0
@@ -53,24 +53,24 @@ def fits_closely(patch: SmoothPatch) -> bool:
 
 
 def second_peak(patch: SmoothPatch, R: Array, t: Array, m: Peak) -> tuple[Peak, np.ndarray]:
-    """The peak of the second spot in n poses, and (n,) where there is one.
+    """The peak of the second contact area in n poses, and (n,) where there is one.
 
-    Beside a whole spot it lies on the rim; beside one that the rim may cut half the patch away, and between the two is
-    a gap.
+    Beside a whole contact area it lies on the rim. Beside one that the rim may cut it lies half the patch away, with a
+    gap between the two.
     """
-    u, v, found = m.spot.u.copy(), m.spot.v.copy(), np.zeros(len(t), dtype=bool)
+    u, v, found = m.local.u.copy(), m.local.v.copy(), np.zeros(len(t), dtype=bool)
     if fits_closely(patch):
         rows, near_u, near_v = _lowest_starts(patch, R, t, m)
         near = highest(patch, R[rows], t[rows], near_u, near_v, at_start=True)
         between = 0.5 * (near.u + u[rows]), 0.5 * (near.v + v[rows])
         gap = ray_hits(patch, R[rows], t[rows], *between, at_start=True).g > 0.0
         apart = np.where(m.whole[rows], _on_rim(patch, near.u, near.v), gap)
-        apart &= (near.depth > 0.0) & (near.ends.slope < patch.tuning.facing)
+        apart &= (near.depth > 0.0) & (near.ends.cosine < patch.tuning.facing)
         rows = rows[apart]
         u[rows], v[rows] = chord_middles(patch, R[rows], t[rows], near.u[apart], near.v[apart])
         found[rows] = True
-    spot = spot_at(patch, R, t, u, v) if found.any() else m.spot
-    return Peak(spot, chord_form(patch, spot), np.zeros_like(m.whole)), found
+    local = local_depth(patch, R, t, u, v) if found.any() else m.local
+    return Peak(local, chord_form(patch, local), np.zeros_like(m.whole)), found
 
 
 def _lowest_starts(patch: SmoothPatch, R: Array, t: Array, m: Peak) -> tuple[np.ndarray, Array, Array]:
@@ -82,9 +82,9 @@ def _lowest_starts(patch: SmoothPatch, R: Array, t: Array, m: Peak) -> tuple[np.
     ends = ray_hits(patch, R, t, u, v, at_start=True)
     out_u, out_v = OUTWARDS
     falls = np.minimum(rise(ends, out_u, 0.0 * out_u), rise(ends, 0.0 * out_v, out_v)) < 0.0
-    here = np.stack([m.spot.u / stretch(patch, m.spot.v)[0], m.spot.v])[..., None]
+    here = np.stack([m.local.u / stretch(patch, m.local.v)[0], m.local.v])[..., None]
     far = (np.abs(np.stack([np.broadcast_to(w, u.shape), v]) - here) > 0.5 * side[..., None]).any(axis=0)
-    g = np.where(falls & (far | m.whole[:, None]) & (m.spot.depth > 0.0)[:, None], ends.g, np.inf)
+    g = np.where(falls & (far | m.whole[:, None]) & (m.local.depth > 0.0)[:, None], ends.g, np.inf)
     lowest = np.argmin(g, axis=1)
     rows = np.flatnonzero(g.min(axis=1) < patch.tuning.rim_reach)
     return rows, u[rows, lowest[rows]], v[rows, lowest[rows]]
@@ -105,7 +105,7 @@ class PatchLoads:
     wrench: Array
     stiffness: Array
     gap: Array
-    gap_slope: Array
+    gap_gradient: Array
     cut: np.ndarray
 
 
@@ -114,26 +114,26 @@ def patch_loads(patch: SmoothPatch, law: tuple[int, float, float], rays: Rays, R
     R, t = patch.turn @ R, t @ patch.turn.T
     both = np.kron(np.eye(2), patch.turn)
     m = peak(patch, R, t)
-    free = ~(m.spot.depth > 0.0)
+    free = ~(m.local.depth > 0.0)
     found = integration(patch, R, t, m, rays)
     ends, weight = found.ends, found.weight
-    p, dp = pressure_slopes(*law, ends.depth)
+    p, dp = pressure_derivatives(*law, ends.depth)
     weight = np.where(free[:, None, None], 0.0, weight)
     V = np.concatenate([ends.N, np.cross(ends.c, ends.N)], -1)
     arm = ends.x - t[:, None, None]
-    by_twist = wrench_about_origin(ends.G, arm) / ends.slope[..., None]  # -dd/dtwist
+    by_twist = wrench_about_origin(ends.G, arm) / ends.cosine[..., None]  # -dd/dtwist
     wrench = -np.einsum("nmg,nmgk->nk", weight * p, V)
     stiffness = np.einsum("nmg,nmgk,nmga->nka", weight * dp, V, by_twist)
-    near = nearest(patch, R, t, m.spot.u, m.spot.v)
-    gap_slope = -wrench_about_origin(near.ends.G_start, near.ends.c - t)
+    near = nearest(patch, R, t, m.local.u, m.local.v)
+    gap_gradient = -wrench_about_origin(near.ends.G_start, near.ends.c - t)
     cut = found.cut.any(axis=1) & ~free
-    return PatchLoads(wrench @ both, both.T @ stiffness @ both, near.ends.g, gap_slope @ both, cut)
+    return PatchLoads(wrench @ both, both.T @ stiffness @ both, near.ends.g, gap_gradient @ both, cut)
 
 
 @dataclass(frozen=True)
 class Integration:
-    """What spots are integrated on: lines, which of them the rim ends, and points (n, lines, points) on them in the
-    chart, with weights (areas in the chart) and the ends of rays from there.
+    """What contact areas are integrated on: lines, which of them the rim ends, and points (n, lines, points) on them in
+    the chart, with weights (areas in the chart) and the ends of rays from there.
     """
 
     lines: Lines
@@ -145,7 +145,7 @@ class Integration:
 
 
 def integration(patch: SmoothPatch, R: Array, t: Array, m: Peak, rays: Rays) -> Integration:
-    """Rays from the peak of each spot, the lines of its caps, and rays of a second spot on the rim."""
+    """Rays from the peak of each contact area, the lines of its caps, and rays of a second contact area on the rim."""
     beside, there = second_peak(patch, R, t, m)
     sets = [
         *rays_from(patch, m, rays),
@@ -164,10 +164,10 @@ def patch_moments(
     """Moments (n, 6) of one patch and their derivatives by the twist of the moving body about t (n, 6, 6)."""
     R, t = patch.turn @ R, t @ patch.turn.T
     m = peak(patch, R, t)
-    loaded = m.spot.depth > 0.0
+    loaded = m.local.depth > 0.0
     found = integration(patch, R, t, m, rays)
     ends = found.ends
-    p, dp = pressure_slopes(*law, ends.depth)
+    p, dp = pressure_derivatives(*law, ends.depth)
     area = found.weight * ends.length
     by_twist = _depth_slope(ends, t)
     value, slope = np.zeros((len(t), MOMENTS)), np.zeros((len(t), MOMENTS, 6))
@@ -176,7 +176,7 @@ def patch_moments(
     slope[:, 0] = _area_slope(patch, R, t, found)
     slope[:, 1] = np.einsum("nmg,nmga->na", area * dp, by_twist)
     slope[:, 2:5] = patch.turn.T @ np.einsum("nmg,nmgi,nmga->nia", area * dp, ends.c, by_twist)
-    there = deepest_within(patch, R, t, m.spot.u, m.spot.v)
+    there = deepest_within(patch, R, t, m.local.u, m.local.v)
     value[:, 5], slope[:, 5] = there.depth, _depth_slope(there.ends, t)
     slope = slope @ np.kron(np.eye(2), patch.turn)
     return np.where(loaded[:, None], value, 0.0), np.where(loaded[:, None, None], slope, 0.0)
@@ -185,13 +185,13 @@ def patch_moments(
 def _depth_slope(ends: RayHits, t: Array) -> Array:
     """dd/dtwist (n, ..., 6) = -(G, arm × G)/σ."""
     arm = ends.x - t.reshape(len(t), *([1] * (ends.x.ndim - 2)), 3)
-    return -wrench_about_origin(ends.G, arm) / ends.slope[..., None]
+    return -wrench_about_origin(ends.G, arm) / ends.cosine[..., None]
 
 
 def _area_slope(patch: SmoothPatch, R: Array, t: Array, found: Integration) -> Array:
     """Derivative (n, 6) of the area by the twist, in chart axes."""
     lines = found.lines
     ends = ray_hits(patch, R, t, *lines.at(lines.edge), arc=lines.arc)
-    steepness = np.minimum(rise(ends, *np.moveaxis(lines.directions, -1, 0)) / ends.slope, -patch.tuning.least_rise)
+    steepness = np.minimum(rise(ends, *np.moveaxis(lines.directions, -1, 0)) / ends.cosine, -patch.tuning.least_rise)
     width = (lines.width + lines.spread * lines.edge) * ends.length * ~found.cut
     return -np.einsum("nm,nma->na", width / steepness, _depth_slope(ends, t))

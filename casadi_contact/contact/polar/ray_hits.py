@@ -40,7 +40,7 @@ class RayHits:
         return np.stack([np.stack(along_u, -1), np.stack(along_v, -1)], -2)
 
     @property
-    def slope(self) -> Array:
+    def cosine(self) -> Array:
         """σ = G·n, the cosine between surface and ray."""
         return np.asarray(np.sum(self.G * self.N, -1) / self.length)
 
@@ -133,18 +133,18 @@ def ray_hits(
 
 
 @dataclass(frozen=True)
-class Spot:
+class LocalDepth:
     """One ray from (u, v) in each of n poses: depth, its slopes (n, 2), relative curvatures (n, 2, 2), the end."""
 
     u: Array
     v: Array
     depth: Array
-    slope: Array
+    gradient: Array
     curvature: Array
     ends: RayHits
 
 
-def spot_at(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_start: bool = False) -> Spot:
+def local_depth(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_start: bool = False) -> LocalDepth:
     """Depth at (u, v) with its slopes and its curvatures relative to the fixed surface; at_start: all of -g instead.
 
     With the fixed surface the zero of F, its tangents τ_u, τ_v and n_u = -∇²F τ_u: d_u = G·(τ_u + d ∇²F τ_u)/σ,
@@ -164,9 +164,9 @@ def spot_at(patch: SmoothPatch, R: Array, t: Array, u: Array, v: Array, *, at_st
         fixed = -(ends.length * ends.G[:, 1])[:, None, None] * fixed
     else:
         bent = tangents + ends.depth[:, None, None] * (tangents @ fixed)
-        slope = np.einsum("nai,ni->na", bent, ends.G) / ends.slope[:, None]
+        slope = np.einsum("nai,ni->na", bent, ends.G) / ends.cosine[:, None]
     curvature = tangents @ (moving - fixed) @ np.swapaxes(tangents, 1, 2)
-    return Spot(u, v, -ends.g if at_start else ends.depth, slope, curvature, ends)
+    return LocalDepth(u, v, -ends.g if at_start else ends.depth, slope, curvature, ends)
 
 
 def _rank_one(weight: Array, vector: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Patches between two smooth surfaces with one contact spot: what polar quadrature integrates over.
+"""Patches between two smooth surfaces with one contact contact area: what polar quadrature integrates over.
 
 The fixed surface is a plane or a piece of a torus over a chart (u, v), written in *chart axes*: x along u, y the
 height, z along v. With o the distance of the tube's centre circle from the torus's axis and R the tube's radius:
@@ -52,7 +52,7 @@ class Tuning:
     least_length: float = 1e-12
     least_rise: float = 1e-9  # slope of g along a line
     least_curvature: float = 1e-4
-    least_upright: float = 1e-2  # part: estimated ends of a deep spot may lie where there is no torus
+    least_upright: float = 1e-2  # part: estimated ends of a deep contact area may lie where there is no torus
     most_shorter: float = -0.5  # by the curvature along a ray: a ray from inside the body ends at a depth above zero
     steepest: float = -0.05  # cosine between ray and surface: flatter rays are cut off here
     # the nearest point
@@ -72,8 +72,8 @@ class Tuning:
     # junctions of arcs
     chord_steps: int = 2
     least_tilt: float = 1e-9  # between the junction's plane and the patch
-    # a second spot
-    close_fit: float = 0.8  # of radii: 6,900 pressed poses of six knees that fit less closely have no second spot
+    # a second contact area
+    close_fit: float = 0.8  # of radii: in 6,900 poses of knees that fit less closely there was no second one
     rim_reach: float = 1.0  # more than g falls between two starts
     rim_tolerance: float = 1e-9  # part
     facing: float = -0.9  # cosine between a ray and the surface that it meets: a body's back faces away
