@@ -1,7 +1,7 @@
 """Hooks of MkDocs: formulas as MathML, and the live page of the knee.
 
-A formula between two lines ``$$`` is LaTeX, as GitHub shows it too. Browsers draw MathML without a script, so that the
-site works offline.
+LaTeX stands between two lines ``$$`` or, within a line of a page that has such lines, between two ``$``. GitHub shows
+it too. Browsers draw MathML without a script, so that the site works offline.
 """
 
 import re
@@ -21,7 +21,10 @@ PAGE = "how-to/knee.html"
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """The page with its formulas as MathML."""
-    return re.sub(r"^\$\$\n(.*?)\n\$\$$", lambda m: convert(m[1], display="block"), markdown, flags=re.S | re.M)
+    if "\n$$\n" not in markdown:
+        return markdown
+    markdown = re.sub(r"^\$\$\n(.*?)\n\$\$$", lambda m: convert(m[1], display="block"), markdown, flags=re.S | re.M)
+    return re.sub(r"\$([^$\n]+)\$", lambda m: convert(m[1]), markdown)
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:

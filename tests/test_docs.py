@@ -36,7 +36,7 @@ def text_of(page):
 def commands_of(page):
     """Words of each line of sh blocks that calls this project."""
     for block in re.findall(r"```sh\n(.*?)```", text_of(page), re.S):
-        for line in block.splitlines():
+        for line in block.replace("\\\n", " ").splitlines():
             words = shlex.split(line.rstrip("&"), comments=True)
             for k, word in enumerate(words):
                 if word.endswith("casadi-contact") or (word.startswith("problems.") and words[k - 1] == "-m"):
