@@ -24,7 +24,7 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
     if "\n$$\n" not in markdown:
         return markdown
     markdown = re.sub(r"^\$\$\n(.*?)\n\$\$$", lambda m: convert(m[1], display="block"), markdown, flags=re.S | re.M)
-    return re.sub(r"\$([^$\n]+)\$", lambda m: convert(m[1]), markdown)
+    return re.sub(r"\$([^$\n]+)\$", lambda m: f"<span>{convert(m[1])}</span>", markdown)
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
