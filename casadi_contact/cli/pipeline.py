@@ -5,7 +5,6 @@ cycles -> motion.npz, samples.h5 -> training/ -> patch.h5, two_stage.h5 -> evalu
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
@@ -15,12 +14,13 @@ from casadi_contact.contact.choice import foundation
 from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.conventions import Update
-from casadi_contact.core.files.writing import folder_lock, replacing, writable_folder, write_text
+from casadi_contact.core.files.writing import folder_lock, writable_folder, write_text
 from casadi_contact.networks.function_file import save_function
 from casadi_contact.pictures.contact_pose import contact_pose
 from casadi_contact.pictures.report.charts import draw_charts
 from casadi_contact.pictures.report.surrogate_page import write_report
 from casadi_contact.samples.models import teacher_of
+from casadi_contact.scenes.columns import write_columns
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import calibrate as calibrated
 from casadi_contact.workflow.benchmark.evaluate import evaluate as evaluate_models
@@ -102,14 +102,13 @@ def evaluate(project: Project) -> Path:
     motion = read_motion(project)[0] if has_motion(project) else None
     content = evaluate_models(project_surrogates(project), project.samples(), motion)
     path = project.folder / "evaluation.json"
-
-    with replacing(project.folder / "evaluation.csv") as beside, beside.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(("model", "domain", "load", "rms", "max", "mean"))
-        for model, domains in content["domain_errors"].items():
-            for domain, errors in domains.items():
-                for load, error in errors.items():
-                    writer.writerow((model, domain, load, error["rms"], error["max"], error["mean"]))
+    rows = [
+        {"model": model, "domain": domain, "load": load, **{kind: error[kind] for kind in ("rms", "max", "mean")}}
+        for model, domains in content["domain_errors"].items()
+        for domain, errors in domains.items()
+        for load, error in errors.items()
+    ]
+    write_columns(project.folder / "evaluation.csv", {name: [row[name] for row in rows] for name in rows[0]})
     write_text(path, json.dumps(content, indent=1))
     return path
 
