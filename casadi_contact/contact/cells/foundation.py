@@ -95,7 +95,9 @@ class CellFoundation(CompiledPressures):
     def _by_twist(self, R: Array, t: Array) -> tuple[Array, Array, Array, Array, np.ndarray]:
         found = [[patch.loads(*pose) for patch in self.patches] for pose in zip(R, t, strict=True)]
         keys = ("wrench", "stiffness", "gap", "gap_gradient", "cut")
-        return tuple(np.array([[getattr(p, key) for p in each] for each in found]) for key in keys)
+        arrays = (np.array([[getattr(p, key) for p in each] for each in found]) for key in keys)
+        wrench, stiffness, gap, gap_gradient, cut = arrays
+        return wrench, stiffness, gap, gap_gradient, cut
 
 
 def cell_patches(

@@ -81,8 +81,10 @@ class PressingPoses:
         def gap_at(rows: np.ndarray, travel_mm: Array) -> Array:
             return model.gaps(moved(rows, self.lift_mm - travel_mm))[:, patch]
 
-        limits = {"reach_mm": 2.0 * self.lift_mm, "touch_mm": self.touch_mm, "most_steps": self.most_steps}
-        travel, touching = trace_gap(gap_at, len(poses), share=0.9, **limits)
+        reach_mm, count = 2.0 * self.lift_mm, len(poses)
+        travel, touching = trace_gap(
+            gap_at, count, reach_mm=reach_mm, touch_mm=self.touch_mm, share=0.9, most_steps=self.most_steps
+        )
         poses = moved(np.arange(len(poses)), self.lift_mm - travel)[touching]
         away, target = away[touching], target[touching]
 

@@ -121,4 +121,6 @@ class PolarFoundation(CompiledPressures):
     def _by_twist(self, R: Array, t: Array) -> tuple[Array, Array, Array, Array, np.ndarray]:
         found = [patch_loads(patch, self.law, self.rays, R, t) for patch in self.patches]
         keys = ("wrench", "stiffness", "gap", "gap_gradient", "cut")
-        return tuple(np.stack([getattr(each, key) for each in found], 1) for key in keys)
+        arrays = (np.stack([getattr(each, key) for each in found], 1) for key in keys)
+        wrench, stiffness, gap, gap_gradient, cut = arrays
+        return wrench, stiffness, gap, gap_gradient, cut
