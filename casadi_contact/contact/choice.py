@@ -15,13 +15,17 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from casadi_contact.contact.cells.choice import cell_foundation, cell_ladder, recorded_cells
+from casadi_contact.contact.cells.basis import Cells
+from casadi_contact.contact.cells.choice import CellChoice, cell_foundation
+from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.contact.cells.patches import CELL_SHAPES
 from casadi_contact.contact.compiled_foundation import CompiledFoundation
-from casadi_contact.contact.cup.foundation import cup_foundation, cup_ladder, recorded_cup
+from casadi_contact.contact.cup.foundation import CupFoundation, cup_foundation
 from casadi_contact.contact.cup.quadrature import CUP_SHAPE
 from casadi_contact.contact.foundation_source import C_LAWS
-from casadi_contact.contact.polar.choice import polar_foundation, polar_ladder, recorded_rays
+from casadi_contact.contact.polar.choice import polar_foundation
+from casadi_contact.contact.polar.foundation import PolarFoundation
+from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.contact.polar.surfaces import POLAR_SHAPES
 from casadi_contact.core.compiler import cache_folder, check_private, is_private
 from casadi_contact.core.files.writing import write_bytes
@@ -53,8 +57,8 @@ def keep_record(scene: Scene, record: Mapping[str, Any]) -> None:
 
 
 def _path(scene: Scene) -> Path:
-    wanted = json.dumps(dict(scene.tolerances), sort_keys=True)
-    key = hashlib.sha256(f"{scene.digest} {wanted} {_code_digest()}".encode()).hexdigest()[:32]
+    tolerances = json.dumps(dict(scene.tolerances), sort_keys=True)
+    key = hashlib.sha256(f"{scene.digest} {tolerances} {_code_digest()}".encode()).hexdigest()[:32]
     return cache_folder() / f"choice-{key}.json"
 
 
@@ -69,33 +73,45 @@ def _code_digest() -> str:
 
 
 class _Kind(NamedTuple):
-    """Foundations of some shapes: of a scene the one that meets its tolerances, or the one that a record tells of
-    (ValueError and the like for no such record), and some from coarse to fine."""
+    """A kind of foundation: how the one that meets a scene's tolerances is chosen; its class; its size from the record
+    of a choice; sizes from coarse to fine for a scene."""
 
     chosen: Callable[..., CompiledFoundation]
-    recorded: Callable[..., CompiledFoundation]
-    ladder: Callable[[Scene], Iterable[CompiledFoundation]]
+    made: Callable[..., CompiledFoundation]
+    recorded: Callable[[Mapping[str, Any]], Any]
+    ladder: Callable[[Scene], Iterable[Any]]
 
 
+POLAR_LADDER = (Rays(8, 2), Rays(8, 3), Rays(16, 4))
+_CELLS = _Kind(
+    cell_foundation,
+    CellFoundation,
+    lambda record: Cells(*record["cells_mm"], *record["sub_points"]),
+    lambda scene: CellChoice().ladder(scene),
+)
+_POLAR = _Kind(
+    polar_foundation,
+    PolarFoundation,
+    lambda record: Rays(record["rays"], record["points"]),
+    lambda scene: POLAR_LADDER,
+)
+_CUP = _Kind(cup_foundation, CupFoundation, lambda record: record["points"], lambda scene: (12, 24, 48))
 # Later entries are cheaper where a shape has several.
-_KINDS = {
-    **dict.fromkeys(CELL_SHAPES, _Kind(cell_foundation, recorded_cells, cell_ladder)),
-    **dict.fromkeys(POLAR_SHAPES, _Kind(polar_foundation, recorded_rays, polar_ladder)),
-    CUP_SHAPE: _Kind(cup_foundation, recorded_cup, cup_ladder),
-}
+_KINDS = {**dict.fromkeys(CELL_SHAPES, _CELLS), **dict.fromkeys(POLAR_SHAPES, _POLAR), CUP_SHAPE: _CUP}
 FOUNDATION_SHAPES = tuple(_KINDS)
 
 
 def foundation(scene: Scene | str | Path, *, compiled: bool = True) -> CompiledFoundation:
     """The cheapest elastic foundation of a scene (or its name, or file) that meets the scene's tolerances.
 
-    Polar quadrature for smooth shapes with one spot a patch, closed form for a ball in a cup, cubic cells for meshes
-    and the rest. Its errors, against a much finer model of the same kind (cells: an element grid), have an RMS within
-    the tolerance of every load and are nowhere more than three times it (cells: 0.3 of both where that
-    can be had, single poses in proportion to the force above the reference load), over poses that press each patch
-    within its rim from the scene's boundary load to 2.5 reference loads. ``record`` of the model
-    holds the choice and its errors, of polar quadrature also how often elements contradict it; it is kept in the cache
-    folder, for laws of the library. Its kernel is compiled here, once for a machine.
+    Smooth shapes with one contact area a patch take polar quadrature, a ball in a cup its closed form, meshes and the
+    rest cubic cells. Errors are taken against a much finer model of the same kind (cells: an element grid), over poses
+    that press each patch within its rim from the scene's boundary load to 2.5 reference loads. Their RMS is within the
+    tolerance of every load, and none is more than three times it. (Cells: 0.3 of both where that can be had; a single
+    error may grow in proportion to the force above the reference load.)
+
+    ``record`` of the model holds the choice and its errors, of polar quadrature also how often elements contradict it.
+    It is kept in the cache folder, for pressure laws of the library. The kernel is compiled here, once for a machine.
     Raises ValueError for a shape that has no such model (`FOUNDATION_SHAPES`), or where none is good enough.
     """
     model = _chosen(scene if isinstance(scene, Scene) else load_scene(scene), compiled)
@@ -114,7 +130,8 @@ def _chosen(scene: Scene, compiled: bool) -> CompiledFoundation:
     record = kept_record(scene) if kept else None
     if record is not None:
         with suppress(KeyError, TypeError, ValueError):  # not as such a record is written: as good as absent
-            model = _KINDS[scene.shape].recorded(scene, record, compiled=compiled)
+            kind = _KINDS[scene.shape]
+            model = kind.made(scene, kind.recorded(record), compiled=compiled)
             model.record = dict(record)
             return model
     model = _KINDS[scene.shape].chosen(scene, compiled=compiled)
@@ -127,9 +144,11 @@ def foundation_ladder(scene: Scene) -> Iterator[CompiledFoundation]:
     """Foundations of a scene from coarse to fine, and the one that `foundation` takes if it is none of them; raises
     ValueError as that does, after the others."""
     shown = set()
-    for model in _KINDS[scene.shape].ladder(scene) if scene.shape in _KINDS else ():
-        shown.add(model.resolution)
-        yield model
+    if kind := _KINDS.get(scene.shape):
+        for size in kind.ladder(scene):
+            model = kind.made(scene, size)
+            shown.add(model.resolution)
+            yield model
     chosen = foundation(scene)
     if chosen.resolution not in shown:
         yield chosen

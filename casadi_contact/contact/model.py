@@ -53,15 +53,18 @@ class ContactModel(Protocol):
 
     def wrenches(self, poses: Array) -> Array:
         """Wrench of each patch on the fixed body (n, patches, 6) [N, N·mm]."""
-        raise NotImplementedError(f"{self!r} has no wrenches")
+        raise self._lacking("wrenches")
 
     def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Wrenches (n, patches, 6) and their derivatives by the pose (n, patches, 6, 6)."""
-        raise NotImplementedError(f"{self!r} has no wrenches")
+        raise self._lacking("wrenches")
 
     def gaps(self, poses: Array) -> Array:
         """Distance of each patch (n, patches) [mm] from the moving body; below zero where they overlap."""
-        raise NotImplementedError(f"{self!r} has no gaps")
+        raise self._lacking("gaps")
+
+    def _lacking(self, what: str) -> NotImplementedError:
+        return NotImplementedError(f"{self!r} has no {what}")
 
     def at_edge(self, poses: Array) -> np.ndarray:
         """True (n, patches) where contact reaches a patch's rim, part of it may lie beyond; False where unknown."""

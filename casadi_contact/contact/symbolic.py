@@ -11,6 +11,7 @@ about its origin.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from operator import attrgetter
 from typing import Any, Protocol
 
 import casadi as ca
@@ -168,13 +169,19 @@ def symbolic(model: ContactModel) -> SymbolicContact:
 class CallbackContact(ContactFunctions, ContactModel):
     """Any contact model with CasADi functions that call it back, through Python, with its own Jacobian."""
 
+    jacobian: Any = property(attrgetter("model.jacobian"))
+    root_loads: Any = property(attrgetter("model.root_loads"))
+    jacobian_and_roots: Any = property(attrgetter("model.jacobian_and_roots"))
+    wrenches: Any = property(attrgetter("model.wrenches"))
+    wrench_jacobian: Any = property(attrgetter("model.wrench_jacobian"))
+    gaps: Any = property(attrgetter("model.gaps"))
+    at_edge: Any = property(attrgetter("model.at_edge"))
+
     def __init__(self, model: ContactModel) -> None:
         self.model, self.scene = model, model.scene
         self.load_names, self.patch_names = model.load_names, model.patch_names
         self.record: dict[str, Any] = {}
         self.has_wrenches, self.has_gaps = model.has_wrenches, model.has_gaps
-        for name in ("jacobian", "root_loads", "jacobian_and_roots", "wrenches", "wrench_jacobian", "gaps", "at_edge"):
-            setattr(self, name, getattr(model, name))
 
     def __repr__(self) -> str:
         return f"symbolic({self.model!r})"

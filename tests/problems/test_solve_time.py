@@ -13,7 +13,7 @@ from tests.support.compiler import needs_compiler
 
 @needs_compiler
 def test_finer_models_carry_the_loads_of_a_converged_foundation_at_the_poses_that_they_find(monkeypatch, tmp_path):
-    monkeypatch.setattr(import_module("casadi_contact.contact.polar.choice"), "LADDER", (Rays(8, 2),))
+    monkeypatch.setattr(import_module("casadi_contact.contact.choice"), "POLAR_LADDER", (Rays(8, 2),))
     monkeypatch.setattr(solve_time, "shipped_surrogates", lambda scene: {"knee": cc.load_surrogate("knee")})
     front = solve_time.measured_front(cc.load_scene("knee"), reference_cycle(frames=5), repeats=1)
     points = {point.name: point for point in front.points}

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from typing import Any
 
 import numpy as np
 
@@ -48,6 +47,10 @@ class CellChoice:
     def cells(self, u_mm: float, v_mm: float) -> Cells:
         """Cells with sub-points about `sub_point_mm` apart."""
         return Cells(u_mm, v_mm, *(max(3, round(size / self.sub_point_mm)) for size in (u_mm, v_mm)))
+
+    def ladder(self, scene: Scene) -> list[Cells]:
+        """Square cells from large to small, to be shown beside one another."""
+        return [self.cells(size, size) for size in self.sizes_of(scene)[::2]]
 
     def largest(self, misses: Callable[[Cells], float], sizes_mm: tuple[float, ...]) -> Cells | None:
         """The largest cells that miss by 1 at most: the longest v for the shortest u, then the longest u; or None."""
@@ -91,17 +94,6 @@ def cell_foundation(scene: Scene, *, compiled: bool = True, choice: CellChoice |
         elements_unsure=truth.unsure,
     )
     return model
-
-
-def recorded_cells(scene: Scene, record: Mapping[str, Any], *, compiled: bool = True) -> CellFoundation:
-    """The foundation that a record of `cell_foundation` tells of."""
-    return CellFoundation(scene, Cells(*record["cells_mm"], *record["sub_points"]), compiled=compiled)
-
-
-def cell_ladder(scene: Scene) -> Iterator[CellFoundation]:
-    """Foundations from large cells to small ones, shown beside one another."""
-    choice = CellChoice()
-    return (CellFoundation(scene, choice.cells(size, size)) for size in choice.sizes_of(scene)[::2])
 
 
 class _Truth:

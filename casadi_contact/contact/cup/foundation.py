@@ -3,8 +3,7 @@ needs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -107,16 +106,6 @@ def cup_foundation(
     model = cheapest(scene, models, errors, model="quadrature of a cup", against=f"{converged_points} points")
     model.record["points"] = model.points
     return model
-
-
-def recorded_cup(scene: Scene, record: Mapping[str, Any], *, compiled: bool = True) -> CupFoundation:
-    """The foundation that a record of `cup_foundation` tells of."""
-    return CupFoundation(scene, record["points"], compiled=compiled)
-
-
-def cup_ladder(scene: Scene) -> Iterator[CupFoundation]:
-    """Foundations from few points to many, shown beside one another."""
-    return (CupFoundation(scene, points) for points in (12, 24, 48))
 
 
 def _pressed_poses(model: CupFoundation, range_n: tuple[float, float], count: int = 256) -> Array:

@@ -6,9 +6,7 @@ the converged rays are right at all.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -24,8 +22,6 @@ from casadi_contact.contact.polar.ray_hits import fixed_point
 from casadi_contact.contact.polar.surfaces import SmoothPatch, u_range
 from casadi_contact.core.conventions import Array, evenly, load_selection
 from casadi_contact.scenes.scene import Scene
-
-LADDER = (Rays(8, 2), Rays(8, 3), Rays(16, 4))
 
 
 @dataclass(frozen=True)
@@ -136,16 +132,6 @@ def polar_foundation(scene: Scene, *, compiled: bool = True, choice: RayChoice |
     apart = fraction_in_disagreement(scene, [_poses_for_elements(p, *found, count) for p, found in pairs], choice)
     model.record |= {"rays": model.rays.count, "points": model.rays.points, "elements_apart": apart}
     return model
-
-
-def recorded_rays(scene: Scene, record: Mapping[str, Any], *, compiled: bool = True) -> PolarFoundation:
-    """The foundation that a record of `polar_foundation` tells of."""
-    return PolarFoundation(scene, Rays(record["rays"], record["points"]), compiled=compiled)
-
-
-def polar_ladder(scene: Scene) -> Iterator[PolarFoundation]:
-    """Foundations from few rays to many, shown beside one another."""
-    return (PolarFoundation(scene, rays) for rays in LADDER)
 
 
 Truth = list[tuple[Array, Array, Array]]

@@ -47,7 +47,7 @@ def project(tmp_path_factory):
         import_module("casadi_contact.workflow.benchmark.measure"), "_MEASUREMENT_S", 0.0
     )  # each time is that of a few calls
     patch.setattr(
-        import_module("casadi_contact.contact.polar.choice"), "LADDER", (Rays(8, 2),)
+        import_module("casadi_contact.contact.choice"), "POLAR_LADDER", (Rays(8, 2),)
     )  # coarser than the chosen
     try:
         made = pipeline.Project.open(folder / "knee.toml", "tiny", folder / "out")
