@@ -36,6 +36,19 @@ WORDS = (
 MUTATIONS = 12
 DIGEST = {"surrogate.h5", "samples.h5"}  # a changed file must not be read as another content
 
+CORNERS = 9.0 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+_ARRAY = '<DataArray type="{}" Name="{}" format="ascii">{}</DataArray>'
+VTP = (
+    '<VTKFile type="PolyData"><PolyData><Piece NumberOfPoints="4" NumberOfPolys="4"><Points>'
+    + _ARRAY.format("Float64", "points", " ".join(map(str, CORNERS.ravel())))
+    + f"</Points><Polys>{_ARRAY.format('Int32', 'connectivity', ' '.join(map(str, FACES.ravel())))}"
+    + f"{_ARRAY.format('Int32', 'offsets', '3 6 9 12')}</Polys></Piece></PolyData></VTKFile>"
+)
+_FACETS = np.zeros(4, dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_FACETS["corners"] = CORNERS[FACES]
+STL = bytes(80) + (4).to_bytes(4, "little") + _FACETS.tobytes()
+
 READERS = {  # file: how it is made, how it is read and used
     "surrogate.h5": (
         lambda path: random_surrogate(SCENE, "patch").save(path),
@@ -58,6 +71,8 @@ READERS = {  # file: how it is made, how it is read and used
         lambda path: path.write_text("v 0 0 0\nv 9 0 0\nv 0 9 0\nv 0 0 9\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"),
         lambda path: len(load_mesh(path, "mm").faces),
     ),
+    "mesh.vtp": (lambda path: path.write_text(VTP), lambda path: len(load_mesh(path, "mm").faces)),
+    "mesh.stl": (lambda path: path.write_bytes(STL), lambda path: len(load_mesh(path, "mm").faces)),
 }
 
 
@@ -76,7 +91,7 @@ def mutated(content, rng):
 
 @pytest.mark.parametrize("name", READERS)
 def test_a_mutated_file_is_read_or_refused_in_one_line(name, tmp_path):
-    if name == "mesh.obj":
+    if name in ("mesh.obj", "mesh.stl"):
         pytest.importorskip("trimesh")
     make, read = READERS[name]
     path = tmp_path / name

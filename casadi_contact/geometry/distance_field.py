@@ -1,9 +1,9 @@
 """A signed distance on a regular grid, interpolated by cubic B-splines: twice continuously differentiable.
 
 g(q) = Σ_ijk c_ijk B(u - i) B(v - j) B(w - k), with (u, v, w) = (q - origin)/spacing and B the cubic B-spline. The
-coefficients make g meet the smooth surface's distance (`geometry.smooth_surface`) at every node, of a grid finer than
-SPACING_MM at those near the surface. Outside the grid, which reaches MARGIN_MM beyond the mesh, g is the value at the
-nearest grid point plus the distance to it.
+coefficients interpolate the smooth surface's distance (`geometry.smooth_surface`) at every node, or, in a grid finer
+than SPACING_MM, at every node near the surface. Outside the grid, which reaches MARGIN_MM beyond the mesh, g is the
+value at the nearest grid point plus the distance to it.
 
 Beside the coefficients each node keeps a curvature bound M: the least eigenvalue of ∇²g is at least -M everywhere
 within CURVATURE_REACH_MM of the node and outside the body. By Taylor's theorem, while the segment from q to q + δ
@@ -30,8 +30,6 @@ from casadi_contact.geometry.triangle_mesh import TriangleMesh
 
 SPACING_MM = 0.75
 MARGIN_MM = 4.0
-_NEAR_NODES = 6.0  # to the surface: what is off farther away reaches it weakened to 0.27 by every node
-_MOST_NODES = 40_000_000  # 320 MB of coefficients
 CURVATURE_REACH_MM = 2.2
 # Nodes at which the curvature bound is taken, by their distance g: those outside within reach of the surface, and those
 # up to 1 mm inside, whose coefficients still shape g just outside.
@@ -77,8 +75,8 @@ def build_field(mesh: TriangleMesh, spacing_mm: float = SPACING_MM) -> DistanceF
     counts = _node_counts(mesh, spacing_mm)
     if not field_fits(mesh, spacing_mm):
         raise ValueError(
-            f"mesh {mesh.name}: a spacing of {spacing_mm:g} mm needs {counts.prod()} nodes, expected at most "
-            f"{_MOST_NODES}: choose a larger spacing, or cut the mesh to what touches"
+            f"mesh {mesh.name}: a distance field with a spacing of {spacing_mm:g} mm needs {counts.prod()} nodes, too "
+            "many for memory: choose a larger spacing, or cut the mesh to what touches"
         )
     axes = [origin + spacing_mm * np.arange(count) for origin, count in zip(low, counts, strict=True)]
     values = _node_values(mesh, axes, spacing_mm)
@@ -92,9 +90,9 @@ def build_field(mesh: TriangleMesh, spacing_mm: float = SPACING_MM) -> DistanceF
     return DistanceField(parameters, FieldFit(rms, largest, mesh.dropped, len(mesh.nonmanifold_edges)))
 
 
-def field_fits(mesh: TriangleMesh, spacing_mm: float) -> bool:
-    """Whether a field of this spacing fits into memory: 40 million nodes at most."""
-    return bool(_node_counts(mesh, spacing_mm).prod() <= _MOST_NODES)
+def field_fits(mesh: TriangleMesh, spacing_mm: float, most_nodes: int = 40_000_000) -> bool:
+    """Whether a field of this spacing fits into memory: 40 million nodes have 320 MB of coefficients."""
+    return bool(_node_counts(mesh, spacing_mm).prod() <= most_nodes)
 
 
 def _node_counts(mesh: TriangleMesh, spacing_mm: float) -> np.ndarray:
@@ -103,16 +101,18 @@ def _node_counts(mesh: TriangleMesh, spacing_mm: float) -> np.ndarray:
     return np.maximum(np.ceil(size / spacing_mm).astype(int) + 1, 4)  # as many as a cubic takes
 
 
-def _node_values(mesh: TriangleMesh, axes: Sequence[Array], spacing_mm: float) -> Array:
-    """Distances [mm] at the nodes of a grid by its three axes: those of the smooth surface. A grid finer than
-    SPACING_MM takes most of them, farther than _NEAR_NODES nodes from the surface, from the field of twice its spacing.
+def _node_values(mesh: TriangleMesh, axes: Sequence[Array], spacing_mm: float, near_nodes: float = 6.0) -> Array:
+    """Distances [mm] from the smooth surface at the nodes of a grid by its three axes.
+
+    A grid finer than SPACING_MM takes the distances farther than near_nodes nodes from the surface from the field of
+    twice its spacing: an error in a coefficient decays by a factor of 0.27 per node.
     """
     if spacing_mm < SPACING_MM:
         coarse = build_field(mesh, min(2.0 * spacing_mm, SPACING_MM)).parameters
         values = np.stack([_on_plane(coarse, x, *axes[1:]) for x in axes[0]])
     else:
         values = np.zeros([len(axis) for axis in axes])
-    near = np.abs(values) < _NEAR_NODES * spacing_mm
+    near = np.abs(values) < near_nodes * spacing_mm
     points = np.stack([axis[index] for axis, index in zip(axes, np.nonzero(near), strict=True)], axis=1)
     values[near] = SmoothSurface(mesh).distance(points)
     return values
@@ -215,8 +215,8 @@ def field_distance(parameters, x, y, z):
 @njit()
 def field_hessian(parameters, x, y, z):
     """g, its gradient and its second derivatives xx, xy, xz, yy, yz, zz: none along what leaves the grid."""
-    found = np.empty(10)
-    found[0], found[1], found[2], found[3] = field_distance(parameters, x, y, z)
+    derivatives = np.empty(10)
+    derivatives[0], derivatives[1], derivatives[2], derivatives[3] = field_distance(parameters, x, y, z)
     scale = 1.0 / parameters[3]
     ny, nz = int(parameters[5]), int(parameters[6])
     px, py, pz = (x - parameters[0]) * scale, (y - parameters[1]) * scale, (z - parameters[2]) * scale
@@ -229,7 +229,7 @@ def field_hessian(parameters, x, y, z):
         for a in range(4):
             weights[axis, 0, a], weights[axis, 1, a] = values[a], slopes[a]
         weights[axis, 2] = (1.0 - t, 3.0 * t - 2.0, 1.0 - 3.0 * t, t)
-    found[4:] = 0.0
+    derivatives[4:] = 0.0
     for a in range(4):
         for b in range(4):
             at = _HEAD + ((i + a) * ny + j + b) * nz + k
@@ -238,20 +238,20 @@ def field_hessian(parameters, x, y, z):
                 for c in range(4):
                     lines[order] += weights[2, order, c] * parameters[at + c]
             wx, wy = weights[0, :, a], weights[1, :, b]
-            found[4] += wx[2] * wy[0] * lines[0]
-            found[5] += wx[1] * wy[1] * lines[0]
-            found[6] += wx[1] * wy[0] * lines[1]
-            found[7] += wx[0] * wy[2] * lines[0]
-            found[8] += wx[0] * wy[1] * lines[1]
-            found[9] += wx[0] * wy[0] * lines[2]
-    found[4:] *= scale * scale
+            derivatives[4] += wx[2] * wy[0] * lines[0]
+            derivatives[5] += wx[1] * wy[1] * lines[0]
+            derivatives[6] += wx[1] * wy[0] * lines[1]
+            derivatives[7] += wx[0] * wy[2] * lines[0]
+            derivatives[8] += wx[0] * wy[1] * lines[1]
+            derivatives[9] += wx[0] * wy[0] * lines[2]
+    derivatives[4:] *= scale * scale
     if px != u:
-        found[4] = found[5] = found[6] = 0.0
+        derivatives[4] = derivatives[5] = derivatives[6] = 0.0
     if py != v:
-        found[5] = found[7] = found[8] = 0.0
+        derivatives[5] = derivatives[7] = derivatives[8] = 0.0
     if pz != w:
-        found[6] = found[8] = found[9] = 0.0
-    return found
+        derivatives[6] = derivatives[8] = derivatives[9] = 0.0
+    return derivatives
 
 
 @njit()
