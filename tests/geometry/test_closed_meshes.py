@@ -113,7 +113,7 @@ CUP = shell_mesh(10.0, 20.0, 2.0, 1.2, [0.0, 1.0, 0.0])
     ],
 )
 def test_a_closed_piece_that_is_inside_out_and_no_cavity_is_refused(meshes, where):
-    with pytest.raises(ValueError, match=f"bodies is inside-out in {where}"):
+    with pytest.raises(ValueError, match=where):
         checked_mesh("bodies", *together(*meshes))
 
 
@@ -154,7 +154,7 @@ PEG = wheel_mesh(4.0, 5.0, 1.0)  # along z
 )
 def test_a_piece_in_the_solid_of_another_is_refused(meshes):
     """All face outwards. Loads would be off several times: the sign of the distance turns between the surfaces."""
-    with pytest.raises(ValueError, match=r"bodies: .* mm² of its surface lie inside another of its 2 pieces.*unite"):
+    with pytest.raises(ValueError, match="inside another"):
         checked_mesh("bodies", *together(*meshes))
 
 

@@ -61,5 +61,5 @@ def test_the_middle_of_a_cup_is_seen_from_its_inside():
     cup = checked_mesh("cup", *shell_mesh(16.4, 22.0, 3.0, 1.2, [0.0, 1.0, 0.0]))
     assert projection_of([0.0, 1.0, 0.0], [0.0, 0.0, 0.0], cup).radius_mm == pytest.approx(16.4, abs=1e-6)
     plate = checked_mesh("plate", *sheet_mesh(14.0, 2.0))
-    with pytest.raises(ValueError, match=r"plate: none of it faces geometry\.cup_centre = \[0\.0, -30\.0, 0\.0\]"):
+    with pytest.raises(ValueError, match="cup_centre"):
         projection_of([0.0, -1.0, 0.0], [0.0, -30.0, 0.0], plate)

@@ -56,9 +56,9 @@ def test_facets_of_a_groove_are_tangent_to_their_grids_and_mirrored():
 @pytest.mark.parametrize(
     ("name", "overrides", "said"),
     [
-        ("hip", {"cup_radius": 15.0}, "geometry.cup_radius = 15.0, expected more than ball_radius"),
+        ("hip", {"cup_radius": 15.0}, "geometry.cup_radius"),
         ("hip", {"cup_pole": (0.0, 0.0, 0.0)}, "geometry.cup_pole"),
-        ("hip", {"cup_centre": (0.0, 0.0)}, "geometry.cup_centre = .*3 numbers"),
+        ("hip", {"cup_centre": (0.0, 0.0)}, "geometry.cup_centre"),
         ("hip", {"cup_half_angle_deg": 120.0}, "geometry.cup_half_angle_deg"),
         ("hip", {"ball_radius": -1.0}, "geometry.ball_radius"),
         ("patellofemoral", {"dome_radius": 31.0}, "geometry.facet_radius"),

@@ -56,16 +56,16 @@ def test_one_side_of_a_knee_can_have_its_own_values():
 @pytest.mark.parametrize(
     ("name", "overrides", "said"),
     [
-        ("kneee", {}, "unknown scene 'kneee', expected one of .*knee"),
-        ("knee", {"radius": 3.0}, "unknown parameter 'radius'"),
-        ("knee", {"law": "cubic"}, "material.law = 'cubic', expected linear or log"),
-        ("knee", {"poissons_ratio": 0.5}, "material.poissons_ratio = 0.5"),
-        ("knee", {"youngs_modulus": "stiff"}, "material.youngs_modulus = 'stiff', expected a finite number"),
-        ("knee", {"thickness": float("nan")}, "material.thickness = nan"),
+        ("kneee", {}, "kneee"),
+        ("knee", {"radius": 3.0}, "radius"),
+        ("knee", {"law": "cubic"}, "material.law"),
+        ("knee", {"poissons_ratio": 0.5}, "poissons_ratio"),
+        ("knee", {"youngs_modulus": "stiff"}, "youngs_modulus"),
+        ("knee", {"thickness": float("nan")}, "thickness"),
         ("knee", {"fine": (0, 40)}, "grids.fine"),
         ("knee", {"dish_frontal_radius": 20.0}, "geometry.dish_frontal_radius"),
         ("knee", {"sagittal_radii": [30.0]}, "geometry.sagittal_junctions_deg"),
-        ("knee", {"sensitive": ["Fq"]}, "unknown load 'Fq'"),
+        ("knee", {"sensitive": ["Fq"]}, "Fq"),
         ("sphere_in_dish", {"dish_radius": 20.0}, "geometry.dish_radius"),
     ],
 )
@@ -76,9 +76,9 @@ def test_bad_scenes_are_refused_with_the_key(name, overrides, said):
 
 def test_unknown_keys_newer_formats_and_text_that_is_no_toml_are_refused(tmp_path):
     text = cc.load_scene("knee").to_toml()
-    with pytest.raises(ValueError, match=r"unknown key material\.colour"):
+    with pytest.raises(ValueError, match="colour"):
         Scene.from_toml(text.replace("[material]", "[material]\ncolour = 1"))
-    with pytest.raises(ValueError, match=r"unknown key geometry\.med\.wheel"):
+    with pytest.raises(ValueError, match="wheel"):
         Scene.from_toml(text.replace("[geometry]", "[geometry]\nmed = { wheel = 1.0 }"))
     with pytest.raises(ValueError, match="format = 9"):
         Scene.from_toml(text.replace("format = 1", "format = 9"))

@@ -63,9 +63,9 @@ def test_files_that_are_no_cycles_are_refused(tmp_path):
     (tmp_path / "binary.csv").write_bytes(bytes(range(128, 256)))
     with pytest.raises(ValueError, match="is not a CSV text file"):
         read_cycle(tmp_path / "binary.csv")
-    with pytest.raises(ValueError, match="lacks the columns flexion_rz_rad"):
+    with pytest.raises(ValueError, match="flexion_rz_rad"):
         read_cycle(write(tmp_path / "few.csv", [[0.0]], header=["time_s"]))
-    with pytest.raises(ValueError, match="has 1 frames, expected at least 2"):
+    with pytest.raises(ValueError, match="frames"):
         read_cycle(write(tmp_path / "one.csv", [good_row(0.0)]))
 
 

@@ -39,7 +39,7 @@ def test_an_open_surface_inside_out_is_refused():
     top = box.part(box.normals[:, 1] > 0.9)
     assert contact_placement(Pair.of(ball, top)).together
     inside_out = checked_mesh("top", top.vertices_mm, top.faces[:, ::-1])
-    with pytest.raises(ValueError, match="the fixed surface faces away from the moving one"):
+    with pytest.raises(ValueError, match="faces away"):
         contact_placement(Pair.of(ball, inside_out))
 
 
@@ -48,7 +48,7 @@ def test_an_open_condyle_inside_out_is_refused_and_a_hollow_cup_on_a_ball_is_non
     box = trimesh.creation.box((44.0, 8.0, 22.0)).subdivide_to_size(1.5)
     insert = checked_mesh("insert", box.vertices, box.faces)
     assert len(analysed(checked_mesh("condyle", condyle, faces), insert)[2].patches) == 1
-    with pytest.raises(ValueError, match=r"over \d+ mm² with its inside out, expected its outside towards it: turn"):
+    with pytest.raises(ValueError, match="inside out"):
         analysed(checked_mesh("condyle", condyle, faces[:, ::-1]), insert)
     cup, faces = cap_mesh(16.5, 1.5, 1.2)  # a bowl: upside down, and its inside out as it was, it covers the ball
     ball = checked_mesh("ball", *ball_mesh(16.0, 2.5))
