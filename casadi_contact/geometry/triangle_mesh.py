@@ -112,6 +112,15 @@ class TriangleMesh:
         slivers = slivers[(slivers >= 0).all(axis=1)]
         return TriangleMesh(self.name, self.vertices_mm[used], renumbered.reshape(-1, 3), self.dropped, slivers)
 
+    def subdivided(self, longest_mm: float) -> TriangleMesh:
+        """The mesh with edges halved until none is longer."""
+        import trimesh
+
+        if not len(self.faces):
+            return self
+        vertices, faces = trimesh.remesh.subdivide_to_size(self.vertices_mm, self.faces, longest_mm, max_iter=20)
+        return TriangleMesh(self.name, np.asarray(vertices), np.asarray(faces))
+
 
 def directed_edges(faces: np.ndarray) -> np.ndarray:
     """Sides (3f, 2) as their triangles run through them: all first ones, then all second, then all third."""

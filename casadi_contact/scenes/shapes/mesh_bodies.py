@@ -215,18 +215,9 @@ def bare_mesh(geometry: Geometry, longest_mm: float, *, within: bool) -> Triangl
 
     mesh = body_mesh(geometry, "fixed")
     if geometry["elements"] == "triangles":
-        return _divided(chosen(mesh), longest_mm)
+        return chosen(mesh).subdivided(longest_mm)
     bare = mesh.part(~covered(mesh, list(np.moveaxis(mesh.corners_mm, 1, 0)))[1])
-    return chosen(_divided(bare, longest_mm))
-
-
-def _divided(mesh: TriangleMesh, longest_mm: float) -> TriangleMesh:
-    import trimesh
-
-    if not len(mesh.faces):
-        return mesh
-    vertices, faces = trimesh.remesh.subdivide_to_size(mesh.vertices_mm, mesh.faces, longest_mm, max_iter=20)
-    return TriangleMesh(mesh.name, np.asarray(vertices), np.asarray(faces))
+    return chosen(bare.subdivided(longest_mm))
 
 
 def _seen(geometry: Geometry, patch: str, points: Array, normals: Array) -> np.ndarray:

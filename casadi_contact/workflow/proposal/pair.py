@@ -116,15 +116,11 @@ def extent_mm(mesh: TriangleMesh) -> float:
 
 
 def _divided(mesh: TriangleMesh, longest_mm: float) -> TriangleMesh:
-    """The mesh with edges halved until none is longer, unless most of its area has short edges already."""
-    import trimesh
-
+    """The mesh without longer edges, unless most of its area has short edges already."""
     edges = np.linalg.norm(mesh.corners_mm - np.roll(mesh.corners_mm, 1, axis=1), axis=2).max(axis=1)
     areas = mesh.areas_mm2
-    if areas[edges > longest_mm].sum() < 0.5 * areas.sum():
-        return mesh
-    vertices, faces = trimesh.remesh.subdivide_to_size(mesh.vertices_mm, mesh.faces, longest_mm, max_iter=20)
-    return TriangleMesh(mesh.name, np.asarray(vertices), np.asarray(faces))
+    is_fine = areas[edges > longest_mm].sum() < 0.5 * areas.sum()
+    return mesh if is_fine else mesh.subdivided(longest_mm)
 
 
 def unit_rows(vectors: Array) -> Array:
