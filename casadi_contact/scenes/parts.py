@@ -1,9 +1,8 @@
-"""Parts of patches: pieces of a patch whose contact a surrogate learns apart.
+"""Parts of patches: pieces of a patch with a root network of their own.
 
-Where a patch touches in several places at once, its load bends sharply as one of them comes and goes, and no small
-network follows. Cut between these places, each part's root load is as smooth as that of a simple condyle; a patch's
-wrench is the sum over its parts. Most patches are one part of the same name. Parts concern samples and the `patch`
-surrogate alone: contact models, settling and problems know patches.
+If a patch has several contact areas, its load has kinks where one of them appears, which no small network fits. Cut
+between these areas, each part's root load is as smooth as that of a simple condyle; a patch's wrench is the sum over
+its parts. Most patches are one part of the same name. Only samples and the `patch` surrogate use parts.
 """
 
 from __future__ import annotations

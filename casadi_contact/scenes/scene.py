@@ -1,7 +1,6 @@
 """A scene: bodies, patches, material, grids, the loads it needs and how precisely it needs them.
 
-A scene is a readable TOML table that a user can copy and edit; every key is known by name, and an unknown key
-or a bad value is refused with the key's name.
+A scene is a readable TOML table that a user can copy and edit. Errors for unknown keys and bad values name the key.
 """
 
 from __future__ import annotations
@@ -127,8 +126,8 @@ class Scene:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of the scene's TOML text: two scenes with one digest have the same loads and samples, wherever meshes
-        lie, however precisely the loads are needed and however much of a sampling plan may be lost."""
+        """SHA-256 of what determines loads and samples: the scene's TOML text without paths of meshes, tolerances and
+        the share of a sampling plan that may be dropped."""
         tables = {key: value for key, value in self.tables.items() if key != "tolerances"}
         tables["geometry"] = shape_named(self.shape).identity(self.tables["geometry"])
         tables["sampling"] = {key: value for key, value in self.sampling.items() if key != "most_dropped"}
@@ -153,8 +152,8 @@ class Scene:
 
     @property
     def controllable_normal_loads(self) -> tuple[NormalLoad, ...]:
-        """The normal loads that a static analysis can set one by one: those of the patches, or their sum where these
-        share a single sensitive pose parameter (a knee whose r_x is locked)."""
+        """The normal loads that a static analysis can set independently: those of the patches, or their sum if there is
+        a single sensitive pose parameter (a knee whose r_x is locked)."""
         return in_sum(self.normal_loads) if len(self.sensitive_pose) == 1 else self.normal_loads
 
     @cached_property
@@ -165,8 +164,8 @@ class Scene:
 
     @cached_property
     def by_parts(self) -> Scene:
-        """The scene whose patches are the parts of this one's, for contact models that know patches alone; this one,
-        where no patch is cut."""
+        """The scene whose patches are the parts of this one's, for contact models without parts; this scene, if no
+        patch is cut."""
         if len(self.parts) == len(self.patch_names):
             return self
         return Scene.from_tables(tables_by_parts(self.tables, self.patch_names, self.parts))

@@ -1,4 +1,4 @@
-"""Checks of a scene's values: each refuses a bad one with its key, what was got and what was expected."""
+"""Checks of a scene's values. Errors say the key, what was got and what was expected."""
 
 from __future__ import annotations
 
