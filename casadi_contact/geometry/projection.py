@@ -21,7 +21,6 @@ from casadi_contact.geometry.triangle_mesh import TriangleMesh
 DOWN = (0.0, -1.0, 0.0)
 LEAST_UPWARD = 0.2  # cos of a surface's normal to its line: walls steeper than 78 degrees are not laid out
 _LEAST_K2 = 0.05  # of Lambert's map: 154 degrees from the pole
-_ABOVE_MM = 1.0
 
 
 @dataclass(frozen=True)
@@ -99,7 +98,7 @@ class ParallelProjection:
         low, high = np.maximum(mesh.vertices_mm.min(axis=0), box[0]), np.minimum(mesh.vertices_mm.max(axis=0), box[1])
         corners = np.array(list(itertools.product(*zip(low, high, strict=True)))) @ self.frame.T
         low, high = corners.min(axis=0), corners.max(axis=0)
-        return low[[0, 2]], high[[0, 2]], float(high[1]) + _ABOVE_MM
+        return low[[0, 2]], high[[0, 2]], float(high[1]) + 1.0
 
 
 @dataclass(frozen=True, eq=False)

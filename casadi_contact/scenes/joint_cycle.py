@@ -31,8 +31,6 @@ from casadi_contact.scenes.shapes.checks import fail, number
 
 MOST_CYCLES, MOST_COEFFICIENTS = 1000, 99
 _CENTRES = ("cop_x", "cop_y", "cop_z", "cop_ap", "cop_ml")  # the last two are the names of a knee's load cycle
-_FRAMES = 101
-_SEED = 2015
 
 
 @dataclass(frozen=True)
@@ -85,8 +83,7 @@ def column_names(load_names: Sequence[str]) -> dict[str, str]:
 
 
 def driving_loads(scene: Scene) -> tuple[str, ...]:
-    """The loads that a scene's cycles may hold: those that it asks for, those that press its patches, and those of its
-    own motion."""
+    """The loads that a scene's cycles may contain: its own loads, the normal loads, and those of its [motion]."""
     harmonics = scene.motion.get("harmonics")
     columns = {quantity(name).column: name for name in possible_loads(scene.patch_names)}
     own = [columns[column] for column in harmonics if column in columns] if isinstance(harmonics, Mapping) else []
@@ -149,10 +146,10 @@ def write_joint_cycle(cycle: JointCycle, path: str | Path) -> None:
     write_columns(path, {"time_s": cycle.time_s, **{quantity(name).column: curve for name, curve in curves.items()}})
 
 
-def scene_cycles(scene: Scene) -> list[JointCycle]:
-    """The reference motion that a scene describes, the same at every call.
+def scene_cycles(scene: Scene, *, frames: int = 101, seed: int = 2015) -> list[JointCycle]:
+    """The reference motion of a scene's [motion], the same for a seed.
 
-    Raises ValueError where the scene has none, naming a key at fault.
+    Raises ValueError for a scene without one, and for a bad value with its key.
     """
     motion = dict(scene.motion)
     if not motion:
@@ -172,8 +169,8 @@ def scene_cycles(scene: Scene) -> list[JointCycle]:
     deviation = number("motion.deviation", motion.get("deviation", 0.05))
     if deviation < 0.0:
         raise fail("motion.deviation", deviation, "a number of 0 or more")
-    rng = np.random.default_rng(_SEED)
-    time = np.linspace(0.0, float(duration), _FRAMES)
+    rng = np.random.default_rng(seed)
+    time = np.linspace(0.0, float(duration), frames)
     cycles = []
     for k in range(count):
         curves = {}

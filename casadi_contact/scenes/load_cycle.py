@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.scenes.checks import check_radians, checked_curves
+from casadi_contact.scenes.checks import check_lengths, check_radians, checked_curves
 from casadi_contact.scenes.columns import read_columns, write_columns
 
 # Column of the file for each curve of a cycle; other columns are ignored.
@@ -24,7 +24,6 @@ COLUMNS = {
 }
 KNEE_POSE_COLUMNS = frozenset({COLUMNS["rz"], COLUMNS["ry"]})  # by which a file is a knee's
 _CURVES = ("time", "rz", "ry", "Fy_med", "Fy_lat", "cop_ap", "cop_ml", "Tz", "Tx")  # that a cycle is made of
-_LARGEST_COP_MM = 200.0
 
 
 class OverTime:
@@ -67,8 +66,8 @@ class LoadCycle(OverTime):
                 )
         for key in ("rz", "ry"):
             check_radians(f"cycle {self.name}", COLUMNS[key], getattr(self, key))
-        if max(np.abs(self.cop_ap_mm).max(), np.abs(self.cop_ml_mm).max()) > _LARGEST_COP_MM:
-            raise ValueError(f"cycle {self.name}: centre of pressure beyond {_LARGEST_COP_MM:g} mm: is it in mm?")
+        for key in ("cop_ap_mm", "cop_ml_mm"):
+            check_lengths(f"cycle {self.name}", key, getattr(self, key), largest_mm=200.0)
 
     def targets(self) -> dict[str, Array]:
         """Loads that hold the cycle's forces and centre of pressure: Tx = -cop_ml·Fy, Tz = cop_ap·Fy [N·mm]."""

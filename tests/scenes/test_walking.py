@@ -43,7 +43,7 @@ def changed(column, value):
         (changed("time_s", -1.0), "time does not rise at frame 1"),
         (changed("fy_lat", 20.0), "Fy_lat_N is 20 at frame 1, expected compression"),
         (changed("rz", -60.0), "flexion_rz_rad reaches 60, expected radians: is it in degrees"),
-        (changed("cop_ap_mm", 4000), "is it in mm"),
+        (changed("cop_ap_mm", 4000), "in mm"),
         (good_row(0.5)[:-1], "line 3: got 7 values, expected 8"),
     ],
 )
