@@ -159,21 +159,14 @@ def choose(
     preset: PresetName = DEFAULT_PRESET,
     out: Out = None,
 ) -> None:
-    """Name the cheapest model of the chart that meets a tolerance, and train it if it is not on disk.
+    """Name the cheapest model of the chart that meets a tolerance.
 
     Where nothing has been built in the folder, the answer comes from the chart shipped for the scene.
     """
     names = None if loads is None else [name.strip() for name in loads.split(",")]
-    with progress_bars(console) as update:
-        choice = choose_model(
-            scene,
-            force_tolerance_n=force_tol,
-            torque_tolerance_nmm=torque_tol,
-            loads=names,
-            preset=preset,
-            folder=out,
-            update=update,
-        )
+    choice = choose_model(
+        scene, force_tolerance_n=force_tol, torque_tolerance_nmm=torque_tol, loads=names, preset=preset, folder=out
+    )
     console.print(choice_table(choice))
     say(choice.measured)
     say(f"in Python: {choice.python}")

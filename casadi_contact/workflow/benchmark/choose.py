@@ -3,46 +3,54 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from casadi_contact.core.conventions import Update, check_loads
+from casadi_contact.core.conventions import check_loads
 from casadi_contact.core.quantities import FORCE, TORQUE, of_kind, three_digits
 from casadi_contact.scenes.tolerance import Tolerance
-from casadi_contact.workflow.benchmark.at_hand import make_surrogate, python_line, times_for_loads
-from casadi_contact.workflow.benchmark.candidates import refuse_without_elements
-from casadi_contact.workflow.benchmark.front_file import FILE_NAME, Front, read_front
+from casadi_contact.surrogate.load import STRUCTURES, ready_surrogates
+from casadi_contact.workflow.benchmark.candidates import (
+    EF_FAMILY,
+    FOUNDATION_FAMILY,
+    MX_SUFFIX,
+    own_name,
+    refuse_without_elements,
+)
+from casadi_contact.workflow.benchmark.front_file import FILE_NAME, Front, Point, read_front
 from casadi_contact.workflow.benchmark.shipped import shipped_front
+from casadi_contact.workflow.benchmark.sizes import chart_surrogates, on_disk, sized_path
 from casadi_contact.workflow.project import Project
 
-MEASURED = "measured"
-SAME_TIME = 1.03  # times nearer than this factor differ by less than they do from run to run
+# How a foundation of a resolution is made, by a word in it.
+_RESOLUTIONS = {
+    "rays": "cc.PolarFoundation({scene}, cc.contact.Rays({numbers}))",
+    "cells": "cc.CellFoundation({scene}, cc.contact.Cells({numbers}))",
+    "points": "cc.CupFoundation({scene}, {numbers})",
+}
 
 
 @dataclass(frozen=True)
 class Offer:
-    """A model with its time per pose and its RMS errors on unseen walking, for the loads asked for.
-
-    timing says how the time was found: on the chart's machine, or on this one where models were timed again.
-    force_rms_n or torque_rms_nmm is NaN where no such load was asked for.
-    """
+    """A model with its time per pose [µs] on the chart's machine and its RMS errors on unseen walking, for the loads
+    of interest. force_rms_n or torque_rms_nmm is NaN where no such load is among them."""
 
     name: str
     family: str
     time_us: float
-    timing: str
     force_rms_n: float
     torque_rms_nmm: float
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The cheapest model that meets the tolerance (``model``), the next better one (None if there is none), the loads
-    asked for, the file of a surrogate (the name of a shipped one, None for other models), a line of Python that makes
-    the model, and where errors and the chart's times come from (``measured``)."""
+    """The cheapest model that meets the tolerance (``model``), the next better one (None if there is none), the loads,
+    the file of a surrogate (the name of a shipped one, None for other models), a line of Python that makes the model,
+    and where errors and times come from (``measured``)."""
 
     model: Offer
     better: Offer | None
@@ -60,16 +68,15 @@ def choose(
     loads: Sequence[str] | None = None,
     preset: str = "quick",
     folder: Path | None = None,
-    update: Update | None = None,
+    same_time: float = 1.03,
 ) -> Choice:
-    """The cheapest model on the measured front whose RMS error meets the tolerances for just these loads; of models
-    that are as cheap, the most accurate.
+    """The cheapest model on the measured front whose RMS error meets the tolerances for these loads; of models whose
+    times differ by less than the factor same_time (the scatter from run to run), the most accurate.
 
     scene, preset, folder: as in `casadi-contact chart`, whose ``speed_accuracy.csv`` is read; where nothing has been
-    built, the front that comes with the library for this scene, of models that are at hand. loads: a name or names, all
-    of the scene's if None. For some loads only, a surrogate's time is that of the networks they need, and times are of
-    this machine: timed again, or the chart's scaled to it. A chosen size that is not on disk is trained, with these
-    networks only; update is called as in `project.train.train`.
+    built, the front that comes with the library for this scene. loads: a name or names, all of the scene's if None.
+    For some loads only, the time of a surrogate is its measured time multiplied by the share of its networks that
+    these loads need.
 
     Raises FileNotFoundError where nothing has been measured; ValueError for a scene without elements, a tolerance that
     is missing or not above 0, an unknown load, a file of another scene, and where nothing meets the tolerance (naming
@@ -78,14 +85,9 @@ def choose(
     project = Project.open(scene, preset, folder)
     refuse_without_elements(project)
     path, front = _front(project)
-    names, tolerance = _asked(front, loads, force_tolerance_n, torque_tolerance_nmm)
-    offers = meeting(front, tolerance, names)
-    if set(names) != set(front.loads):
-        points = [point for point in front.models if point.name in {offer.name for offer in offers}]
-        times = times_for_loads(project, points, names)
-        offers = [replace(o, time_us=times[o.name][0], timing=times[o.name][1]) for o in offers]
-    model, better = cheapest(offers, tolerance)
-    file = make_surrogate(project, model.name, None if set(names) == set(front.loads) else names, update)
+    names, tolerance = _checked_request(front, loads, force_tolerance_n, torque_tolerance_nmm)
+    model, better = cheapest(within_tolerance(project, front, tolerance, names), tolerance, same_time)
+    file = surrogate_file(project, model.name)
     machine = ", ".join(front.header[key] for key in ("processor", "system") if key in front.header)
     measured = f"measured on {machine or 'an unnamed machine'}, {front.header.get('threads', '?')} thread: {path}"
     return Choice(
@@ -116,7 +118,7 @@ def _front(project: Project) -> tuple[Path, Front]:
     return shipped
 
 
-def _asked(
+def _checked_request(
     front: Front, loads: Sequence[str] | None, force_n: float | None, torque_nmm: float | None
 ) -> tuple[tuple[str, ...], Tolerance]:
     """Loads and tolerance, checked against each other."""
@@ -131,8 +133,8 @@ def _asked(
     return names, tolerance
 
 
-def meeting(front: Front, tolerance: Tolerance, loads: Sequence[str]) -> list[Offer]:
-    """Every model of the chart that meets the tolerance for the loads, with its time for all loads.
+def within_tolerance(project: Project, front: Front, tolerance: Tolerance, loads: Sequence[str]) -> list[Offer]:
+    """Every model of the chart that meets the tolerance for the loads.
 
     Raises ValueError, naming the nearest, if none does.
     """
@@ -141,7 +143,7 @@ def meeting(front: Front, tolerance: Tolerance, loads: Sequence[str]) -> list[Of
         if point.value is None or any(load not in point.load_rms for load in loads):
             continue
         force, torque = (point.rms(kind, loads) for kind in (FORCE, TORQUE))
-        offers.append(Offer(point.name, point.family, point.value.median_us, MEASURED, force, torque))
+        offers.append(Offer(point.name, point.family, _time_us(project, point, loads), force, torque))
     if not offers:
         raise ValueError("the front holds no timed model with these loads: chart it again")
     found = [offer for offer in offers if _used(offer, tolerance) <= 1.0]
@@ -156,11 +158,24 @@ def meeting(front: Front, tolerance: Tolerance, loads: Sequence[str]) -> list[Of
     return found
 
 
-def cheapest(offers: Sequence[Offer], tolerance: Tolerance) -> tuple[Offer, Offer | None]:
-    """The cheapest of models that all meet the tolerance, the most accurate one of those that are as cheap
-    (`SAME_TIME`), and the cheapest of those more accurate than that."""
+def _time_us(project: Project, point: Point, loads: Sequence[str]) -> float:
+    """Microseconds per pose for these loads, from the measured time for all: a surrogate needs a share of its networks,
+    any other model the whole time."""
+    assert point.value is not None
+    structure = point.family.removesuffix(MX_SUFFIX)
+    if structure not in STRUCTURES:
+        return point.value.median_us
+    needed, all_ = (
+        len(STRUCTURES[structure].networks_for(project.scene, names)) for names in (loads, project.scene.load_names)
+    )
+    return needed / all_ * point.value.median_us
+
+
+def cheapest(offers: Sequence[Offer], tolerance: Tolerance, same_time: float = 1.0) -> tuple[Offer, Offer | None]:
+    """The cheapest of models that all meet the tolerance (of those within the factor same_time of its time the most
+    accurate), and the cheapest of those more accurate than that."""
     offers = sorted(offers, key=lambda offer: offer.time_us)
-    as_cheap = [offer for offer in offers if offer.time_us <= SAME_TIME * offers[0].time_us]
+    as_cheap = [offer for offer in offers if offer.time_us <= same_time * offers[0].time_us]
     model = min(as_cheap, key=lambda offer: _used(offer, tolerance))
     better = [offer for offer in offers if _used(offer, tolerance) < _used(model, tolerance)]
     return model, better[0] if better else None
@@ -177,3 +192,30 @@ def _errors_text(force_n: float | None, torque_nmm: float | None) -> str:
     return " and ".join(
         f"{three_digits(value)} {unit}" for value, unit in pairs if value is not None and not math.isnan(value)
     )
+
+
+def surrogate_file(project: Project, name: str) -> Path | str | None:
+    """The file of a surrogate of the chart, its name if it is a shipped one, None for other models."""
+    base = name.removesuffix(MX_SUFFIX)
+    if base in ready_surrogates():
+        return base
+    paths = [project.surrogate_path(structure) for structure in STRUCTURES if own_name(project, structure) == base]
+    paths += [sized_path(project, s) for s in chart_surrogates(project.preset.chart, project.scene) if s.name == base]
+    return next((path for path in paths if on_disk(project, path) is not None), None)
+
+
+def python_line(scene: str, name: str, loads: Sequence[str], file: Path | str | None) -> str:
+    """How to make the model in Python (after ``import casadi_contact as cc``)."""
+    if file is not None:
+        compiled = "" if name.endswith(MX_SUFFIX) else ", compiled=True"
+        return f"cc.load_surrogate({str(file)!r}).function({list(loads)!r}{compiled})"
+    if name.startswith(f"{EF_FAMILY} "):
+        return f"cc.ElasticFoundation(cc.load_scene({scene!r}), grid=({name.split()[1].replace('×', ', ')}))"
+    if name.startswith(f"{FOUNDATION_FAMILY} "):
+        kind = next(kind for kind in _RESOLUTIONS if kind in name)
+        numbers = ", ".join(re.findall(r"[\d.]+", name))
+        return _RESOLUTIONS[kind].format(scene=f"cc.load_scene({scene!r})", numbers=numbers)
+    maker = (
+        f"casadi_contact.workflow.benchmark.peers.candidates.peer_candidates(samples, gflop=..., names={list(loads)!r})"
+    )
+    return f"{maker}, the one named {name!r}"

@@ -16,9 +16,8 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.quantities import FORCE, quantity
 from casadi_contact.samples.samples import TEST, write_samples
-from casadi_contact.workflow.benchmark import at_hand
 from casadi_contact.workflow.benchmark.candidate import Candidate
-from casadi_contact.workflow.benchmark.choose import SAME_TIME
+from casadi_contact.workflow.benchmark.choose import python_line
 from casadi_contact.workflow.benchmark.front_file import read_front
 from casadi_contact.workflow.benchmark.measure import measure, measure_project
 from casadi_contact.workflow.benchmark.sizes import chart_surrogates, sized_path, train_sizes
@@ -102,7 +101,7 @@ def test_the_foundation_stands_beside_networks_coarser_and_finer(project, measur
     assert len(errors) == 2
     assert errors == sorted(errors, reverse=True)
     for point in points:
-        line = at_hand.python_line(str(project.folder.parent / "knee.toml"), point.name, measured.loads, None)
+        line = python_line(str(project.folder.parent / "knee.toml"), point.name, measured.loads, None)
         model = eval(line, {"cc": cc})
         assert model.resolution in point.name
         rms = np.sqrt(np.mean((model(poses) - converged) ** 2, axis=0))
@@ -148,21 +147,6 @@ def test_sizes_that_learned_other_samples_are_trained_anew(project, tmp_path):
     assert trained == (later.samples().role != TEST).sum() < (samples.role != TEST).sum()
 
 
-def test_a_size_that_is_gone_is_trained_for_just_the_loads(project, measured):
-    point = next(p for p in measured.points if p.name == "patch 6-6")
-    sized = next(s for s in chart_surrogates(TINY.chart, cc.load_scene("knee")) if s.name == "patch 6-6")
-    sized_path(project, sized).rename(project.folder / "kept.h5")
-    try:
-        file = at_hand.make_surrogate(project, point.name, ["Fy_med", "Fy_lat"], None)
-        surrogate = cc.load_surrogate(file)
-        assert set(surrogate.networks) == {"root_med", "root_lat"}
-        assert surrogate.load_names == ("Fy_med", "Fy_lat")
-        times = at_hand.times_for_loads(project, measured.points, ["Fy_med", "Fy_lat"])
-        assert times["patch 6-6"][1] == "timed again for these loads"
-    finally:
-        (project.folder / "kept.h5").rename(sized_path(project, sized))
-
-
 @pytest.mark.parametrize("place", range(5))
 def test_the_choice_on_a_real_front_meets_its_tolerance_on_unseen_samples(place, project, measured, walking):
     poses, converged = walking
@@ -175,7 +159,7 @@ def test_the_choice_on_a_real_front_meets_its_tolerance_on_unseen_samples(place,
         preset="tiny",
         folder=project.folder,
     )
-    assert choice.model.time_us <= SAME_TIME * aim.value.median_us
+    assert choice.model.time_us <= 1.03 * aim.value.median_us
     made = eval(choice.python, {"cc": cc})
     got = made(poses) if choice.path is None else np.array(made.map(len(poses))(poses.T)).T
     squares = np.mean((got - converged) ** 2, axis=0)

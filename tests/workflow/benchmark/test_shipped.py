@@ -78,16 +78,15 @@ def test_no_scene_but_the_very_same_has_the_shipped_front(project):
 
 @pytest.mark.usefixtures("as_shipped")  # which model is the fastest is what users get told
 @pytest.mark.parametrize("loads", [None, ["Fy_med", "Fy_lat"]])
-def test_a_choice_names_a_model_that_is_at_hand_and_the_machine(project, motion, loads, monkeypatch):
-    monkeypatch.setattr("casadi_contact.workflow.benchmark.at_hand.available_motion", lambda project: motion)
+def test_a_choice_names_a_model_that_comes_with_the_library_and_the_machine(project, loads):
     choice = cc.choose("knee", force_tolerance_n=0.3, torque_tolerance_nmm=10.0, loads=loads, folder=project.folder)
     _, front = shipped_front(project.scene)
     assert choice.model.name.startswith("knee")
     assert front.header["processor"] in choice.measured
     function = eval(choice.python, {"cc": cc})
     pose = [0.5, 27.35, 0.1, 0.0, -0.05, -0.3]
-    wanted = cc.load_surrogate("knee")([pose])[0][: len(choice.loads)]
-    np.testing.assert_allclose(function(pose).full().ravel(), wanted, rtol=1e-9)
+    expected = cc.load_surrogate("knee")([pose])[0][: len(choice.loads)]
+    np.testing.assert_allclose(function(pose).full().ravel(), expected, rtol=1e-9)
 
 
 def test_the_shipped_surrogates_are_exported_and_their_example_pose_is_in_contact(project, motion, monkeypatch):
