@@ -10,8 +10,6 @@ from scipy.spatial import cKDTree
 from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.triangle_mesh import TriangleMesh, directed_edges
 
-_LEAST_COS = np.cos(np.deg2rad(40.0))  # between the normals of two triangles: beyond, their edge is a crease
-
 
 def split_at_creases(mesh: TriangleMesh) -> TriangleMesh:
     """The same triangles, none of which shares a vertex with one that lies across a crease.
@@ -69,7 +67,9 @@ def beside_creases(mesh: TriangleMesh, points: Array, face: np.ndarray, reach_mm
     return np.flatnonzero(cKDTree(along).query(points, distance_upper_bound=reach_mm)[0] < np.inf)
 
 
-def _are_creases(mesh: TriangleMesh, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Which pairs of sides (e,), (e,) are creases."""
+def _are_creases(mesh: TriangleMesh, first: np.ndarray, second: np.ndarray, least_deg: float = 40.0) -> np.ndarray:
+    """Mask of pairs of sides (e,), (e,) that are creases: the normals of their triangles differ by more than 40°."""
     count, normals = len(mesh.faces), mesh.normals
-    return np.asarray(np.einsum("nk,nk->n", normals[first % count], normals[second % count]) < _LEAST_COS)
+    return np.asarray(
+        np.einsum("nk,nk->n", normals[first % count], normals[second % count]) < np.cos(np.deg2rad(least_deg))
+    )

@@ -20,7 +20,6 @@ from casadi_contact.geometry.triangle_mesh import TriangleMesh
 
 DOWN = (0.0, -1.0, 0.0)
 LEAST_UPWARD = 0.2  # cos of a surface's normal to its line: walls steeper than 78 degrees are not laid out
-_LEAST_K2 = 0.05  # of Lambert's map: 154 degrees from the pole
 
 
 @dataclass(frozen=True)
@@ -108,6 +107,7 @@ class CentralProjection:
     frame: Array
     centre_mm: Array
     radius_mm: float
+    least_k2: float = 0.05  # of Lambert's map: 154 degrees from the pole
     remedy = "expected the middle of a cup's curvature [mm], in its hollow"
 
     @property
@@ -120,7 +120,7 @@ class CentralProjection:
         first, up, second = self.frame
         axes = np.array([first, second])
         x = np.stack([u, v], 1) / self.radius_mm
-        k = np.sqrt(np.maximum(1.0 - 0.25 * (x**2).sum(axis=1), _LEAST_K2))[:, None]
+        k = np.sqrt(np.maximum(1.0 - 0.25 * (x**2).sum(axis=1), self.least_k2))[:, None]
         flat, k_a = x @ axes, -0.25 * x / k
         k_ab = -0.25 * np.eye(2) / k[..., None] - k_a[:, :, None] * k_a[:, None, :] / k[..., None]
         ups = (2.0 * k**2 - 1.0) * up - k * flat
@@ -138,7 +138,7 @@ class CentralProjection:
         """Of the triangles that face the middle, and 0."""
         away = _facing(mesh, self.centre_mm)
         away /= np.linalg.norm(away, axis=1, keepdims=True)
-        k2 = np.maximum(0.5 - 0.5 * away @ self.frame[1], _LEAST_K2)
+        k2 = np.maximum(0.5 - 0.5 * away @ self.frame[1], self.least_k2)
         places = self.radius_mm * (away @ self.frame[[0, 2]].T) / np.sqrt(k2)[:, None]
         return places.min(axis=0), places.max(axis=0), 0.0
 
