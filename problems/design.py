@@ -23,7 +23,7 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation
-from casadi_contact.contact.polar.dish_slopes import RADII, dish_slopes
+from casadi_contact.contact.polar.dish_derivatives import RADII, dish_derivatives
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.contact.polar.quadrature import patch_loads
@@ -72,7 +72,7 @@ class DishContact:
         for p, patch in enumerate(self._model.patches):
             dish = replace(patch, torus=torus)
             loads = patch_loads(dish, law, RAYS, R, t)
-            by_radii, deepest, deepest_by_radii = dish_slopes(dish, law, RAYS, R, t)
+            by_radii, deepest, deepest_by_radii = dish_derivatives(dish, law, RAYS, R, t)
             touching = deepest.depth > 0.0
             by_twist = -wrench_about_origin(deepest.ends.G, deepest.ends.x - t) / deepest.ends.slope[:, None]
             rows = self._selection[:, p]

@@ -45,8 +45,9 @@ from casadi_contact.scenes.scene import Scene
 BOTH = "contact_loads_and_roots"
 
 
-class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
-    """A contact model of a scene by a kernel in C; without a compiler, slower, by the same formulas in NumPy.
+class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable, PressureOutputs):
+    """A contact model of a scene by a kernel in C; without a compiler, slower, by the same formulas in NumPy. It gives
+    loads, root loads and pressures.
 
     compiled: False for NumPy in any case. ``record`` says what was chosen and how wrong it is, in plain values.
     """
@@ -85,6 +86,14 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
     @abstractmethod
     def _by_twist(self, R: Array, t: Array) -> tuple[Array, Array, Array, Array, np.ndarray]:
         """Wrenches (n, P, 6), d wrench/d twist (n, P, 6, 6), gaps (n, P), d gap/d twist, cut by the rim, in NumPy."""
+
+    @abstractmethod
+    def _moments_source(self) -> str:
+        """C that defines ``patch_moments`` (see ``c/pressures.h``), after that of `_patch_source`."""
+
+    @abstractmethod
+    def _moments_by_twist(self, R: Array, t: Array) -> tuple[Array, Array]:
+        """Moments (n, P, 6) and their derivatives by the twist (n, P, 6, 6), in NumPy."""
 
     def compile(self) -> None:
         """Compile the kernel for arrays of poses now, where there is a compiler, so that no pose waits for it."""
@@ -144,6 +153,16 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
         """True (n, patches) where contact reaches a patch's rim: part of it may lie beyond."""
         return self._wrenches(poses, jacobian=False)[2]
 
+    def pressure_moments(self, poses: Array) -> tuple[Array, Array]:
+        """Moments (n, P, 6) and their derivatives by the pose (n, P, 6, 6), see `contact.pressures`."""
+        if self._pressure_library is None:
+            values, by_twist = self._moments_by_twist(rotation(poses[:, 3:]), poses[:, :3])
+            return values, twist_to_pose_gradient(by_twist, poses)
+        shape = (len(poses), len(self.patch_names), MOMENTS)
+        values, jacobian = np.empty(shape), np.empty((*shape, 6))
+        call_in_shares(self._pressure_library, "foundation_moments", poses, values, jacobian)
+        return values, jacobian
+
     def function(
         self,
         loads: Iterable[str] | None = None,
@@ -192,15 +211,17 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
         return "" if name in ready_scenes() and load_scene(name).digest == digest else digest[:8]
 
     def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
-        """C of the loads and root loads; raises ValueError for a pressure law without C."""
+        """C of the loads, root loads and pressures; raises ValueError for a pressure law without C."""
         if self.scene.material.law not in C_LAWS:
             raise ValueError(f"the pressure law {self.scene.material.law!r} has no C, expected {' or '.join(C_LAWS)}")
         names, patches = self.check_loads(loads), len(self.patch_names)
         kernel = FoundationKernel(self.scene, names, self._patch_source(), self.lanes)
         source = kernel.source(loads=len(names), roots=patches)
         wrenches = replace(kernel, loads=wrench_names(self.patch_names))
+        texts = [source, roots_source(range(patches), patches), c_text("export.h", C_FOLDER)]
+        texts += [self._moments_source(), c_text("pressure_outputs.h", C_FOLDER)]
         return ExportedModel(
-            source="\n".join([source, roots_source(range(patches), patches), c_text("export.h", C_FOLDER)]),
+            source="\n".join(texts),
             load_names=names,
             patch_names=self.patch_names,
             kernel_roots=patches,
@@ -211,6 +232,7 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
             vectors=True,
             data=self._patch_data(),
             wrench_source=wrenches.source(loads=6 * patches, roots=0),
+            pressure_names=self.pressure_names,
         )
 
     def example_pose(self, overlap_mm: float = 0.1) -> list[float]:
@@ -294,34 +316,6 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable):
         gaps, jacobian = np.empty(shape), np.empty((*shape, 6))
         call_in_shares(self._library, "foundation_gaps", poses, gaps, jacobian)
         return gaps, jacobian
-
-
-class CompiledPressures(CompiledFoundation, PressureOutputs):
-    """A `CompiledFoundation` with pressure outputs: in C, or without a compiler in NumPy by the same formulas."""
-
-    @abstractmethod
-    def _moments_source(self) -> str:
-        """C that defines ``patch_moments`` (see ``c/pressures.h``), after that of `_patch_source`."""
-
-    @abstractmethod
-    def _moments_by_twist(self, R: Array, t: Array) -> tuple[Array, Array]:
-        """Moments (n, P, 6) and their derivatives by the twist (n, P, 6, 6), in NumPy."""
-
-    def pressure_moments(self, poses: Array) -> tuple[Array, Array]:
-        """Moments (n, P, 6) and their derivatives by the pose (n, P, 6, 6), see `contact.pressures`."""
-        if self._pressure_library is None:
-            values, by_twist = self._moments_by_twist(rotation(poses[:, 3:]), poses[:, :3])
-            return values, twist_to_pose_gradient(by_twist, poses)
-        shape = (len(poses), len(self.patch_names), MOMENTS)
-        values, jacobian = np.empty(shape), np.empty((*shape, 6))
-        call_in_shares(self._pressure_library, "foundation_moments", poses, values, jacobian)
-        return values, jacobian
-
-    def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
-        """C of the loads, root loads and pressures; raises ValueError for a pressure law without C."""
-        model = super().exported(loads)
-        source = "\n".join([model.source, self._moments_source(), c_text("pressure_outputs.h", C_FOLDER)])
-        return replace(model, source=source, pressure_names=self.pressure_names)
 
     @cached_property
     def _pressure_library(self) -> Path | None:

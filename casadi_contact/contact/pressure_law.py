@@ -53,14 +53,9 @@ def compile_laws(laws: Sequence[PressureLaw], first: int = 0) -> Any:
 pressure = compile_laws(list(LAWS.values()))
 
 
-@njit()
-def pressures(number, modulus, thickness, depths):
-    """p [MPa] at each of the depths (n,) [mm]; zero where there is none (depth <= 0)."""
-    values = np.zeros(len(depths))
-    for n in range(len(depths)):
-        if depths[n] > 0.0:
-            values[n] = pressure(number, modulus, thickness, depths[n])[0]
-    return values
+def pressures(number: int, modulus: float, thickness: float, depths: Array) -> Array:
+    """p [MPa] at depths (...) [mm]; zero where there is none (depth <= 0)."""
+    return pressure_derivatives(number, modulus, thickness, depths)[0]
 
 
 def pressure_derivatives(number: int, modulus: float, thickness: float, depths: Array) -> tuple[Array, Array]:

@@ -16,7 +16,7 @@ def model():
 
 
 @pytest.fixture(scope="module")
-def estimation_targets():
+def wanted():
     """A shear to and fro under a steady load, over 41 frames."""
     return {"Fx": 4.0 * np.sin(np.linspace(0.0, 2.0 * np.pi, 41)), "Fy": np.full(41, -200.0)}
 

@@ -55,14 +55,6 @@ def knee_poses(n, seed=0):
     return scene, settled
 
 
-def test_loads_asked_for_by_name_are_those_of_all_and_unknown_ones_are_refused():
-    scene, poses = knee_poses(5)
-    model = cc.ElasticFoundation(scene)
-    np.testing.assert_array_equal(model(poses, ["Tx", "Fy_lat"]), model(poses)[:, [4, 1]])
-    with pytest.raises(ValueError, match="loads Fy, expected some of Fy_med"):
-        model(poses, ["Fy"])
-
-
 def test_a_mirrored_pose_on_a_mirrored_knee_mirrors_the_loads():
     text = cc.load_scene("knee").to_toml()
     left, right = (

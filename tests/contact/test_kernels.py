@@ -147,11 +147,10 @@ def test_second_derivatives_are_those_of_the_first_wherever_arcs_meet(bending, r
         np.testing.assert_allclose(exact, np.column_stack(columns), rtol=0.0, atol=tolerance * np.abs(exact).max())
 
 
-@pytest.mark.parametrize("model", ["foundation", "surrogate"])
-def test_sensitivities_of_an_integrator_are_the_derivatives_of_where_it_ends(model):
+def test_sensitivities_of_an_integrator_are_the_derivatives_of_where_it_ends():
     """ty, vy of the knee's femur let go above the insert, damped, after 20 ms. Forward sensitivities take the Jacobian
     of the Jacobian."""
-    function = cc.foundation("knee").function() if model == "foundation" else cc.load_surrogate("knee").function()
+    function = cc.PolarFoundation(cc.load_scene("knee"), RAYS).function()
     state, weight = ca.MX.sym("state", 2), ca.MX.sym("weight")
     loads = function(ca.vertcat(KNEE[0], state[0], KNEE[2:]))
     rate = ca.vertcat(state[1], 200.0 * (-loads[0] - loads[1] - weight) - 50.0 * state[1])

@@ -101,11 +101,18 @@ WRONG_TORQUES = {
 """By what is said: the factor of the torques, and whether they are about the moving body's origin."""
 
 
-@pytest.mark.parametrize("said", WRONG_TORQUES)
-@pytest.mark.parametrize("joint", JOINTS)
+@pytest.mark.parametrize(
+    ("joint", "said"),
+    [
+        (joint, said)
+        for said, (_, moving) in WRONG_TORQUES.items()
+        for joint in JOINTS
+        if "ball" not in joint or not moving
+    ],
+)
 def test_torques_that_do_not_belong_to_their_forces_are_refused_with_the_cure(joint, said):
-    """By the energy that contact stores: what a turn does to forces a move does to torques. A ball has none about its
-    own centre, in whatever unit."""
+    """By the energy that contact stores: what a turn does to forces a move does to torques. The origins of the ball and
+    of its socket are too close to be told apart."""
     scene, wrenches, gaps = JOINTS[joint]()
 
     factor, moving = WRONG_TORQUES[said]

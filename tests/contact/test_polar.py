@@ -84,13 +84,13 @@ def test_a_spot_as_wide_as_its_dish_is_deep_has_the_force_of_elements():
     """Where a femur fits its dish closely, estimated ends of a spot lie past the upright wall of the dish's circle."""
     scene = cc.load_scene("knee", dish_sagittal_radius=43.0, dish_frontal_radius=24.0)
     model = cc.PolarFoundation(scene, Rays(16, 3), compiled=False)
-    R, t = pressed_poses(model.patches[0], model.law, (5.0, 2500.0), 400)
+    R, t = pressed_poses(model.patches[0], model.law, (5.0, 2500.0), 200)
     poses = np.column_stack([t, Rotation.from_matrix(R).as_euler("XYZ")])
     wanted = cc.ElasticFoundation(scene, grid=(160, 80))
     force, elements = model.wrenches(poses)[:, 0, :3], wanted.wrenches(poses)[:, 0, :3]
     size = np.linalg.norm(elements, axis=1)
     seen = (size > 20.0) & ~wanted.at_edge(poses)[:, 0]
     off = np.linalg.norm(force - elements, axis=1)[seen] / size[seen]
-    assert seen.sum() > 150
+    assert seen.sum() > 75
     assert np.median(off) < 1e-3
     assert off.max() < 0.05

@@ -42,6 +42,7 @@ def test_settled_poses_lie_on_the_tie_and_carry_the_loads_there(ball):
 
 
 def test_damped_motion_comes_to_rest_in_the_same_poses(ball):
+    ball = cc.ElasticFoundation(ball.scene, (40, 40))
     poses, _ = cc.settle(ball, OFF, ("tx", "ty"), WANTED)
     rested, report = cc.relax(ball, poses + np.array([0.1, 0.02, 0.3, 0.1, 0.0, 0.0]), ("tx", "ty"), WANTED)
     assert report.converged.all(), report.reason

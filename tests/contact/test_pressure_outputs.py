@@ -1,6 +1,5 @@
 """Area, mean and peak pressure, centre of pressure and penetration: closed forms, derivatives, other contact models."""
 
-import casadi as ca
 import numpy as np
 import pytest
 
@@ -111,32 +110,3 @@ def test_c_and_numpy_are_the_same_formulas(case):
     assert make(True)._pressure_library is not None, "else NumPy is compared with itself"
     for a, b in zip(make(True).pressure_moments(poses), plain.pressure_moments(poses), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9 * np.abs(b).max())
-
-
-@needs_compiler
-def test_ipopt_lowers_the_peak_pressure_of_a_knee_that_carries_its_loads():
-    """Both sides' peaks as small as they go under the same forces: pressure outputs are constraints as loads are."""
-    model = cc.PolarFoundation(cc.load_scene("knee"))
-    x, top = ca.MX.sym("pose", 6), ca.MX.sym("top")
-    peaks = model.pressure_function(["peak_pressure_med", "peak_pressure_lat"])(x)
-    forces = model.function(["Fy_med", "Fy_lat"])(x)
-    problem = {"x": ca.vertcat(x, top), "f": top, "g": ca.vertcat(forces, peaks - top)}
-    options = {"ipopt.print_level": 0, "print_time": False, "ipopt.hessian_approximation": "limited-memory"}
-    solver = ca.nlpsol("gentle", "ipopt", problem, options)
-    before = by_name(model, KNEE)["peak_pressure_med"]
-    reach = np.array([3.0, 0.5, 1.0, 0.02, 0.1, 0.05])
-    low, high = np.subtract(KNEE, reach), np.add(KNEE, reach)
-    wanted = np.array(model.function(["Fy_med", "Fy_lat"])(KNEE)).ravel()
-    found = solver(
-        x0=[*KNEE, before],
-        lbx=[*low, 0.0],
-        ubx=[*high, 100.0],
-        lbg=[*wanted, -np.inf, -np.inf],
-        ubg=[*wanted, 0.0, 0.0],
-    )
-    assert solver.stats()["success"]
-    assert float(found["f"]) < 0.999 * before
-    pose = np.array(found["x"]).ravel()[:6]
-    assert max(by_name(model, pose)[f"peak_pressure_{side}"] for side in ("med", "lat")) == pytest.approx(
-        float(found["f"]), rel=1e-6
-    )

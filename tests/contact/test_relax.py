@@ -20,7 +20,7 @@ def knee():
 
 
 def test_damped_dynamics_finds_the_same_equilibrium(knee):
-    poses, targets = walking(3)
+    poses, targets = walking(1)
     newton, _ = cc.settle(knee, poses, ("ty", "rx"), targets)
     rest, report = cc.relax(knee, poses, ("ty", "rx"), targets)
     assert report.converged.all(), report.reason

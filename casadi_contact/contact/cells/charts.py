@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -29,53 +28,38 @@ class Surface:
     known: np.ndarray
 
 
-class Chart(Protocol):
-    """The fixed surface of one patch over (u, v)."""
+class Chart:
+    """The fixed surface of one patch over (u, v): without walls and creases, unless a chart says otherwise."""
 
     low: Array
     high: Array
-    densities: tuple[Array, Array]  # of lines across u and across v (`grading.lay_lines`)
+    densities: tuple[Array, Array] = (np.ones(2), np.ones(2))  # of lines across u and across v (`patches.lay_lines`)
 
     @property
     def faces(self) -> Sequence[Chart]:
         """Charts of its parts, between which there are walls and creases."""
+        return [self]
 
     @property
     def whole(self) -> Chart:
         """That of a part together with the parts beyond its creases, over which the surface goes on."""
+        return self
 
     def present(self, u: Array, v: Array) -> np.ndarray:
-        """True (nu, nv) where the surface has a point, of a grid u (nu,), v (nv,)."""
+        """True (nu, nv) where the surface has a point, of a grid u (nu,), v (nv,): everywhere."""
+        return np.ones((len(u), len(v)), dtype=bool)
 
     def surface(self, u: Array, v: Array) -> Surface:
         """The surface at points (m,), (m,)."""
+        raise NotImplementedError
 
 
-_EVEN = (np.ones(2), np.ones(2))
-
-
-class PlaneChart:
+class PlaneChart(Chart):
     """The rectangle y = 0 about the origin."""
-
-    densities = _EVEN
 
     def __init__(self, length: float, width: float) -> None:
         self.high = 0.5 * np.array([length, width])
         self.low = -self.high
-
-    @property
-    def faces(self) -> list[PlaneChart]:
-        """One."""
-        return [self]
-
-    @property
-    def whole(self) -> PlaneChart:
-        """Itself."""
-        return self
-
-    def present(self, u: Array, v: Array) -> np.ndarray:
-        """Everywhere."""
-        return np.ones((len(u), len(v)), dtype=bool)
 
     def surface(self, u: Array, v: Array) -> Surface:
         """Flat."""
@@ -83,10 +67,8 @@ class PlaneChart:
         return surface_at(lines, np.zeros((len(u), 6)), np.ones(len(u), dtype=bool))
 
 
-class CupChart:
+class CupChart(Chart):
     """The inside of a spherical cap."""
-
-    densities = _EVEN
 
     def __init__(self, scene: Scene) -> None:
         g = scene.geometry
@@ -98,16 +80,6 @@ class CupChart:
         self._projection = CentralProjection(frame, np.asarray(g["cup_centre"], dtype=float), radius)
         self.rim = 2.0 * radius * np.sin(0.5 * np.deg2rad(g["cup_half_angle_deg"]))
         self.low, self.high = np.full(2, -self.rim), np.full(2, self.rim)
-
-    @property
-    def faces(self) -> list[CupChart]:
-        """One."""
-        return [self]
-
-    @property
-    def whole(self) -> CupChart:
-        """Itself."""
-        return self
 
     def present(self, u: Array, v: Array) -> np.ndarray:
         """Within the rim's circle."""

@@ -12,7 +12,7 @@ from casadi_contact.contact.cells.charts import Chart
 from casadi_contact.contact.cells.patches import lay_cells, patch_charts
 from casadi_contact.contact.cells.quadrature import Quadrature, cell_moments
 from casadi_contact.contact.cells.source import cell_source
-from casadi_contact.contact.compiled_foundation import CompiledPressures
+from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.foundation_source import C_FOLDER
 from casadi_contact.contact.pressure_law import law_of
 from casadi_contact.contact.pressures import PressureMap
@@ -23,7 +23,7 @@ from casadi_contact.networks.kernel.source import c_text
 from casadi_contact.scenes.scene import Scene
 
 
-class CellFoundation(CompiledPressures):
+class CellFoundation(CompiledFoundation):
     """Elastic foundation whose depth is interpolated by cubics over cells of the fixed surface.
 
     Several spots of contact, of any form, in each patch. Raises ValueError for a scene of another shape than

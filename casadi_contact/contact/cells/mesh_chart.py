@@ -19,7 +19,7 @@ from scipy import ndimage, sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from casadi_contact.contact.cells.charts import Surface, surface_at
+from casadi_contact.contact.cells.charts import Chart, Surface, surface_at
 from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.mesh_elements import grid_on_mesh
 from casadi_contact.geometry.projection import LEAST_UPWARD, Lines
@@ -69,7 +69,7 @@ def density(convex: Array, blunt: float = 0.08, densest: float = 3.3) -> Array:
     return np.clip(np.sqrt(np.maximum(convex, 0.0) / blunt), 1.0, densest)
 
 
-class MeshChart:
+class MeshChart(Chart):
     """The part of a fixed mesh that a patch's box holds; it is looked for on a raster, once."""
 
     raster_mm, fewest_parts, most_parts = 0.15, 64, 400  # of each side
@@ -126,7 +126,7 @@ class MeshChart:
         return np.asarray(self._present[np.ix_(*places)])
 
     @property
-    def faces(self) -> list[MeshChart]:
+    def faces(self) -> Sequence[MeshChart]:
         """Above and below walls, and to both sides of creases."""
         found = []
         for number in range(self._faces.max() + 1):

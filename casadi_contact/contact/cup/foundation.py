@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from casadi_contact.contact.approach import press_until
-from casadi_contact.contact.compiled_foundation import CompiledPressures
+from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.convergence import cheapest, forces_tried
 from casadi_contact.contact.cup.quadrature import Cup, any_across, cup_loads, cup_moments, cup_of, nodes
 from casadi_contact.contact.foundation_source import C_FOLDER, definitions
@@ -42,7 +42,7 @@ def cup_source(cup: Cup, points: int) -> str:
     return "\n".join([*definitions(numbers, tables), c_text("cup.h", C_FOLDER)])
 
 
-class CupFoundation(CompiledPressures):
+class CupFoundation(CompiledFoundation):
     """Elastic foundation of a ball in a cup with its rim, integrated over one angle: nothing of it is a grid.
 
     points: on whole circles about the deepest point and on those that the rim cuts, a multiple of 4. Raises ValueError

@@ -236,7 +236,7 @@ def cup_moments(cup: Cup, law: tuple[int, float, float], points: int, centres: A
     value[:, 0] = 2.0 * radius_2 * np.sum(cap.weight * cap.arc, axis=1)
     value[:, 1] = 2.0 * radius_2 * np.sum(cap.weight * p * cap.arc, axis=1)
     value[:, 2:5] = value[:, 1:2] * cup.centre + cup.radius**3 * force
-    slope[:, 0] = _area_slope(cup, cap)
+    slope[:, 0] = _area_gradient(cup, cap)
     rise = 1.0 + cap.s / cap.w
     along = rise[..., None] * first
     along[..., 0] -= 2.0 * cap.arc * cap.length[:, None] / cap.w
@@ -247,7 +247,7 @@ def cup_moments(cup: Cup, law: tuple[int, float, float], points: int, centres: A
     return np.where(loaded[:, None], value, 0.0), np.where(loaded[:, None, None], slope, 0.0)
 
 
-def _area_slope(cup: Cup, cap: Cap) -> Array:
+def _area_gradient(cup: Cup, cap: Cap) -> Array:
     """R²/|d_x| ∫d_b dφ (n, 3) over the edge of contact."""
     w = np.maximum(cup.radius - cap.length * cap.edge, cup.least_sine)
     rise, lean = cup.radius / w, cap.length / w

@@ -33,6 +33,16 @@ def to_moving(R, t, x, y, z):
 
 
 @njit(inline="always")
+def to_fixed(R, x, y, z):
+    """R·w."""
+    return (
+        R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
+        R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
+        R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
+    )
+
+
+@njit(inline="always")
 def tangent_at(family, parameters, R, t, centres, extents, b):
     """g and its gradient G (fixed frame) at the centre c of block b, and a bound M on its curvature over the block.
 
@@ -45,13 +55,8 @@ def tangent_at(family, parameters, R, t, centres, extents, b):
     if family == MESH_FIELD:
         reach2 = extents[b, 0] ** 2 + extents[b, 1] ** 2 + extents[b, 2] ** 2
         curvature = field_curvature(parameters, qx, qy, qz) if reach2 < CURVATURE_REACH_MM**2 else np.inf
-    return (
-        g,
-        R[0, 0] * ax + R[0, 1] * ay + R[0, 2] * az,
-        R[1, 0] * ax + R[1, 1] * ay + R[1, 2] * az,
-        R[2, 0] * ax + R[2, 1] * ay + R[2, 2] * az,
-        curvature,
-    )
+    gx, gy, gz = to_fixed(R, ax, ay, az)
+    return g, gx, gy, gz, curvature
 
 
 @njit(inline="always")
@@ -95,9 +100,7 @@ def _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, start):
     for _ in range(RAY_ITERATIONS):
         qx, qy, qz = to_moving(R, t, cx - d * nx, cy - d * ny, cz - d * nz)
         g, ax, ay, az = signed_distance(family, parameters, qx, qy, qz)
-        gx = R[0, 0] * ax + R[0, 1] * ay + R[0, 2] * az
-        gy = R[1, 0] * ax + R[1, 1] * ay + R[1, 2] * az
-        gz = R[2, 0] * ax + R[2, 1] * ay + R[2, 2] * az
+        gx, gy, gz = to_fixed(R, ax, ay, az)
         slope = min(gx * nx + gy * ny + gz * nz, STEEPEST_RAY_SLOPE)
         before, d = d, max(d + g / slope, least)
         if abs(d - before) < RAY_TOLERANCE_MM:
@@ -177,8 +180,8 @@ def _patch_gap(family, parameters, elements, R, t, slope):
     c = centres[nearest]
     qx, qy, qz = to_moving(R, t, c[0], c[1], c[2])
     g, ax, ay, az = signed_distance(family, parameters, qx, qy, qz)
-    for i in range(3):
-        slope[i] = -(R[i, 0] * ax + R[i, 1] * ay + R[i, 2] * az)
+    gx, gy, gz = to_fixed(R, ax, ay, az)
+    slope[0], slope[1], slope[2] = -gx, -gy, -gz
     rx, ry, rz = c[0] - t[0], c[1] - t[1], c[2] - t[2]
     slope[3] = ry * slope[2] - rz * slope[1]
     slope[4] = rz * slope[0] - rx * slope[2]

@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from casadi_contact.contact.compiled_foundation import CompiledPressures
+from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.foundation_source import C_FOLDER, braces, definitions
 from casadi_contact.contact.polar.caps import fan_angles
 from casadi_contact.contact.polar.lines import Rays, ray_angles
@@ -77,7 +77,7 @@ def _surfaces(patch: SmoothPatch) -> str:
     return f"{{{', '.join(fields)}, {{{', '.join(map(braces, patch.arcs))}}}}}"
 
 
-class PolarFoundation(CompiledPressures):
+class PolarFoundation(CompiledFoundation):
     """Elastic foundation between smooth surfaces, integrated on rays from the peak of each patch's contact area.
 
     Contact is found in any pose that presses the moving arcs on the patch. Where the rim cuts the contact area

@@ -169,29 +169,29 @@ def patch_moments(
     ends = found.ends
     p, dp = pressure_derivatives(*law, ends.depth)
     area = found.weight * ends.length
-    by_twist = _depth_slope(ends, t)
+    by_twist = _depth_gradient(ends, t)
     value, slope = np.zeros((len(t), MOMENTS)), np.zeros((len(t), MOMENTS, 6))
     value[:, 0], value[:, 1] = np.sum(area, (1, 2)), np.sum(area * p, (1, 2))
     value[:, 2:5] = np.einsum("nmg,nmgi->ni", area * p, ends.c) @ patch.turn
-    slope[:, 0] = _area_slope(patch, R, t, found)
+    slope[:, 0] = _area_gradient(patch, R, t, found)
     slope[:, 1] = np.einsum("nmg,nmga->na", area * dp, by_twist)
     slope[:, 2:5] = patch.turn.T @ np.einsum("nmg,nmgi,nmga->nia", area * dp, ends.c, by_twist)
     there = deepest_within(patch, R, t, m.local.u, m.local.v)
-    value[:, 5], slope[:, 5] = there.depth, _depth_slope(there.ends, t)
+    value[:, 5], slope[:, 5] = there.depth, _depth_gradient(there.ends, t)
     slope = slope @ np.kron(np.eye(2), patch.turn)
     return np.where(loaded[:, None], value, 0.0), np.where(loaded[:, None, None], slope, 0.0)
 
 
-def _depth_slope(ends: RayHits, t: Array) -> Array:
+def _depth_gradient(ends: RayHits, t: Array) -> Array:
     """dd/dtwist (n, ..., 6) = -(G, arm × G)/σ."""
     arm = ends.x - t.reshape(len(t), *([1] * (ends.x.ndim - 2)), 3)
     return -wrench_about_origin(ends.G, arm) / ends.cosine[..., None]
 
 
-def _area_slope(patch: SmoothPatch, R: Array, t: Array, found: Integration) -> Array:
+def _area_gradient(patch: SmoothPatch, R: Array, t: Array, found: Integration) -> Array:
     """Derivative (n, 6) of the area by the twist, in chart axes."""
     lines = found.lines
     ends = ray_hits(patch, R, t, *lines.at(lines.edge), arc=lines.arc)
     steepness = np.minimum(rise(ends, *np.moveaxis(lines.directions, -1, 0)) / ends.cosine, -patch.tuning.least_rise)
     width = (lines.width + lines.spread * lines.edge) * ends.length * ~found.cut
-    return -np.einsum("nm,nma->na", width / steepness, _depth_slope(ends, t))
+    return -np.einsum("nm,nma->na", width / steepness, _depth_gradient(ends, t))

@@ -25,7 +25,7 @@ from casadi_contact.core.conventions import Array
 RADII = ("dish_sagittal_radius", "dish_frontal_radius")
 
 
-def dish_slopes(
+def dish_derivatives(
     patch: SmoothPatch, law: tuple[int, float, float], rays: Rays, R: Array, t: Array
 ) -> tuple[Array, LocalDepth, Array]:
     """d wrench/d radii (n, 6, 2) [N/mm, N], the deepest point, and d its depth/d radii (n, 2), radii as in `RADII`, in
@@ -45,16 +45,18 @@ def dish_slopes(
     V = np.concatenate([ends.N, np.cross(ends.c, ends.N)], -1)
     by_radius, deepest_by_radius = [], []
     for sagittal in (True, False):
-        c, N = _surface_slopes(patch.torus, u, v, sagittal=sagittal)
-        by_depth = np.einsum("nmg,nmgk->nk", weight * dp * _depth_slope(ends, c, N), V)
+        c, N = _surface_derivatives(patch.torus, u, v, sagittal=sagittal)
+        by_depth = np.einsum("nmg,nmgk->nk", weight * dp * _depth_derivative(ends, c, N), V)
         turned = np.concatenate([N, np.cross(c, ends.N) + np.cross(ends.c, N)], -1)
         by_radius.append(-by_depth - np.einsum("nmg,nmgk->nk", weight * p, turned))
-        at_deepest = _depth_slope(there.ends, *_surface_slopes(patch.torus, there.u, there.v, sagittal=sagittal))
+        at_deepest = _depth_derivative(
+            there.ends, *_surface_derivatives(patch.torus, there.u, there.v, sagittal=sagittal)
+        )
         deepest_by_radius.append(np.where(local.depth > 0.0, at_deepest, 0.0))
     return np.stack(by_radius, -1), there, np.stack(deepest_by_radius, -1)
 
 
-def _surface_slopes(torus: Torus, u: Array, v: Array, *, sagittal: bool) -> tuple[Array, Array]:
+def _surface_derivatives(torus: Torus, u: Array, v: Array, *, sagittal: bool) -> tuple[Array, Array]:
     """c and N (..., 3) by one radius at a fixed (u, v)."""
     tube = np.sqrt(torus.radius**2 - v * v)
     rho = torus.offset + tube
@@ -68,7 +70,7 @@ def _surface_slopes(torus: Torus, u: Array, v: Array, *, sagittal: bool) -> tupl
     return np.stack([zero, float(sagittal) - by_w, zero], -1), np.stack([-lean_u, zero, -lean_v], -1)
 
 
-def _depth_slope(ends: RayHits, c: Array, N: Array) -> Array:
+def _depth_derivative(ends: RayHits, c: Array, N: Array) -> Array:
     """Depth by a radius (...) where the fixed point and its normal change by c and N (..., 3)."""
     n = ends.N / ends.length[..., None]
     turned = (N - n * np.sum(n * N, -1)[..., None]) / ends.length[..., None]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact.polar.dish_slopes import RADII, dish_slopes
+from casadi_contact.contact.polar.dish_derivatives import RADII, dish_derivatives
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.contact.polar.quadrature import patch_loads, patch_moments
 from casadi_contact.core.conventions import rotation
@@ -27,7 +27,7 @@ def test_loads_and_depths_change_with_the_radii_as_those_of_other_knees(radius):
     at = knee.scene.geometry[RADII[radius]]
     others = [foundation(**{RADII[radius]: at + sign * STEP_MM}) for sign in (1.0, -1.0)]
     for p, patch in enumerate(knee.patches):
-        wrenches, there, depths = dish_slopes(patch, knee.law, RAYS, R, t)
+        wrenches, there, depths = dish_derivatives(patch, knee.law, RAYS, R, t)
         more, less = (patch_loads(o.patches[p], o.law, RAYS, R, t).wrench for o in others)
         expected = (more - less) / (2.0 * STEP_MM)
         assert np.abs(expected).max() > 100.0
@@ -49,5 +49,5 @@ def test_an_elastic_foundation_on_elements_changes_alike():
         )
         expected = (more - less) / 0.1
         for p, patch in enumerate(knee.patches):
-            slopes = dish_slopes(patch, knee.law, RAYS, R, t)[0][..., radius]
+            slopes = dish_derivatives(patch, knee.law, RAYS, R, t)[0][..., radius]
             np.testing.assert_allclose(slopes, expected[:, p], atol=5e-3 * np.abs(expected).max())
