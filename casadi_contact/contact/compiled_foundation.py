@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.contact.approach import touching_start
 from casadi_contact.contact.foundation_source import C_FOLDER, C_LAWS, FoundationKernel
-from casadi_contact.contact.model import WrenchLoads, signed_roots
+from casadi_contact.contact.model import PatchLoads, WrenchLoads, signed_roots
 from casadi_contact.contact.pressures import MOMENTS, PressureOutputs
 from casadi_contact.contact.symbolic import check_parameters, contact_callback, model_callback, parametric_function
 from casadi_contact.core.compiler import CompilerError, call_in_shares, shared_library, warn_once
@@ -84,8 +84,8 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable, PressureOutp
         return b""
 
     @abstractmethod
-    def _by_twist(self, R: Array, t: Array) -> tuple[Array, Array, Array, Array, np.ndarray]:
-        """Wrenches (n, P, 6), d wrench/d twist (n, P, 6, 6), gaps (n, P), d gap/d twist, cut by the rim, in NumPy."""
+    def _patch_loads(self, R: Array, t: Array) -> list[PatchLoads]:
+        """Loads of each patch at rotations (n, 3, 3) and translations (n, 3), in NumPy."""
 
     @abstractmethod
     def _moments_source(self) -> str:
@@ -290,7 +290,9 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable, PressureOutp
     def _wrenches(self, poses: Array, *, jacobian: bool) -> tuple[Array, Array, np.ndarray]:
         """Wrenches (n, P, 6), d wrench/d pose (n, P, 6, 6) if asked for, cut by the rim (n, P)."""
         if self._library is None:
-            wrenches, by_twist, _, _, cut = self._by_twist(rotation(poses[:, 3:]), poses[:, :3])
+            patches = self._patch_loads(rotation(poses[:, 3:]), poses[:, :3])
+            wrenches, by_twist = (np.stack([getattr(p, name) for p in patches], 1) for name in ("wrench", "stiffness"))
+            cut = np.stack([p.cut for p in patches], 1)
             return wrenches, twist_to_pose_gradient(by_twist, poses), cut
         shape = (len(poses), len(self.patch_names))
         wrenches, cut = np.empty((*shape, 6)), np.empty(shape, dtype=np.int32)
@@ -310,8 +312,9 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable, PressureOutp
 
     def _gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
         if self._library is None:
-            _, _, gaps, by_twist, _ = self._by_twist(rotation(poses[:, 3:]), poses[:, :3])
-            return gaps, twist_to_pose_gradient(by_twist, poses)
+            patches = self._patch_loads(rotation(poses[:, 3:]), poses[:, :3])
+            by_twist = np.stack([p.gap_gradient for p in patches], 1)
+            return np.stack([p.gap for p in patches], 1), twist_to_pose_gradient(by_twist, poses)
         shape = (len(poses), len(self.patch_names))
         gaps, jacobian = np.empty(shape), np.empty((*shape, 6))
         call_in_shares(self._library, "foundation_gaps", poses, gaps, jacobian)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -132,6 +133,19 @@ def overlaps_without_load(wrenches: Array, gaps: Array, allowed_mm: float = 0.1)
     """True (n, patches) where gaps (n, patches) [mm] have the wrong sign: more overlap than is allowed at a wrench
     (n, patches, 6) of exactly zero. Cells of a mesh miss overlaps of 0.08 mm that its triangles see."""
     return (wrenches == 0.0).all(axis=2) & (gaps < -allowed_mm)
+
+
+@dataclass(frozen=True)
+class PatchLoads:
+    """One patch in n poses: wrench (n, 6) and gap (n,), with their derivatives by the twist of the moving body about t
+    (n, 6, 6), (n, 6); cut (n,): contact reaches the rim. For one pose without the first axis.
+    """
+
+    wrench: Array
+    stiffness: Array
+    gap: Array
+    gap_gradient: Array
+    cut: np.ndarray
 
 
 class WrenchLoads(ContactModel):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +15,7 @@ from casadi_contact.contact.cells.quadrature import Quadrature, cell_moments
 from casadi_contact.contact.cells.source import cell_source
 from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.foundation_source import C_FOLDER
+from casadi_contact.contact.model import PatchLoads
 from casadi_contact.contact.pressure_law import law_of
 from casadi_contact.contact.pressures import PressureMap
 from casadi_contact.core.conventions import Array, as_poses, pose_or_poses, rotation
@@ -92,12 +94,10 @@ class CellFoundation(CompiledFoundation):
     def _code(self) -> tuple[str, bytes]:
         return cell_source(self.patches)
 
-    def _by_twist(self, R: Array, t: Array) -> tuple[Array, Array, Array, Array, np.ndarray]:
-        found = [[patch.loads(*pose) for patch in self.patches] for pose in zip(R, t, strict=True)]
-        keys = ("wrench", "stiffness", "gap", "gap_gradient", "cut")
-        arrays = (np.array([[getattr(p, key) for p in each] for each in found]) for key in keys)
-        wrench, stiffness, gap, gap_gradient, cut = arrays
-        return wrench, stiffness, gap, gap_gradient, cut
+    def _patch_loads(self, R: Array, t: Array) -> list[PatchLoads]:
+        loads = ([patch.loads(*pose) for pose in zip(R, t, strict=True)] for patch in self.patches)
+        names = [field.name for field in fields(PatchLoads)]
+        return [PatchLoads(*(np.array([getattr(one, name) for one in each]) for name in names)) for each in loads]
 
 
 def cell_patches(

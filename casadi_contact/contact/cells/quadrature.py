@@ -21,6 +21,7 @@ import numpy as np
 from casadi_contact.contact.cells.basis import Cells, corner_shares, hermite_functions, positive_ramp, ramp, smooth_step
 from casadi_contact.contact.cells.patches import CellPatch
 from casadi_contact.contact.elements.loops import STEEPEST_FIELD, point_distances
+from casadi_contact.contact.model import PatchLoads
 from casadi_contact.contact.pressure_law import pressure, pressure_derivatives
 from casadi_contact.contact.pressures import MOMENTS
 from casadi_contact.core.conventions import Array, wrench_about_origin
@@ -57,18 +58,6 @@ class Tuning:
 
 
 @dataclass(frozen=True)
-class PatchLoads:
-    """A patch in one pose: wrench (6,), its derivatives by the twist of the moving body about t (6, 6), gap and its
-    derivatives (6,), and whether contact reaches the rim."""
-
-    wrench: Array
-    stiffness: Array
-    gap: float
-    gap_gradient: Array
-    cut: bool
-
-
-@dataclass(frozen=True)
 class Quadrature:
     """A patch in cubic cells against a moving body: `law` is number, modulus and thickness (`contact.pressure_law`)."""
 
@@ -91,7 +80,7 @@ class Quadrature:
         fade, fade_slope = smooth_step(-total[6] / self.fade_n)
         wrench, stiffness = total[:6], by_total[:6]
         stiffness = fade * stiffness - np.outer(wrench, by_total[6]) * fade_slope / self.fade_n
-        return PatchLoads(fade * wrench, stiffness, float(gap[0]), gap_gradient, touch.cut)
+        return PatchLoads(fade * wrench, stiffness, gap[0], gap_gradient, np.array(touch.cut))
 
     def wrench_and_cut(self, R: Array, t: Array) -> tuple[Array, bool]:
         """The patch's wrench (6,), and whether contact reaches the rim."""

@@ -12,6 +12,7 @@ from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.convergence import cheapest, forces_tried
 from casadi_contact.contact.cup.quadrature import Cup, any_across, cup_loads, cup_moments, cup_of, nodes
 from casadi_contact.contact.foundation_source import C_FOLDER, definitions
+from casadi_contact.contact.model import PatchLoads
 from casadi_contact.contact.pressure_law import law_of
 from casadi_contact.core.conventions import Array
 from casadi_contact.networks.kernel.source import c_text
@@ -72,14 +73,8 @@ class CupFoundation(CompiledFoundation):
         value, by_centre = cup_moments(self.cup, self.law, self.points, t)
         return value[:, None], np.concatenate([by_centre, np.zeros_like(by_centre)], -1)[:, None]
 
-    def _by_twist(self, R: Array, t: Array) -> tuple[Array, Array, Array, Array, np.ndarray]:
-        found = cup_loads(self.cup, self.law, self.points, t)
-        wrench, stiffness, gap_gradient = np.zeros((len(t), 6)), np.zeros((len(t), 6, 6)), np.zeros((len(t), 6))
-        wrench[:, :3], wrench[:, 3:] = found.force, np.cross(self.cup.centre, found.force)
-        stiffness[:, :3, :3] = found.stiffness
-        stiffness[:, 3:, :3] = np.swapaxes(np.cross(self.cup.centre, np.swapaxes(found.stiffness, 1, 2)), 1, 2)
-        gap_gradient[:, :3] = found.gap_gradient
-        return wrench[:, None], stiffness[:, None], found.gap[:, None], gap_gradient[:, None], found.cut[:, None]
+    def _patch_loads(self, R: Array, t: Array) -> list[PatchLoads]:
+        return [cup_loads(self.cup, self.law, self.points, t)]
 
 
 def cup_foundation(

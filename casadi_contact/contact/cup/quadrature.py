@@ -21,6 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from casadi_contact.contact.model import PatchLoads
 from casadi_contact.contact.pressure_law import pressure_derivatives
 from casadi_contact.contact.pressures import MOMENTS
 from casadi_contact.core.conventions import Array
@@ -53,20 +54,6 @@ def cup_of(scene: Scene) -> Cup:
     half_angle = float(np.deg2rad(g["cup_half_angle_deg"]))
     centre = np.asarray(g["cup_centre"], dtype=float)
     return Cup(float(g["ball_radius"]), float(g["cup_radius"]), half_angle, pole / np.linalg.norm(pole), centre)
-
-
-@dataclass(frozen=True)
-class CupLoads:
-    """Force on the cup (n, 3) and the gap (n,), with derivatives by the ball's centre (n, 3, 3), (n, 3).
-
-    cut (n,): contact reaches the rim.
-    """
-
-    force: Array
-    stiffness: Array
-    gap: Array
-    gap_gradient: Array
-    cut: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -113,19 +100,23 @@ def cap_of(cup: Cup, points: int, centres: Array) -> Cap:
     return Cap(b, length, frame, cos_tilt, sin_tilt, edge, x, weight, arc, s, w)
 
 
-def cup_loads(cup: Cup, law: tuple[int, float, float], points: int, centres: Array) -> CupLoads:
+def cup_loads(cup: Cup, law: tuple[int, float, float], points: int, centres: Array) -> PatchLoads:
     """Evaluate a cup for balls with their centres (n, 3) in the fixed frame."""
     cap, radius_2 = cap_of(cup, points, centres), cup.radius**2
     p, dp = pressure_derivatives(*law, cap.s + cap.w - cup.radius)
     first = cap.first()
     force = radius_2 * np.einsum("nm,nmi->ni", cap.weight * p, first)
+    force = np.einsum("nki,nk->ni", cap.frame, force)
     stiffness = radius_2 * np.einsum("nm,nmij->nij", cap.weight * dp, rates(cap, first))
+    stiffness = np.einsum("nki,nkl,nlj->nij", cap.frame, stiffness, cap.frame)
+    torque_stiffness = np.swapaxes(np.cross(cup.centre, np.swapaxes(stiffness, 1, 2)), 1, 2)
     gap, gap_gradient = _gap(cup, cap)
-    return CupLoads(
-        np.einsum("nki,nk->ni", cap.frame, force),
-        np.einsum("nki,nkl,nlj->nij", cap.frame, stiffness, cap.frame),
+    by_translation = np.concatenate([stiffness, torque_stiffness], 1)
+    return PatchLoads(
+        np.concatenate([force, np.cross(cup.centre, force)], 1),
+        np.concatenate([by_translation, np.zeros_like(by_translation)], 2),
         gap,
-        gap_gradient,
+        np.concatenate([gap_gradient, np.zeros_like(gap_gradient)], 1),
         (cap.edge < 1.0) & (cap.edge < _rims(cup, cap.cos_tilt, cap.sin_tilt)[0]),
     )
 

@@ -14,10 +14,11 @@ from scipy.spatial.transform import Rotation
 from casadi_contact.contact.approach import press_until
 from casadi_contact.contact.convergence import Errors, NotGoodEnoughError, cheapest, forces_tried, remedy
 from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
+from casadi_contact.contact.model import PatchLoads
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.contact.polar.peak import nearest, peak
-from casadi_contact.contact.polar.quadrature import PatchLoads, patch_loads
+from casadi_contact.contact.polar.quadrature import patch_loads
 from casadi_contact.contact.polar.ray_hits import fixed_point
 from casadi_contact.contact.polar.surfaces import SmoothPatch, u_range
 from casadi_contact.core.conventions import Array, evenly, load_selection

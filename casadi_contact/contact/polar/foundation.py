@@ -9,6 +9,7 @@ import numpy as np
 
 from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.foundation_source import C_FOLDER, braces, definitions
+from casadi_contact.contact.model import PatchLoads
 from casadi_contact.contact.polar.caps import fan_angles
 from casadi_contact.contact.polar.lines import Rays, ray_angles
 from casadi_contact.contact.polar.peak import ACROSS
@@ -118,9 +119,5 @@ class PolarFoundation(CompiledFoundation):
         found = [patch_moments(patch, self.law, self.rays, R, t) for patch in self.patches]
         return np.stack([value for value, _ in found], 1), np.stack([slope for _, slope in found], 1)
 
-    def _by_twist(self, R: Array, t: Array) -> tuple[Array, Array, Array, Array, np.ndarray]:
-        found = [patch_loads(patch, self.law, self.rays, R, t) for patch in self.patches]
-        keys = ("wrench", "stiffness", "gap", "gap_gradient", "cut")
-        arrays = (np.stack([getattr(each, key) for each in found], 1) for key in keys)
-        wrench, stiffness, gap, gap_gradient, cut = arrays
-        return wrench, stiffness, gap, gap_gradient, cut
+    def _patch_loads(self, R: Array, t: Array) -> list[PatchLoads]:
+        return [patch_loads(patch, self.law, self.rays, R, t) for patch in self.patches]

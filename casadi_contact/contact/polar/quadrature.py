@@ -21,6 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from casadi_contact.contact.model import PatchLoads
 from casadi_contact.contact.polar.caps import curvature_jump_segments
 from casadi_contact.contact.polar.lines import Lines, Rays, joined, rays_at_rim, rays_from, to_edges
 from casadi_contact.contact.polar.peak import (
@@ -94,19 +95,6 @@ def _on_rim(patch: SmoothPatch, u: Array, v: Array) -> np.ndarray:
     low, high = rim_box(patch)
     x = np.stack([u / stretch(patch, v)[0], v], -1)
     return np.asarray((np.minimum(x - low, high - x) <= patch.tuning.rim_tolerance * (high - low)).any(axis=1))
-
-
-@dataclass(frozen=True)
-class PatchLoads:
-    """A patch in n poses: wrench (n, 6) and gap (n,), with their derivatives by the twist of the moving body about t
-    (n, 6, 6), (n, 6); cut (n,): the rim ends a ray.
-    """
-
-    wrench: Array
-    stiffness: Array
-    gap: Array
-    gap_gradient: Array
-    cut: np.ndarray
 
 
 def patch_loads(patch: SmoothPatch, law: tuple[int, float, float], rays: Rays, R: Array, t: Array) -> PatchLoads:
