@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.contact.model import ContactModel, with_loads
 from casadi_contact.core.conventions import LEVER_MM, Array, as_poses, pose_index
-from casadi_contact.core.quantities import newton_scales
 from casadi_contact.scenes.pose_space import PoseSpace
 
 
@@ -133,7 +132,7 @@ class Equilibrium:
 
     def each_in_newtons(self, misfit: Array) -> Array:
         """Sizes (..., targets) [N] of misfits, torques over LEVER_MM."""
-        return np.abs(misfit / newton_scales(self.names, LEVER_MM))
+        return np.abs(misfit / self.load_scales)
 
     def in_newtons(self, misfit: Array) -> Array:
         """Largest misfit of each row (rows,) [N], torques over LEVER_MM."""
@@ -150,7 +149,7 @@ class Equilibrium:
             loads, jacobian = model.jacobian(poses)
         misfit = self.misfit(loads, rows)
         r, gradient = np.empty_like(misfit), np.empty((*misfit.shape, 6))
-        for column, (name, scale) in enumerate(zip(self.names, n0 * newton_scales(self.names, LEVER_MM), strict=True)):
+        for column, (name, scale) in enumerate(zip(self.names, n0 * self.load_scales, strict=True)):
             r[:, column] = misfit[:, column] / scale
             gradient[:, column] = jacobian[:, model.load_names.index(name)] / scale
         for column in totals:
@@ -183,6 +182,11 @@ class Equilibrium:
     @property
     def _space(self) -> PoseSpace:
         return self.model.scene.pose_space
+
+    @property
+    def load_scales(self) -> Array:
+        """What target loads are divided by to be compared in N: 1 for a force, LEVER_MM for a torque."""
+        return np.array([LEVER_MM if name.startswith("T") else 1.0 for name in self.names])
 
     @property
     def free_scales(self) -> Array:
