@@ -63,7 +63,7 @@ class CallableModel(ContactModel):
     @pose_or_poses
     def wrenches(self, poses: Array) -> Array:
         """Wrench of each patch (n, patches, 6), NaN where the user's function gives infinity, with which no difference
-        can be taken; raises ValueError if it returns another shape, or complex numbers."""
+        can be taken; raises ValueError if it returns another shape."""
         wrenches = self._call_user_function("wrenches", self._wrenches, poses, (len(self.patch_names), 6))
         return np.where(np.isfinite(wrenches), wrenches, np.nan)
 
@@ -77,8 +77,7 @@ class CallableModel(ContactModel):
     ) -> Array:
         """Real numbers (n, *columns) that a user's function returns for a copy of the poses (n, 6).
 
-        An exception of the function goes on with a note of the poses. Raises ValueError for another shape, and for
-        complex numbers.
+        An exception of the function goes on with a note of the poses. Raises ValueError for another shape.
         """
         try:
             array = function(poses.copy())
@@ -86,8 +85,6 @@ class CallableModel(ContactModel):
             first = f", the first at {pose_text(poses[0], self.patch_names)}" if len(poses) else ""
             error.add_note(f"raised by the contact model's {what}(poses) for {len(poses)} poses{first}")
             raise
-        if np.iscomplexobj(array):
-            raise ValueError(f"the contact model returned complex {what}, expected real ones")
         numbers = np.asarray(array, dtype=float)
         if numbers.shape != (len(poses), *columns):
             raise ValueError(
