@@ -48,7 +48,8 @@ _CHARTS = (
 )
 _ROWS = {
     1: [
-        "Starts 0.5 to 20 mm out of contact, or 0.5 to 5 mm too deep, settle under the loads that the method has there."
+        "Starts 0.5 to 20 mm out of contact, or 0.5 to 5 mm too deep, settle under the loads the method has there. "
+        "Root loads lead back into contact; loads that are clamped at zero (`two_stage`, peers) do not."
     ],
     2: ["A moment lifts one side off and lands it again: jumps of pose and derivatives."],
     3: ["Poses to three times the learned range: pulling, and contact where surfaces are 3 mm apart."],
