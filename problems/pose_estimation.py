@@ -27,7 +27,7 @@ from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.pose_continuation import continue_on, motion_of
 from casadi_contact.optimisation.pose_estimation import PoseEstimation, PoseResult
 from casadi_contact.optimisation.pose_targets import check_targets
-from casadi_contact.optimisation.verification.verdict import Verdict, judge, own_model
+from casadi_contact.optimisation.verification.verdict import Verdict, check_solution, reference_model
 from casadi_contact.pictures.page import FAILED, FOUNDATION, SURROGATE, WANTED, frame, new_page, save_page
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.joint_cycle import JointCycle
@@ -59,11 +59,11 @@ def estimate(model: SymbolicContact, measured: LoadCycle | JointCycle, out: Path
     problem = PoseEstimation.of_cycle(model, measured, smoothness=smoothness)
     for warning in check_targets(problem.targets):
         print(f"{measured.name}: {warning}")
-    result, reference = problem.solve(), own_model(model.scene)
+    result, reference = problem.solve(), reference_model(model.scene)
     if not isinstance(reference, str):  # else it says why there is none
         result = continue_on(problem, result, reference)
     names = problem.targets.load_names
-    verdict = judge(model, result.poses, result.solved, reference, names, result.on_reference)
+    verdict = check_solution(model, result.poses, result.solved, reference, names, result.on_reference)
     verdict = replace(verdict, without_load=~problem.targets.loaded)
     if (motion := motion_of(problem)) is not None:  # a frame beside a leap is not verified
         steps = motion.leaping(result.poses, result.solved)

@@ -18,7 +18,7 @@ from casadi_contact.core.quantities import quantity
 from casadi_contact.core.terminal import numbers, run_program
 from casadi_contact.optimisation.starts import middle_pose
 from casadi_contact.optimisation.static_equilibrium import SOFT_TISSUE, EquilibriumResult, StaticEquilibrium
-from casadi_contact.optimisation.verification.verdict import judge, own_model
+from casadi_contact.optimisation.verification.verdict import check_solution
 from casadi_contact.pictures.page import frame, new_page, save_page
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.workflow.contact_source import load_contact
@@ -50,7 +50,7 @@ def main(
         model, given, free=free, rest=space.project(rest), stiffness=SOFT_TISSUE if soft else None, about="moving"
     )
     result = problem.solve(restarts=restarts)
-    verdict = judge(model, result.poses, result.solved, own_model(model.scene))
+    verdict = check_solution(model, result.poses, result.solved, reference_model(model.scene))
 
     print(verdict)
     print(f"{int(result.solved.sum())} of {len(angles)} in equilibrium; {result.ipopt}, {result.seconds:.2f} s")

@@ -6,7 +6,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.optimisation.verification import coarse_elements
 from casadi_contact.optimisation.verification.coarse_elements import off_finer
-from casadi_contact.optimisation.verification.verdict import Verdict, judge, own_model
+from casadi_contact.optimisation.verification.verdict import Verdict, check_solution, reference_model
 from tests.support.meshes import ball_mesh, scene_of, sheet_mesh
 
 POSE = np.array([0.7, 27.3, 0.1, 0.002, -0.04, -0.5])
@@ -14,12 +14,12 @@ LIFTED = POSE + np.array([0.0, 5.0, 0.0, 0.0, 0.0, 0.0])
 
 
 def with_teacher(grid):
-    return own_model(cc.load_scene("knee").with_overrides(teacher=grid))
+    return reference_model(cc.load_scene("knee").with_overrides(teacher=grid))
 
 
 def test_a_frame_on_elements_that_are_too_coarse_is_solved_and_not_verified():
     model = with_teacher((20, 15))
-    verdict = judge(model, [POSE, LIFTED], True, model)
+    verdict = check_solution(model, [POSE, LIFTED], True, model)
     assert verdict.verified.tolist() == [False, True], "where nothing touches any elements do"
     assert verdict.exit_code == 3
     assert verdict.doubt == "the contact model is too coarse there"
@@ -50,9 +50,9 @@ def test_where_finer_elements_would_be_too_many_wider_ones_stand_in(monkeypatch)
 
 def test_of_elements_that_are_the_mesh_s_own_triangles_nothing_tells(tmp_path):
     scene = scene_of(tmp_path, ball_mesh(8.0, 1.0), sheet_mesh(16.0, 2.0), elements="triangles")
-    model, pose = own_model(scene), np.array([[0.5, 7.8, 0.0, 0.0, 0.0, 0.0]])
+    model, pose = reference_model(scene), np.array([[0.5, 7.8, 0.0, 0.0, 0.0, 0.0]])
     assert off_finer(model, pose, model.load_names, np.zeros(6)) is None
-    assert judge(model, pose, True, model).exit_code == 0
+    assert check_solution(model, pose, True, model).exit_code == 0
 
 
 def test_a_difference_that_is_no_number_verifies_nothing():
@@ -65,12 +65,12 @@ def test_a_difference_that_is_no_number_verifies_nothing():
 
 def test_elements_that_are_fine_enough_verify():
     model = with_teacher((160, 80))
-    assert judge(model, [POSE, LIFTED], True, model).exit_code == 0
+    assert check_solution(model, [POSE, LIFTED], True, model).exit_code == 0
 
 
 @pytest.mark.parametrize("solved", [[True, False], [False, True]])
 def test_frames_that_are_not_solved_are_not_said_to_be_on_coarse_elements(solved):
     model = with_teacher((20, 15))
-    verdict = judge(model, [POSE, POSE], solved, model)
+    verdict = check_solution(model, [POSE, POSE], solved, model)
     assert [word.startswith("solved, elements") for word in verdict.words] == solved
     assert verdict.exit_code == 2

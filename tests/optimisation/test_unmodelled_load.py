@@ -10,7 +10,7 @@ from casadi_contact.optimisation.verification.unmodelled_load import (
     unmodelled_fraction,
     unmodelled_load_words,
 )
-from casadi_contact.optimisation.verification.verdict import UNCOUNTED, judge
+from casadi_contact.optimisation.verification.verdict import UNCOUNTED, check_solution
 from tests.support.ball_in_corner import RADIUS_MM, force_n, write_corner
 from tests.support.meshes import STIFFNESS, ball_mesh, mesh_scene_text, sheet_mesh, wheel_mesh, write_obj
 
@@ -94,7 +94,7 @@ def test_what_walls_and_the_rest_of_the_mesh_carry_counts_together(folder):
     lost = counted * (walls / (1.0 - walls) + outside / (1.0 - outside))
     assert lost / (lost + counted) > UNCOUNTED
     assert unmodelled_fraction(model, pose) == pytest.approx(lost / (lost + counted))
-    assert not judge(model, pose, np.array([True]), model).verified.any()
+    assert not check_solution(model, pose, np.array([True]), model).verified.any()
 
 
 def test_where_a_patch_ends_between_the_centres_of_the_same_triangles_does_not_matter(tmp_path):
@@ -138,7 +138,7 @@ def test_a_ball_on_the_floor_alone_leaves_nothing_to_tell(folder):
 def test_a_verdict_holds_no_frame_verified_whose_load_nothing_counts(folder):
     model = model_of(folder)
     poses = np.array([[7.8, 7.7, 0.0, 0.0, 0.0, 0.0], [12.0, 7.7, 0.0, 0.0, 0.0, 0.0]])
-    verdict = judge(model, poses, True, model, ("Fy",))
+    verdict = check_solution(model, poses, True, model, ("Fy",))
     assert verdict.verified.tolist() == [False, True], "what bears on the wall is not counted"
     assert verdict.exit_code == 3
     assert "of the load not counted" in verdict.words[0]

@@ -205,7 +205,7 @@ class Verdict:
         return words[0] if words else (ON_MODEL if self.on_model[frame] else VERIFIED)
 
 
-def own_model(scene: Scene) -> ContactModel | str:
+def reference_model(scene: Scene) -> ContactModel | str:
     """The contact model that a scene's surrogates stand for, on its finest grid, or why there is none at hand."""
     if scene.layer is None:
         return f"the scene {scene.name} has no contact model at hand (ask yours in Python: cc.verify)"
@@ -215,7 +215,7 @@ def own_model(scene: Scene) -> ContactModel | str:
         return f"the scene {scene.name} has no contact model at hand ({error})"
 
 
-def judge(
+def check_solution(
     tried: SymbolicContact,
     poses: ArrayLike,
     solved: ArrayLike,
@@ -225,7 +225,7 @@ def judge(
 ) -> Verdict:
     """Evaluate a solution, poses (n, 6) and which of them are solved, (n,) or one word for all, on a contact model.
 
-    model: `own_model` of the scene as a rule; where it is a reason in words, frames are not checked.
+    model: `reference_model` of the scene as a rule; where it is a reason in words, frames are not checked.
     tried: the surrogate or foundation that the problem was solved on.
     loads: those of it that the problem uses, all if left out. on_model (n,): frames that were solved on the
     model itself, for want of a pose that the surrogate has learned. Raises ValueError where solved or on_model is of
