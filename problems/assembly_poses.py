@@ -30,7 +30,7 @@ from casadi_contact.optimisation.assembly.settle import Settling
 from casadi_contact.optimisation.muscle_contact import MuscleContact
 from casadi_contact.optimisation.muscle_walk import example_walk
 from casadi_contact.optimisation.pose_estimation import PoseEstimation
-from casadi_contact.optimisation.verification.verdict import check_solution
+from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
 from casadi_contact.pictures.page import new_page, save_page
 from casadi_contact.scenes.checks import check_radians, check_rising
 from casadi_contact.scenes.columns import TextColumns, write_columns
@@ -178,9 +178,8 @@ def main(
     found = solve(joint, given)
     for part in joint.contacts:
         elements = reference_model(part.model.scene)
-        print(
-            f"{part.name}: {check_solution(part.model, joint.contact_poses(part.name, found.poses), found.solved, elements)}"
-        )
+        poses = joint.contact_poses(part.name, found.poses)
+        print(f"{part.name}: {check_solution(part.model, poses, found.solved, elements)}")
     print(
         f"{int(found.solved.sum())} of {len(given)} frames solved, up to {found.residual_n.max():.1g} N left on a body"
     )

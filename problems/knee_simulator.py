@@ -28,7 +28,7 @@ from casadi_contact.core.conventions import POSE_NAMES, Array
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.joint_mechanics import generalised_forces, wrench_function
 from casadi_contact.optimisation.starts import KNEE_STEPS, press_together
-from casadi_contact.optimisation.verification.verdict import check_solution
+from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
 from casadi_contact.pictures.page import new_page, save_page
 from casadi_contact.scenes.pose_file import write_poses
 

@@ -22,7 +22,7 @@ from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.knee import COORDINATES, KNEE_LOADS, SIDES, coordinate_unit
 from casadi_contact.optimisation.muscle_contact import MuscleContact, MuscleContactResult, MuscleSettings
 from casadi_contact.optimisation.muscle_walk import ROTATION_MAPS, MuscleWalk, at_times, example_walk, read_walk
-from casadi_contact.optimisation.verification.verdict import check_solution
+from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
 from casadi_contact.pictures.page import SURROGATE, WANTED, frame, new_page, save_page
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.load_cycle import read_cycle

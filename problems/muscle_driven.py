@@ -38,7 +38,7 @@ from casadi_contact.optimisation.muscle import (
     passive_force_length,
 )
 from casadi_contact.optimisation.muscle_contact import MuscleContact, MuscleContactResult
-from casadi_contact.optimisation.verification.verdict import check_solution
+from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
 from casadi_contact.pictures.page import FOUNDATION, SURROGATE, WANTED, new_page, save_page
 from casadi_contact.scenes.pose_file import write_poses
 from problems.muscle_contact import walk_of

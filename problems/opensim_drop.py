@@ -26,7 +26,7 @@ from casadi_contact.core.compiler import shared_library
 from casadi_contact.core.conventions import POSE_NAMES, POSE_UNITS, Array
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.joint_mechanics import angular_velocity_map, total_selection
-from casadi_contact.optimisation.verification.verdict import check_solution
+from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
 from casadi_contact.pictures.page import SURROGATE, WANTED, new_page, save_page
 from casadi_contact.scenes.pose_file import write_poses
 from casadi_contact.surrogate.base import Surrogate

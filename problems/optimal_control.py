@@ -29,7 +29,7 @@ from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.collocation import Collocation
 from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection
 from casadi_contact.optimisation.starts import pose_bounds, pose_steps, press_together
-from casadi_contact.optimisation.verification.verdict import check_solution
+from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
 from casadi_contact.pictures.page import new_page, save_page
 from casadi_contact.scenes.pose_file import write_poses
 from casadi_contact.workflow.contact_source import load_contact

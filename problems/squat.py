@@ -43,7 +43,7 @@ from casadi_contact.optimisation.muscle import (
     passive_force_length,
 )
 from casadi_contact.optimisation.starts import KNEE_STEPS, middle_pose, settle_in_range
-from casadi_contact.optimisation.verification.verdict import check_solution
+from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
 from casadi_contact.pictures.page import new_page, save_page
 from casadi_contact.scenes.columns import write_columns
 from problems.knee_simulator import Rig

@@ -18,7 +18,7 @@ from casadi_contact.core.quantities import quantity
 from casadi_contact.core.terminal import numbers, run_program
 from casadi_contact.optimisation.starts import middle_pose
 from casadi_contact.optimisation.static_equilibrium import SOFT_TISSUE, EquilibriumResult, StaticEquilibrium
-from casadi_contact.optimisation.verification.verdict import check_solution
+from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
 from casadi_contact.pictures.page import frame, new_page, save_page
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.workflow.contact_source import load_contact

@@ -17,7 +17,7 @@ from casadi_contact.optimisation.ipopt import FrameOutcome
 from casadi_contact.optimisation.pose_continuation import continue_on
 from casadi_contact.optimisation.pose_estimation import PoseEstimation
 from casadi_contact.optimisation.pose_targets import PoseTargets, check_targets
-from casadi_contact.optimisation.verification.verdict import check_solution
+from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
 from casadi_contact.scenes.joint_cycle import JointCycle, scene_cycles
 from casadi_contact.scenes.load_cycle import read_cycle
 from casadi_contact.scenes.walking import reference_cycle

@@ -5,7 +5,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.core.conventions import pose_index
-from casadi_contact.optimisation.verification.verdict import check_solution
+from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
 
 POSE = np.array([0.7, 27.3, 0.1, 0.002, -0.04, -0.5])
 

@@ -1,4 +1,4 @@
-"""Elements too coarse to judge a pose by: grids were chosen on a scene's own motion, and a cycle may lead elsewhere."""
+"""Discretisation error of an element grid in given poses, estimated by elements of another width."""
 
 from __future__ import annotations
 
