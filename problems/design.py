@@ -74,7 +74,7 @@ class DishContact:
             loads = patch_loads(dish, law, RAYS, R, t)
             by_radii, deepest, deepest_by_radii = dish_derivatives(dish, law, RAYS, R, t)
             touching = deepest.depth > 0.0
-            by_twist = -wrench_about_origin(deepest.ends.G, deepest.ends.x - t) / deepest.ends.slope[:, None]
+            by_twist = -wrench_about_origin(deepest.ends.G, deepest.ends.x - t) / deepest.ends.cosine[:, None]
             rows = self._selection[:, p]
             values[:, :L] += loads.wrench @ rows.T
             slopes[:, :L, :6] += rows @ twist_to_pose_gradient(loads.stiffness, poses)

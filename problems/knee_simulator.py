@@ -24,6 +24,7 @@ import numpy as np
 
 import casadi_contact as cc
 from casadi_contact.contact.model import ContactModel
+from casadi_contact.contact.symbolic import symbolic
 from casadi_contact.core.conventions import POSE_NAMES, Array
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.joint_mechanics import generalised_forces, wrench_function
@@ -120,7 +121,7 @@ def start_state(simulator: KneeSimulator) -> Array:
     """State (10,) at rest under the loads at t = 0: Newton's method on v̇ = 0, from where the sides carry them."""
     rest = np.asarray(simulator.pose(np.zeros(5), 0.0)).T
     rest[:, 1] = simulator.model.scene.start_pose[1]
-    pressed = press_together(simulator.model, rest, rest, np.asarray(simulator.given(0.0)).T, POSE_NAMES[:5])
+    pressed = press_together(symbolic(simulator.model), rest, rest, np.asarray(simulator.given(0.0)).T, POSE_NAMES[:5])
     q = ca.MX.sym("q", 5)
     acceleration = simulator.rate(ca.vertcat(ca.DM(KNEE_STEPS[:5]) * q, ca.DM.zeros(5)), 0.0)[5:]
     scaled = ca.Function("left", [q], [ca.DM(simulator.rig.inertia) / np.array([1, 1, 1, 25, 25]) * acceleration])

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from operator import attrgetter
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import casadi as ca
 import numpy as np
@@ -163,7 +163,7 @@ class SymbolicContact(ContactModel, Protocol):
 
 def symbolic(model: ContactModel) -> SymbolicContact:
     """The model itself where it has CasADi functions, else called back from CasADi, with differenced Hessians."""
-    return model if isinstance(model, ContactFunctions) else CallbackContact(model)
+    return cast(SymbolicContact, model if isinstance(model, ContactFunctions) else CallbackContact(model))
 
 
 class CallbackContact(ContactFunctions, ContactModel):

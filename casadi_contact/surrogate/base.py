@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import POSE_NAMES, Array, pose_index, pose_or_poses
 from casadi_contact.networks.export_c import ExportedModel
 from casadi_contact.networks.exportable import Exportable
@@ -30,7 +31,7 @@ from casadi_contact.surrogate.structure import Structure
 from casadi_contact.surrogate.surrogate_kernel import OWN_ROOTS, SurrogateKernel
 
 
-class Surrogate(Structure, SurrogateFunctions, Exportable):
+class Surrogate(Structure, SurrogateFunctions, Exportable, ContactModel):
     """Networks and the scene they were trained for.
 
     networks: by name; record: what trained them (see `casadi_contact.surrogate.info`), plain JSON values; confidence:

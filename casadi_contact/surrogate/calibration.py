@@ -324,10 +324,11 @@ def _quantile_regression(h: Array, target: Array, share: float) -> Array:
     w = |share - [r < 0]|/|r| (Koenker and Bassett 1978), by iteratively reweighted least squares, with a small ridge on
     all but the first."""
     ridge = 1e-3 * len(h) * np.diag(np.r_[0.0, np.ones(h.shape[1] - 1)])
-    beta, weights = np.zeros(h.shape[1]), np.ones(len(h))
+    beta: Array = np.zeros(h.shape[1])
+    weights = np.ones(len(h))
     for _ in range(60):
         weighted = h * weights[:, None]
-        beta = np.linalg.solve(h.T @ weighted + ridge, weighted.T @ target)
+        beta = np.asarray(np.linalg.solve(h.T @ weighted + ridge, weighted.T @ target))
         residual = target - h @ beta
         weights = np.where(residual < 0.0, 1.0 - share, share) / np.maximum(np.abs(residual), 1e-2)
     return np.asarray(beta)

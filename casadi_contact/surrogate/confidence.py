@@ -110,7 +110,7 @@ class Confidence:
     @property
     def centre_poses(self) -> Array:
         """The centres as poses (K, 6)."""
-        return np.linalg.solve(self.whitening, self.centres.T).T
+        return np.asarray(np.linalg.solve(self.whitening, self.centres.T).T)
 
     def distance(self, poses: Array) -> Array:
         """E (n,) of poses (n, 6)."""

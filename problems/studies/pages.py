@@ -10,6 +10,7 @@ one of these files.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -189,10 +190,11 @@ def _best(points: Sequence[Point]) -> list[Point]:
         best = accurate.setdefault(point.family, point)
         accurate[point.family] = min(best, point, key=lambda p: p.force_rms_n)
 
+    def us(point: Point) -> float:
+        return math.inf if point.value is None else point.value.median_us
+
     def beaten(point: Point) -> bool:
-        return any(
-            other.value.median_us < point.value.median_us and other.force_rms_n <= point.force_rms_n for other in timed
-        )
+        return any(us(other) < us(point) and other.force_rms_n <= point.force_rms_n for other in timed)
 
     return [point for point in timed if point in accurate.values() or not beaten(point)]
 

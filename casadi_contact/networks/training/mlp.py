@@ -14,7 +14,7 @@ fit, the same on any machine.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -247,19 +247,18 @@ class Mlp:
         out = np.empty((len(index), self.parameter_count)) if out is None else out[: len(index)]
         start = 0
         for level, (neurons, width) in enumerate(self.shapes):
-            delta = self._columns(index, lambda block, level=level: block.exact.derivatives[level])
-            a = self._columns(index, lambda block, level=level: block.exact.inputs[level])
+            delta, a = (self._columns(index, of, level) for of in ("derivatives", "inputs"))
             out[:, start : start + neurons * width] = np.einsum("in,jn->nij", delta, a).reshape(len(index), -1)
             start += neurons * width
         return out
 
-    def _columns(self, rows: np.ndarray, of: Callable[[Block], Array]) -> Array:
-        """of(block) of these ascending rows, side by side."""
+    def _columns(self, rows: np.ndarray, of: str, level: int) -> Array:
+        """The exact factors "inputs" or "derivatives" of a layer at these ascending rows, side by side."""
         parts = []
         for k in np.unique(rows // self._chunk_rows).tolist():
             block = self._blocks[k]
             first, last = np.searchsorted(rows, [block.rows.start, block.rows.stop])
-            parts.append(of(block)[:, rows[first:last] - block.rows.start])
+            parts.append(getattr(block.exact, of)[level][:, rows[first:last] - block.rows.start])
         return np.concatenate(parts, 1)
 
     def gram(self, rows: np.ndarray | None = None, row_scales: Array | None = None) -> Array:

@@ -67,9 +67,9 @@ class Factors:
     and the residuals (`mlp`: δ_l; `several_outputs`: σ' of hidden layers, w of the last one). layers: V_l.
     """
 
-    inputs: Sequence[Array]
-    derivatives: Sequence[Array]
-    layers: Sequence[Array]
+    inputs: Sequence[np.ndarray]
+    derivatives: Sequence[np.ndarray]
+    layers: Sequence[np.ndarray]
 
 
 class Block:

@@ -32,7 +32,8 @@ class SeveralOutputsMlp(Mlp):
 
     def _output_step(self, weight: Array, residuals: Array) -> Array | None:
         steps = [self._least_squares(weight[:, k], residuals[:, k]) for k in range(self.outputs)]
-        return None if any(step is None for step in steps) else np.stack(steps)
+        found = [step for step in steps if step is not None]
+        return np.stack(found) if len(found) == self.outputs else None
 
     def _derivatives(self, block: Block, layers: list[Array]) -> list[Array]:
         """σ' of hidden layers, and w (outputs, rows)."""
@@ -42,10 +43,8 @@ class SeveralOutputsMlp(Mlp):
     def _rough(self, exact: Factors) -> Factors:
         *slopes, weight = exact.derivatives
         derivatives = [*slopes, weight * (1.0 / self._unit)]
-        inputs, derivatives, layers = (
-            [array.astype(np.float32) for array in arrays] for arrays in (exact.inputs, derivatives, exact.layers)
-        )
-        return Factors(inputs, derivatives, layers)
+        all_arrays = exact.inputs, derivatives, exact.layers
+        return Factors(*([array.astype(np.float32) for array in arrays] for arrays in all_arrays))
 
     def _forward_product(self, of: Factors, layers: list[Array]) -> Array:
         *slopes, weight = of.derivatives
@@ -72,10 +71,10 @@ class SeveralOutputsMlp(Mlp):
         end = self.parameter_count
         for level in range(len(self.shapes) - 1, -1, -1):
             neurons, width = self.shapes[level]
-            a = self._columns(index, lambda block, level=level: block.exact.inputs[level])
+            a = self._columns(index, "inputs", level)
             out[:, end - neurons * width : end] = np.einsum("nkj,in->nkji", delta, a).reshape(count, -1)
             end -= neurons * width
             if level:
-                slope = self._columns(index, lambda block, level=level: block.exact.derivatives[level - 1])
+                slope = self._columns(index, "derivatives", level - 1)
                 delta = (delta @ layers[level][:, :-1]) * slope.T[:, None]
         return out

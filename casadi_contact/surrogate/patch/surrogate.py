@@ -154,8 +154,10 @@ class PatchSurrogate(Surrogate):
     def _loads(self, poses: Array, loads: Sequence[str], *, derivative: bool) -> tuple[Array, Array]:
         selection = self._selection(loads)
         values, jacobian = np.zeros((len(poses), len(loads))), np.zeros((len(poses) * derivative, len(loads), 6))
-        for p in np.flatnonzero(selection.any(axis=(0, 2))):
-            _, _, wrench, d_wrench = self._part(poses, p, selection[:, p].any(axis=0), derivative=derivative)
+        for p in np.flatnonzero(selection.any(axis=(0, 2))).tolist():
+            _, _, wrench, d_wrench = self._part(
+                poses, p, np.asarray(selection[:, p].any(axis=0)), derivative=derivative
+            )
             values += wrench @ selection[:, p].T
             jacobian += selection[:, p] @ d_wrench
         return values, jacobian
@@ -170,7 +172,7 @@ class PatchSurrogate(Surrogate):
         values, jacobian = np.zeros((len(poses), len(selection))), np.zeros((len(poses), len(selection), 6))
         roots = []
         for p in range(len(self.scene.parts)):
-            s, ds, wrench, d_wrench = self._part(poses, p, selection[:, p].any(axis=0), derivative=True)
+            s, ds, wrench, d_wrench = self._part(poses, p, np.asarray(selection[:, p].any(axis=0)), derivative=True)
             values += wrench @ selection[:, p].T
             jacobian += selection[:, p] @ d_wrench
             roots.append((s, ds))

@@ -85,7 +85,8 @@ def find_patches(
         return float(weight @ mask) / float(weight.sum())
 
     towards_centre = np.einsum("nk,nk->n", unit_rows(centre - pair.points_mm), pair.normals)
-    axis, cuts = None, ()
+    axis: int | None = None
+    cuts: tuple[float, ...] = ()
     if parted and share(np.abs(towards_centre) > SETTINGS.socket_cos) < SETTINGS.socket_share:
         axis, cuts = _deepest_valleys(pair, weight, placement.pressing, least_share)
     rows, on_moving, gradients = (np.concatenate([each[k] for each in touched]) for k in range(3))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import Samples
@@ -47,7 +48,7 @@ def peer_candidates(
             return history_candidates(family, data, gflop, motion)
         return two_stage_forms(two_stage, data.load_names)
 
-    return (candidate for family in families for candidate in _until_failure(family, lambda f=family: made(f)))
+    return (candidate for family in families for candidate in _until_failure(family, partial(made, family)))
 
 
 def _until_failure(family: str, made: Callable[[], Iterator[Candidate]]) -> Iterator[Candidate]:

@@ -294,15 +294,15 @@ def _candidate(name: str, form: Form | TorchForm, names: Sequence[str]) -> Candi
 
             return measure
 
-        one, jacobian, hessian = (in_inference(call) for call in (form.one, form.jacobian_one, form.hessian_one))
-        return Candidate(name, FAMILY, form, one, jacobian, hessian, partial(time_batch, form))
-    weights, model = np.ones(len(names)), CasadiModel(form.loads, names)
+        one, by_pose, second = (in_inference(call) for call in (form.one, form.jacobian_one, form.hessian_one))
+        return Candidate(name, FAMILY, form, one, by_pose, second, partial(time_batch, form))
+    weights, model, hessian = np.ones(len(names)), CasadiModel(form.loads, names), form.hessian
     return Candidate(
         name,
         FAMILY,
         model,
         time_value=partial(time_single_calls, form.loads),
         time_jacobian=partial(time_single_calls, form.jacobian),
-        time_hessian=None if form.hessian is None else (lambda poses: time_single_calls(form.hessian, poses, weights)),
+        time_hessian=None if hessian is None else (lambda poses: time_single_calls(hessian, poses, weights)),
         time_batch=partial(time_batch, model),
     )
