@@ -25,6 +25,8 @@ __all__ = [
     "StaticEquilibrium",
     "build",
     "choose",
+    "export_c",
+    "export_fmu",
     "foundation",
     "load_assembly",
     "load_scene",
@@ -48,6 +50,8 @@ if TYPE_CHECKING:
     from casadi_contact.contact.relax import relax
     from casadi_contact.contact.sensitive import sensitive_directions
     from casadi_contact.contact.settle import settle
+    from casadi_contact.export.c_source import export_c
+    from casadi_contact.export.fmu import export_fmu
     from casadi_contact.optimisation.assembly.assembly import Assembly
     from casadi_contact.optimisation.assembly.file import load_assembly
     from casadi_contact.optimisation.contact_frames import ContactFrames
@@ -78,6 +82,8 @@ else:
         "StaticEquilibrium": "optimisation.static_equilibrium",
         "build": "cli.pipeline",
         "choose": "workflow.benchmark.choose",
+        "export_c": "export.c_source",
+        "export_fmu": "export.fmu",
         "foundation": "contact.choice",
         "load_assembly": "optimisation.assembly.file",
         "load_scene": "scenes.loading",

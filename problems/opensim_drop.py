@@ -25,6 +25,7 @@ import casadi_contact as cc
 from casadi_contact.core.compiler import shared_library
 from casadi_contact.core.conventions import POSE_NAMES, POSE_UNITS, Array
 from casadi_contact.core.terminal import run_program
+from casadi_contact.export.c_source import c_source, header
 from casadi_contact.optimisation.joint_mechanics import angular_velocity_map, total_selection
 from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
 from casadi_contact.pictures.page import SURROGATE, WANTED, new_page, save_page
@@ -72,7 +73,7 @@ def by_opensim(surrogate: Surrogate, drop: Drop) -> tuple[Array, str]:
     if find_spec("opensim") is None:
         raise ImportError("the drop needs OpenSim: pip install casadi_contact[opensim]")
     model = surrogate.exported()
-    source = model.c_source("contact").replace('#include "contact.h"', model.header("contact"))
+    source = c_source(model, "contact").replace('#include "contact.h"', header(model, "contact"))
     total = total_selection(surrogate.load_names, surrogate.patch_names).tolist()
     settings = {**asdict(drop), "times_s": drop.times_s.tolist(), "total": total}
     script = Path(__file__).with_name("opensim_force.py")
@@ -92,7 +93,7 @@ def main(
 ) -> None:
     """Let a component fall from lift_mm above a pose that the surrogate has learned, by OpenSim and by CasADi."""
     model = cc.load_surrogate(surrogate)
-    start = np.array(model.learned_pose()) + lift_mm * np.eye(6)[1]
+    start = np.array(model.example_pose()) + lift_mm * np.eye(6)[1]
     drop = Drop(tuple(start.tolist()), push_n=-push_n)
     (opensim, version), casadi = by_opensim(model, drop), by_casadi(model, drop)
     off, travel = np.abs(opensim - casadi).max(axis=0), np.ptp(casadi, axis=0)

@@ -15,6 +15,8 @@ from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.conventions import Update
 from casadi_contact.core.files.writing import folder_lock, writable_folder, write_text
+from casadi_contact.export.c_source import export_c
+from casadi_contact.export.fmu import export_fmu
 from casadi_contact.networks.function_file import save_function
 from casadi_contact.pictures.contact_pose import contact_pose
 from casadi_contact.pictures.report.charts import draw_charts
@@ -136,13 +138,13 @@ def export(
     for kind, model in models.items():
         writable_folder(folder / kind)
         if fmu:
-            written.append(model.export_fmu(folder / kind / f"{stem}.fmu", start=pose))
+            written.append(export_fmu(model, folder / kind / f"{stem}.fmu", start=pose))
             continue
         if isinstance(model, Surrogate) and not kernel_only:
             path = folder / kind / f"{stem}.casadi"
             save_function(model.function(), path)
             written.append(path)
-        written += model.export_c(folder / kind, example_pose=pose)
+        written += export_c(model, folder / kind, example_pose=pose)
     return written
 
 

@@ -27,8 +27,6 @@ from casadi_contact.core.conventions import (
     twist_to_pose_gradient,
     wrench_names,
 )
-from casadi_contact.networks.export_c import ExportedModel
-from casadi_contact.networks.exportable import Exportable
 from casadi_contact.networks.functions import (
     ContactFunctions,
     as_weights,
@@ -37,15 +35,15 @@ from casadi_contact.networks.functions import (
     weighted_hessians,
 )
 from casadi_contact.networks.kernel.casadi_interface import casadi_interface
-from casadi_contact.networks.kernel.source import c_text, roots_source
-from casadi_contact.networks.names import UNNAMED, check_name, check_unused, name_of_batch, name_of_wrenches
+from casadi_contact.networks.kernel.source import ExportedModel, c_text, roots_source
+from casadi_contact.networks.names import UNNAMED, c_name, check_name, check_unused, name_of_batch, name_of_wrenches
 from casadi_contact.scenes.loading import load_scene, ready_scenes
 from casadi_contact.scenes.scene import Scene
 
 BOTH = "contact_loads_and_roots"
 
 
-class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable, PressureOutputs):
+class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
     """A contact model of a scene by a kernel in C; without a compiler, slower, by the same formulas in NumPy. It gives
     loads, root loads and pressures.
 
@@ -199,16 +197,11 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable, PressureOutp
 
         return contact_callback(name, [("loads", len(names), wrenches)])
 
-    @property
-    def export_title(self) -> str:
-        """Of the scene: "knee foundation"."""
-        return f"{self.scene.name} foundation"
-
-    @property
-    def export_digest(self) -> str:
-        """Of the scene, unless it is a ready-made one as it comes."""
+    def _export_name(self) -> str:
+        """Of the scene: knee_foundation; with the scene's digest unless it is a ready-made one as it comes."""
         name, digest = self.scene.name, self.scene.digest
-        return "" if name in ready_scenes() and load_scene(name).digest == digest else digest[:8]
+        ready = name in ready_scenes() and load_scene(name).digest == digest
+        return c_name(f"{name} foundation" if ready else f"{name} foundation {digest[:8]}")
 
     def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
         """C of the loads, root loads and pressures; raises ValueError for a pressure law without C."""
@@ -221,6 +214,7 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, Exportable, PressureOutp
         texts = [source, roots_source(range(patches), patches), c_text("export.h", C_FOLDER)]
         texts += [self._moments_source(), c_text("pressure_outputs.h", C_FOLDER)]
         return ExportedModel(
+            name=self._export_name(),
             source="\n".join(texts),
             load_names=names,
             patch_names=self.patch_names,

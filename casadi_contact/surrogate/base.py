@@ -15,11 +15,10 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import POSE_NAMES, Array, pose_index, pose_or_poses
-from casadi_contact.networks.export_c import ExportedModel
-from casadi_contact.networks.exportable import Exportable
 from casadi_contact.networks.functions import as_weights, hessian_function, weighted_hessians
 from casadi_contact.networks.kernel.networks import Bundle
-from casadi_contact.networks.kernel.source import Kernel
+from casadi_contact.networks.kernel.source import ExportedModel, Kernel
+from casadi_contact.networks.names import c_name
 from casadi_contact.networks.network import Network
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.arrays import BATCH_FROM, SurrogateArrays, compiled_arrays, in_blocks
@@ -31,7 +30,7 @@ from casadi_contact.surrogate.structure import Structure
 from casadi_contact.surrogate.surrogate_kernel import OWN_ROOTS, SurrogateKernel
 
 
-class Surrogate(Structure, SurrogateFunctions, Exportable, ContactModel):
+class Surrogate(Structure, SurrogateFunctions, ContactModel):
     """Networks and the scene they were trained for.
 
     networks: by name; record: what trained them (see `casadi_contact.surrogate.info`), plain JSON values; confidence:
@@ -251,28 +250,24 @@ class Surrogate(Structure, SurrogateFunctions, Exportable, ContactModel):
             return arrays.expected_error(poses)
         return in_blocks(lambda block: confidence.expected_errors(block, self.confidence_roots(block)), poses)
 
-    @property
-    def export_title(self) -> str:
-        """Of a ready-made surrogate, or of the scene: "knee contact"."""
-        return f"{self.ready_name or self.scene.name} contact"
-
-    @property
-    def export_digest(self) -> str:
-        """Of the scene, the structure and the networks; "" for a ready-made surrogate."""
+    def _export_name(self) -> str:
+        """Name of a ready-made surrogate: knee_contact; else with a digest of scene, structure and networks,
+        so that two models never share a name."""
         if self.ready_name:
-            return ""
+            return c_name(f"{self.ready_name} contact")
         digest = hashlib.sha256(f"{self.scene.digest} {self.structure}".encode())
         for name, network in self.networks.items():
             digest.update(name.encode())
             for array in (network.input_shift, network.input_scale, *network.weights, *network.biases):
                 digest.update(np.ascontiguousarray(array).tobytes())
-        return digest.hexdigest()[:8]
+        return c_name(f"{self.scene.name} contact {digest.hexdigest()[:8]}")
 
     def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
         """C of the loads, and of all that the surrogate knows of them."""
         kernel = self.whole_kernel(self.check_loads(loads))
         condition, made_for = kernel.outside(self.record.get("pose_range", {}))
         return ExportedModel(
+            self._export_name(),
             f"{kernel.source()}\n{condition}",
             kernel.loads,
             self.patch_names,
@@ -283,7 +278,7 @@ class Surrogate(Structure, SurrogateFunctions, Exportable, ContactModel):
             f"Contact loads of the scene {self.scene.name}, {self.structure} surrogate.",
         )
 
-    def learned_pose(self) -> list[float]:
+    def example_pose(self) -> list[float]:
         """A pose (6) inside the learned region, in contact if possible; without calibration the middle of the sampled
         ranges, or zeros."""
         if self.confidence is None:
@@ -303,10 +298,6 @@ class Surrogate(Structure, SurrogateFunctions, Exportable, ContactModel):
         validity = self.validity(poses)
         pressed = np.where(validity >= min(0.9, validity.max()), self.confidence_roots(poses).min(axis=1), -np.inf)
         return [float(value) for value in poses[np.argmax(pressed)]]
-
-    def example_pose(self) -> list[float]:
-        """`learned_pose`."""
-        return self.learned_pose()
 
     def info(self) -> SurrogateInfo:
         """What this surrogate is, what it was trained on and how wrong it is; print it."""

@@ -18,21 +18,21 @@ START = np.array([3.0, 27.0, -8.0, 0.5, -0.6, 0.7])
 @needs_compiler
 @pytest.mark.skipif(find_spec("opensim") is None, reason="opensim is not installed")
 def test_opensim_and_casadi_agree(knee):
-    drop = Drop(tuple(knee.learned_pose() + 0.3 * np.eye(6)[1]), duration_s=0.02, points=5)
+    drop = Drop(tuple(knee.example_pose() + 0.3 * np.eye(6)[1]), duration_s=0.02, points=5)
     casadi, (opensim, _) = by_casadi(knee, drop), by_opensim(knee, drop)
     assert np.ptp(casadi[:, 1]) > 0.2
     np.testing.assert_allclose(opensim, casadi, atol=1e-6)
 
 
 def test_a_braked_body_comes_to_rest_where_the_contact_carries_the_push(knee):
-    drop = Drop(tuple(knee.learned_pose()), push_n=-300.0, damping_ns_per_m=600.0, damping_nms_per_rad=5.0)
+    drop = Drop(tuple(knee.example_pose()), push_n=-300.0, damping_ns_per_m=600.0, damping_nms_per_rad=5.0)
     pose = by_casadi(knee, Drop(**{**vars(drop), "duration_s": 0.5, "points": 3}))[-1]
     loads = dict(zip(knee.load_names, knee(pose), strict=True))
     assert loads["Fy_med"] + loads["Fy_lat"] == pytest.approx(-300.0, rel=1e-2)
 
 
 def test_a_body_out_of_contact_falls_freely(knee):
-    start = knee.learned_pose() + 5.0 * np.eye(6)[1]
+    start = knee.example_pose() + 5.0 * np.eye(6)[1]
     drop = Drop(tuple(start), damping_ns_per_m=0.0, duration_s=0.002, points=3)
     fallen = start[1] - by_casadi(knee, drop)[-1, 1]
     assert fallen == pytest.approx(1e3 * 400.0 / 1.0 * 0.002**2 / 2.0, rel=1e-6)

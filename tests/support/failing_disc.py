@@ -70,7 +70,7 @@ def writers() -> dict[str, Callable[[Path], object]]:
         "chart.png": lambda path: report_figure.save(_picture(), path.parent, path.stem),
         "picture.png": lambda path: show_figure.save(_picture(), path),
         "contact_loads.casadi": lambda path: save_function(function, path),
-        "ball.c": lambda path: surrogate.export_c(path.parent, name="ball"),
+        "ball.c": lambda path: cc.export_c(surrogate, path.parent, name="ball"),
         "cycle.csv": lambda path: write_cycle(reference_cycle(), path),
         "poses.csv": lambda path: write_poses(np.arange(40.0), POSES, path),
         "poses.sto": lambda path: write_table(poses_table(np.arange(40.0), POSES, "poses"), path),

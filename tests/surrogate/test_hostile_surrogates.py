@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import casadi_contact as cc
 from casadi_contact.surrogate.file import _digest, _read_content
 from casadi_contact.surrogate.load import load_surrogate
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
@@ -55,7 +56,7 @@ def test_a_patch_name_that_is_code_never_runs(use, tmp_path):
 
     def run():
         surrogate = load_surrogate(path)
-        surrogate.function(compiled=True) if use == "function" else surrogate.export_c(tmp_path / "out")
+        surrogate.function(compiled=True) if use == "function" else cc.export_c(surrogate, tmp_path / "out")
 
     with pytest.raises(ValueError) as error:
         run()
@@ -69,7 +70,7 @@ def test_the_same_name_is_refused_where_c_is_written_however_it_came_there(tmp_p
     part = SCENE.parts[0]
     evil = replace(SCENE, parts=(replace(part, name=code_that_marks(mark)),))
     surrogate = random_surrogate_of(evil)
-    for use in (lambda: surrogate.function(compiled=True), lambda: surrogate.export_c(tmp_path / "out")):
+    for use in (lambda: surrogate.function(compiled=True), lambda: cc.export_c(surrogate, tmp_path / "out")):
         with pytest.raises(ValueError, match="cannot be a name in C"):
             use()
     assert not mark.exists()
@@ -90,7 +91,7 @@ def test_a_scene_name_cannot_leave_the_exported_comment(name, tmp_path):
     from casadi_contact.core.compiler import compiler_command
 
     surrogate = random_surrogate_of(replace(SCENE, name=name))
-    surrogate.export_c(tmp_path, name="ball")
+    cc.export_c(surrogate, tmp_path, name="ball")
     command = [*compiler_command(), "-std=c99", "-trigraphs", "-Wall", "-Wextra", "-pedantic", "-Werror", "-c"]
     subprocess.run([*command, "ball.c", "-o", "ball.o"], check=True, capture_output=True, cwd=tmp_path)
     first = (tmp_path / "ball.c").read_text().splitlines()[0]

@@ -44,6 +44,34 @@ class Kernel:
         return "\n".join([*head, networks, "", self.code, c_text("guards.h")])
 
 
+@dataclass(frozen=True)
+class ExportedModel:
+    """C of a contact model, and what a header must say of it (see the room `export`).
+
+    name: default name of files and functions, unlike that of any other model.
+    source: C99 up to guarded_value and its like, for these loads and `kernel_roots` root loads; patch_roots where there
+    are roots; confidence_at where it is calibrated; outside(pose, parts), which is 0 for a pose that the model
+    is made for. made_for says in words when it is. pressure_names: where there are any, source defines
+    pressures_at(pose, pressures) for them. vectors: source needs the vectors of GCC and clang. data: what
+    the source includes as the file DATA_FILE of the folder in which it is compiled. wrench_source: C of a kernel whose
+    loads are the wrenches of all patches, for CasADi functions with parameters; none where the model has none of these.
+    """
+
+    name: str
+    source: str
+    load_names: Sequence[str]
+    patch_names: Sequence[str]
+    kernel_roots: int
+    calibrated: bool
+    made_for: str
+    reference_load: float
+    description: str
+    vectors: bool = False
+    data: bytes = b""
+    pressure_names: Sequence[str] = ()
+    wrench_source: str = ""
+
+
 def table(name: str, numbers: np.ndarray) -> str:
     """Numbers as a C array of their own shape: of int or double."""
     kind = "int" if numbers.dtype.kind == "i" else "double"

@@ -27,10 +27,10 @@ from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.core.compiler import DATA_FILE, CompilerError
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.files.writing import write_bytes
+from casadi_contact.export.c_source import c_source, header
 from casadi_contact.geometry.distance_field import field_parts
 from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface
-from casadi_contact.networks.export_c import ExportedModel
-from casadi_contact.networks.kernel.source import c_text
+from casadi_contact.networks.kernel.source import ExportedModel, c_text
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
 
@@ -65,7 +65,7 @@ def page_kernel(contact: CompiledFoundation, surrogate: Surrogate | None) -> byt
     names = [f"{CONTACT}_{function}" for function in _FUNCTIONS]
     depths = next(name for kind, name in _DEPTHS if isinstance(contact, kind))
     names += [f"{CONTACT}_pressures", "foundation_pressures"]
-    texts = [exported.c_source(CONTACT), *(c_text(name, C_FOLDER) for name in (depths, "depths.h"))]
+    texts = [c_source(exported, CONTACT), *(c_text(name, C_FOLDER) for name in (depths, "depths.h"))]
     files[f"{CONTACT}.c"] = "\n".join(texts)
     if exported.data:
         files[DATA_FILE] = exported.data
@@ -76,7 +76,7 @@ def page_kernel(contact: CompiledFoundation, surrogate: Surrogate | None) -> byt
 
 
 def _files(model: ExportedModel, name: str) -> dict[str, str | bytes]:
-    return {f"{name}.c": model.c_source(name), f"{name}.h": model.header(name)}
+    return {f"{name}.c": c_source(model, name), f"{name}.h": header(model, name)}
 
 
 # No -ffast-math, as for every kernel. Vectors of 128 bits run in every browser since 2021 (Safari 2023).

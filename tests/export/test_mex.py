@@ -22,7 +22,7 @@ def octave(script, folder):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("mex")
-    cc.load_surrogate("knee").export_c(folder, "knee")
+    cc.export_c(cc.load_surrogate("knee"), folder, "knee")
     command = ["mkoctfile", "--mex", "-Wall", "knee_mex.c", "knee.c"]
     built = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert built.returncode == 0, built.stderr
@@ -32,7 +32,7 @@ def folder(tmp_path_factory):
 def test_a_mex_file_gives_the_numbers_of_python(folder):
     knee = cc.load_surrogate("knee")
     spread = (0.1, 0.01, 0.1, 0.002, 0.01, 0.02)
-    poses = knee.learned_pose() + spread * np.random.default_rng(4).uniform(-1.0, 1.0, (5, 6))
+    poses = knee.example_pose() + spread * np.random.default_rng(4).uniform(-1.0, 1.0, (5, 6))
     poses[3] *= 1e-3  # as if given in metres
     poses[4, 2] = np.nan
     np.savetxt(folder / "poses.txt", poses.T, fmt="%.17g")

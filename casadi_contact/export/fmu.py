@@ -12,7 +12,7 @@ import platform
 import sys
 import tempfile
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -23,8 +23,8 @@ from casadi_contact.core.compiler import DATA_FILE, SUFFIX, portable_library
 from casadi_contact.core.conventions import POSE_NAMES
 from casadi_contact.core.files.writing import replacing
 from casadi_contact.core.quantities import ANGLE, FORCE, LENGTH, TORQUE, quantity
-from casadi_contact.networks.export_c import ExportedModel
-from casadi_contact.networks.kernel.source import c_text
+from casadi_contact.export.c_source import TEMPLATES, Exportable, c_source, header, pose_or_example, template_words
+from casadi_contact.networks.kernel.source import ExportedModel, c_text
 
 # In base units of SI, with a display unit where people use another.
 _UNITS: dict[str, dict[str, str]] = {
@@ -93,7 +93,7 @@ def model_description(model: ExportedModel, name: str, token: str, start: Sequen
         attributes = {"name": variable.name, "valueReference": str(k), "causality": variable.causality}
         attributes |= {"variability": "continuous", "unit": variable.unit, "description": variable.said}
         if str(k) in pose:
-            attributes["start"] = repr(float(start[pose.index(str(k))]))
+            attributes["start"] = repr(start[pose.index(str(k))])
         ET.SubElement(listed, "Float64", attributes)
     for tag in ("Output", "InitialUnknown"):
         for k, variable in all_variables:
@@ -120,37 +120,46 @@ _BUILD = """\
 _DATE = (2000, 1, 1, 0, 0, 0)  # of every entry, so that the same model gives the same bytes
 
 
-def export_fmu(model: ExportedModel, path: str | Path, *, name: str, start: Sequence[float]) -> Path:
+def export_fmu(
+    model: Exportable,
+    path: str | Path,
+    name: str | None = None,
+    loads: Iterable[str] | None = None,
+    start: Sequence[float] | None = None,
+) -> Path:
     """Write an FMU (FMI 3.0, model exchange and co-simulation, directional and adjoint derivatives); return its path.
 
-    Inputs are the pose [mm, rad], from `start` (6) on; outputs the loads [N, N·mm] and root loads; validity and
-    expected errors can be read. Compiled for any processor of this machine's kind, or as $CASADI_CONTACT_CFLAGS says.
+    Inputs are the pose [mm, rad], from `start` (6; `example_pose()` if left out) on; outputs the loads [N, N·mm] and
+    root loads; validity and expected errors can be read. Left out: the model's own name, all loads. Compiled for any
+    processor of this machine's kind, or as $CASADI_CONTACT_CFLAGS says.
     Raises CompilerError (an OSError) without a compiler and on a system other than Linux and macOS, ValueError for an
-    unusable name.
+    unusable name and a pose that is not six finite numbers.
     """
+    exported, pose = model.exported(loads), pose_or_example(model, start)
+    name = name or exported.name
     if name == "fmi3":
         raise ValueError(f"function name {name!r} is not usable, fmi3.c is FMI's own interface: choose another")
-    path, words = Path(path), model.words(name)
-    words["start"] = ", ".join(repr(float(value)) for value in start)
-    sources = {f"{name}.h": model.header(name), f"{name}.c": model.c_source(name)}
+    path, words = Path(path), template_words(exported, name)
+    words["start"] = ", ".join(map(repr, pose))
+    sources = {f"{name}.h": header(exported, name), f"{name}.c": c_source(exported, name)}
     words["token"] = token = hashlib.sha256(f"{sources[f'{name}.c']}{words['start']}".encode()).hexdigest()
-    sources["fmi3.c"] = Template(c_text("fmi3.c")).substitute(words)
-    sources["fmi3_unsupported.h"] = c_text("fmi3_unsupported.h")
+    sources["fmi3.c"] = Template(c_text("fmi3.c", TEMPLATES)).substitute(words)
+    sources["fmi3_unsupported.h"] = c_text("fmi3_unsupported.h", TEMPLATES)
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as folder:
         place = Path(folder)
         try:
             for file, text in sources.items():
                 (place / file).write_text(text, "utf-8")
-            if model.data:
-                (place / DATA_FILE).write_bytes(model.data)
+            if exported.data:
+                (place / DATA_FILE).write_bytes(exported.data)
         except OSError as error:
             raise OSError(f"cannot write {path}: {error.strerror or error}") from None
         library = portable_library(place, ["fmi3.c", f"{name}.c"], f"{name}{SUFFIX}").read_bytes()
-    entries: dict[str, str | bytes] = {"modelDescription.xml": model_description(model, name, token, start)}
+    entries: dict[str, str | bytes] = {"modelDescription.xml": model_description(exported, name, token, pose)}
     entries |= {f"sources/{file}": text for file, text in sources.items()}
-    if model.data:
-        entries[f"sources/{DATA_FILE}"] = model.data
+    if exported.data:
+        entries[f"sources/{DATA_FILE}"] = exported.data
     entries["sources/buildDescription.xml"] = _BUILD.format(name=name)
     entries[f"binaries/{_platform()}/{name}{SUFFIX}"] = library
     with replacing(path) as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as archive:

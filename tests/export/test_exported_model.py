@@ -25,7 +25,7 @@ class Exported:
     """The functions of a model's shared library, built by its own makefile."""
 
     def __init__(self, model, folder, **keywords):
-        model.export_c(folder, name="joint", **keywords)
+        cc.export_c(model, folder, name="joint", **keywords)
         flags = "CFLAGS=-O1 -Wall -Wextra -Wno-psabi"  # the makefile's -O3 takes long
         command = ["make", "-C", str(folder), "joint.so", f"CC={compiler_command()[0]}", flags]
         built = subprocess.run(command, check=True, capture_output=True, text=True)

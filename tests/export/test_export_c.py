@@ -27,7 +27,7 @@ from tests.support.second_derivatives import second_derivatives
 def test_compiled_c_equals_numpy(structure, activation, tmp_path):
     surrogate = random_surrogate(load_scene("knee"), structure, activation, seed=6)
     poses = random_poses(40, seed=3)
-    written = surrogate.export_c(tmp_path, example_pose=poses[0])
+    written = cc.export_c(surrogate, tmp_path, "knee_contact", example_pose=poses[0])
     names = {path.name for path in written}
     assert names == {p.name for p in tmp_path.iterdir()}
     assert {"knee_contact.h", "knee_contact.c", "example.c", "Makefile"} <= names
@@ -77,7 +77,7 @@ def test_code_that_casadi_generates_is_linked_with_the_exported_files(made, tmp_
     """All compiled functions of a model are called by their names there, in one program, with their derivatives."""
     monkeypatch.chdir(tmp_path)  # where Function.generate writes
     (model, at), pose, inputs = made(), ca.MX.sym("pose", 6), ca.MX.sym("inputs", 4)
-    name, given = model.export_name, ca.vertcat(pose, inputs)
+    name, given = model.exported().name, ca.vertcat(pose, inputs)
     outputs = [
         model.function(name=name, compiled=True)(pose),
         model.root_function(name=f"{name}_root_loads", compiled=True)(pose),
@@ -91,7 +91,7 @@ def test_code_that_casadi_generates_is_linked_with_the_exported_files(made, tmp_
     mine = ca.Function("mine", [pose, inputs], [both, ca.gradient(cost, given), ca.hessian(cost, given)[0]])
     mine.generate("mine.c")
     sources = ["mine.c"]
-    for path in model.export_c(tmp_path):
+    for path in cc.export_c(model, tmp_path):
         if path.suffix == ".c" and path.stem in (name, f"{name}_patch_wrenches"):
             sources.append(path.name)
     command = [*compiler_command(), "-O0", "-shared", "-fPIC", "-Wno-psabi", *sources, "-o", "mine.so", "-lm"]
@@ -109,7 +109,7 @@ def test_code_for_many_poses_does_not_call_the_exported_function_of_one(kind, tm
     """Linked with it, it would take the first pose for all: it calls for another name, which no linker finds there."""
     monkeypatch.chdir(tmp_path)
     model = load_surrogate("knee") if kind == "surrogate" else PolarFoundation(load_scene("sphere_on_plane"))
-    poses, name = ca.MX.sym("poses", 6, 3), model.export_name
+    poses, name = ca.MX.sym("poses", 6, 3), model.exported().name
     loads = model.function(name=name, compiled=True, batch=3)(poses)
     ca.Function("mine", [poses], [loads, ca.jacobian(ca.vec(loads), ca.vec(poses))]).generate("mine.c")
     calls = set(re.findall(rf"\w*{name}(?=\()", (tmp_path / "mine.c").read_text()))
@@ -120,7 +120,7 @@ def test_code_for_many_poses_does_not_call_the_exported_function_of_one(kind, tm
 @pytest.mark.skipif(shutil.which("make") is None, reason="no make found")
 @pytest.mark.parametrize("loads", [["Fy", "Tx"], ["Fy"]])  # with and without ratio networks
 def test_makefile_builds_the_example(loads, tmp_path):
-    random_surrogate(load_scene("sphere_on_plane"), "patch").export_c(tmp_path, name="ball", loads=loads)
+    cc.export_c(random_surrogate(load_scene("sphere_on_plane"), "patch"), tmp_path, name="ball", loads=loads)
     built = subprocess.run(
         ["make", "-C", str(tmp_path), f"CC={compiler_command()[0]}"], check=True, capture_output=True, text=True
     )
@@ -136,7 +136,7 @@ def test_makefile_builds_the_example(loads, tmp_path):
 def test_bad_name_is_refused(name, tmp_path):
     surrogate = random_surrogate(load_scene("sphere_on_plane"), "patch")
     with pytest.raises(ValueError, match="not usable"):
-        surrogate.export_c(tmp_path, name=name)
+        cc.export_c(surrogate, tmp_path, name=name)
     assert not list(tmp_path.iterdir())
 
 
@@ -156,9 +156,9 @@ def test_a_compiled_function_is_not_named_as_what_its_c_is_made_of():
 def test_a_pose_that_c_could_not_hold_is_refused_before_anything_is_written(pose, said, tmp_path):
     surrogate = random_surrogate(load_scene("sphere_on_plane"), "patch")
     with pytest.raises(ValueError, match=said):
-        surrogate.export_c(tmp_path, example_pose=pose)
+        cc.export_c(surrogate, tmp_path, example_pose=pose)
     with pytest.raises(ValueError, match=said):
-        surrogate.export_fmu(tmp_path / "ball.fmu", start=pose)
+        cc.export_fmu(surrogate, tmp_path / "ball.fmu", start=pose)
     assert not list(tmp_path.iterdir())
 
 
@@ -166,7 +166,7 @@ def test_a_pose_that_c_could_not_hold_is_refused_before_anything_is_written(pose
 def test_what_is_exported_has_a_name_that_c_takes(name, tmp_path):
     """Scenes may hold '-' and '.' in their names; what is built of them is exported long after."""
     tables = {**load_scene("sphere_on_plane").tables, "name": name}
-    written = random_surrogate(Scene.from_tables(tables), "patch").export_c(tmp_path)
+    written = cc.export_c(random_surrogate(Scene.from_tables(tables), "patch"), tmp_path)
     stem = next(path.stem for path in written if path.suffix == ".h")
     assert stem.isidentifier()
     assert "__" not in stem

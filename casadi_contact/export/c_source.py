@@ -1,0 +1,192 @@
+"""Portable C source of a contact model, with a header and a small program that calls it ([EF15 §3.5] exports C++)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from string import Template
+from textwrap import fill
+from typing import Protocol
+
+from casadi_contact.core.compiler import DATA_FILE
+from casadi_contact.core.conventions import POSE_NAMES, POSE_UNITS, as_poses
+from casadi_contact.core.files.writing import write_bytes, write_text
+from casadi_contact.core.quantities import quantity
+from casadi_contact.networks.kernel.casadi_interface import casadi_interface
+from casadi_contact.networks.kernel.source import ExportedModel, c_text
+from casadi_contact.networks.names import (
+    UNNAMED,
+    check_name,
+    check_unused,
+    comment_text,
+    identifier,
+    name_of_parts,
+    name_of_wrenches,
+)
+
+TEMPLATES = f"{__package__}.c"
+_EXAMPLE = "example"  # file of the program that calls the model
+
+
+class Exportable(Protocol):
+    """A contact model that gives its C: a surrogate, or what `contact.foundation` chooses."""
+
+    def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
+        """C of the loads (all if left out), and of all that the model knows of them."""
+
+    def example_pose(self) -> Sequence[float]:
+        """A pose (6) that the model is made for, in contact if one is at hand."""
+
+
+def pose_or_example(model: Exportable, pose: Sequence[float] | None) -> list[float]:
+    """The pose, `example_pose()` for none; raises ValueError unless it is six finite numbers."""
+    (checked,) = as_poses([model.example_pose() if pose is None else pose])
+    return [float(value) for value in checked]
+
+
+def c_source(model: ExportedModel, name: str) -> str:
+    """One C file: the model, its functions by name, and the interface of casadi.external."""
+    words, functions = template_words(model, name), c_text("export_api.c", TEMPLATES)
+    shared = casadi_interface(_casadi_functions(model, UNNAMED))
+    suffixes = ("", *re.findall(r"\$\{name\}(\w+)", functions))
+    check_unused(name, f"{model.source}\n{shared}", suffixes=suffixes)
+    parts = [
+        _written(words),
+        model.source,
+        f"#define CALIBRATED_MODEL {int(model.calibrated)}",
+        Template(functions).substitute(words),
+    ]
+    return "\n".join([*parts, casadi_interface(_casadi_functions(model, name))])
+
+
+def wrench_c_source(model: ExportedModel, name: str) -> str:
+    """Another C file: the wrenches of all patches, as casadi.external takes them."""
+    outputs = {"loads": 6 * len(model.patch_names)}
+    parts = [
+        _written(template_words(model, name)),
+        model.wrench_source,
+        casadi_interface({name_of_wrenches(name): outputs}),
+    ]
+    return "\n".join(parts)
+
+
+def _casadi_functions(model: ExportedModel, name: str) -> dict[str, dict[str, int]]:
+    """What casadi.external finds in the file: loads, and where there are roots, these alone and with the loads."""
+    loads, roots = {"loads": len(model.load_names)}, {"roots": model.kernel_roots}
+    functions = {name: loads}
+    if model.kernel_roots:
+        named = f"{name}_root_loads", f"{name}_loads_and_roots"
+        if model.kernel_roots > len(model.patch_names):
+            named = name_of_parts(named[0]), name_of_parts(named[1])
+        functions |= dict(zip(named, (roots, loads | roots), strict=True))
+    return functions
+
+
+def header(model: ExportedModel, name: str) -> str:
+    """The header of that file."""
+    return Template(c_text("export_api.h", TEMPLATES)).safe_substitute(template_words(model, name))
+
+
+def template_words(model: ExportedModel, name: str) -> dict[str, object]:
+    """What the templates ask for; raises ValueError for a name that C or CasADi refuses."""
+    check_name(name)
+    loads, units = _with_units(model.load_names)
+    pressures, pressure_units = _with_units(model.pressure_names)
+    patches = [identifier(patch) for patch in model.patch_names]
+    return {
+        "name": name,
+        "guard": name.upper(),
+        "guard_OK": f"{name.upper()}_OK",
+        "guard_OUTSIDE": f"{name.upper()}_OUTSIDE",
+        "guard_NOT_FINITE": f"{name.upper()}_NOT_FINITE",
+        "count": len(loads),
+        "patch_count": len(patches),
+        "description": comment_text(model.description),
+        "compiler": "C99 with the vectors of GCC and clang, libm" if model.vectors else "Plain C99, libm",
+        "warnings": "-Wall -Wextra -Wno-psabi" if model.vectors else "-Wall -Wextra -pedantic",
+        "version": version("casadi_contact"),
+        "pose": ", ".join(f"{n} [{unit}]" for n, unit in zip(POSE_NAMES, POSE_UNITS, strict=True)),
+        "loads": _listed(loads, units),
+        "units": ", ".join(units),
+        "patches": ", ".join(patches),
+        "reference_load": f"{model.reference_load:g}",
+        "no_roots": "" if model.kernel_roots else "; NaN: this model lacks their networks",
+        "no_confidence": "" if model.calibrated else "; NaN: this model has neither",
+        "learned": comment_text(model.made_for),
+        "names": _quoted(loads),
+        "unit_names": _quoted(units),
+        "patch_names": _quoted(patches),
+        "pressures": _pressures(pressures, pressure_units),
+        "pressure_count": len(pressures),
+        "pressure_names": _quoted(pressures),
+        "pressure_unit_names": _quoted(pressure_units),
+        "wrenches": f" {name_of_wrenches(name)}.c" if model.wrench_source else "",
+    }
+
+
+def _written(words: Mapping[str, object]) -> str:
+    """The first line of a C file."""
+    return f"/* {words['description']} Written by casadi_contact {words['version']}. */"
+
+
+def _with_units(names: Sequence[str]) -> tuple[list[str], list[str]]:
+    return [identifier(name) for name in names], [quantity(name).kind.plain_unit for name in names]
+
+
+def _listed(names: Sequence[str], units: Sequence[str]) -> str:
+    return ", ".join(f"{name} [{unit}]" for name, unit in zip(names, units, strict=True))
+
+
+def _pressures(names: Sequence[str], units: Sequence[str]) -> str:
+    """What the header's comment says of them."""
+    if not names:
+        return "none: this model has no integrals of pressure"
+    text = f"{_listed(names, units)}; out of contact zero, and the centre of pressure (cop) NaN"
+    return fill(text, 108, subsequent_indent=" *           ")
+
+
+def _quoted(names: Sequence[str]) -> str:
+    return ", ".join(f'"{name}"' for name in names)
+
+
+def export_c(
+    model: Exportable,
+    folder: str | Path,
+    name: str | None = None,
+    loads: Iterable[str] | None = None,
+    example_pose: Sequence[float] | None = None,
+) -> list[Path]:
+    """Write ``name.c`` and ``name.h``, ``example.c``, a ``Makefile`` and ``name_mex.c`` for MATLAB and Octave.
+
+    ``name_patch_wrenches.c`` too where the model has `wrench_source`. Returns their paths in folder. Left out: the
+    model's own name, all loads, and `example_pose()` as the pose at which ``example.c`` evaluates the model.
+
+    C99 without dependencies: pose (6) -> loads, Jacobian, weighted Hessian, root loads, validity and expected error,
+    each with a status, and pressures where the model has them. casadi.external, and code that CasADi generates, find
+    ``name`` (loads), ``name_root_loads``, ``name_loads_and_roots`` and ``name_patch_wrenches`` there.
+    Raises ValueError for an unusable name and a pose that is not six finite numbers, OSError where folder cannot be
+    written.
+    """
+    exported, pose = model.exported(loads), pose_or_example(model, example_pose)
+    name = name or exported.name
+    if name == _EXAMPLE:
+        raise ValueError(f"function name {name!r} is not usable, {_EXAMPLE}.c is the example program: choose another")
+    words = template_words(exported, name) | {"example_pose": ", ".join(map(repr, pose))}
+    texts = {
+        f"{name}.h": header(exported, name),
+        f"{name}.c": c_source(exported, name),
+        f"{name}_mex.c": Template(c_text("export_mex.c", TEMPLATES)).substitute(words),
+        f"{_EXAMPLE}.c": Template(c_text("export_example.c", TEMPLATES)).substitute(words),
+        "Makefile": Template(c_text("export_makefile", TEMPLATES)).safe_substitute(words),
+    }
+    if exported.wrench_source:
+        texts[f"{name_of_wrenches(name)}.c"] = wrench_c_source(exported, name)
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    for file_name, text in texts.items():
+        write_text(folder / file_name, text)
+    if exported.data:
+        write_bytes(folder / DATA_FILE, exported.data)
+    return sorted(folder / file_name for file_name in (*texts, *([DATA_FILE] if exported.data else [])))
