@@ -23,7 +23,7 @@ from casadi_contact.optimisation.knee import COORDINATES, KNEE_LOADS, SIDES, coo
 from casadi_contact.optimisation.muscle_contact import MuscleContact, MuscleContactResult, MuscleSettings
 from casadi_contact.optimisation.muscle_walk import ROTATION_MAPS, MuscleWalk, at_times, example_walk, read_walk
 from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
-from casadi_contact.pictures.page import SURROGATE, WANTED, frame, new_page, save_page
+from casadi_contact.pictures.page import SURROGATE, TARGET, frame, new_page, save_page
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.load_cycle import read_cycle
 from casadi_contact.scenes.opensim.mapping import ColumnMap
@@ -128,7 +128,7 @@ def draw(path: Path, walk: MuscleWalk, result: MuscleContactResult, measured: Ar
     axes = page.subplots(2, 2).ravel()
     for k, side in enumerate(SIDES):
         if measured is not None:
-            axes[k].plot(walk.percent, measured[:, k], label="measured", **WANTED)
+            axes[k].plot(walk.percent, measured[:, k], label="measured", **TARGET)
         axes[k].plot(walk.percent, -result.loads[:, k], label="predicted", **SURROGATE)
         axes[k].set_ylabel(f"compression, {side} [N]")
         axes[k].legend()

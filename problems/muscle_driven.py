@@ -39,7 +39,7 @@ from casadi_contact.optimisation.muscle import (
 )
 from casadi_contact.optimisation.muscle_contact import MuscleContact, MuscleContactResult
 from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
-from casadi_contact.pictures.page import FOUNDATION, SURROGATE, WANTED, new_page, save_page
+from casadi_contact.pictures.page import FOUNDATION, SURROGATE, TARGET, new_page, save_page
 from casadi_contact.scenes.pose_file import write_poses
 from problems.muscle_contact import walk_of
 
@@ -190,11 +190,11 @@ def main(
     page = new_page(11.0, 4.0)
     axes = page.subplots(1, 3)
     for k, side in enumerate(("medial", "lateral")):
-        axes[k].plot(walk.percent, -solved.loads[:, k], label="inverse", **WANTED)
+        axes[k].plot(walk.percent, -solved.loads[:, k], label="inverse", **TARGET)
         axes[k].plot(walk.percent, -sides["surrogate"][:, k], label="forward, surrogate", **SURROGATE)
         axes[k].plot(walk.percent, -sides["foundation"][:, k], label="forward, foundation", **FOUNDATION)
         axes[k].set_ylabel(f"{side} compression [N]")
-    axes[2].plot(walk.percent, -np.degrees(walk.rz), label="walk", **WANTED)
+    axes[2].plot(walk.percent, -np.degrees(walk.rz), label="walk", **TARGET)
     axes[2].plot(walk.percent, -np.degrees(poses[:, 5]), label="forward, surrogate", **SURROGATE)
     axes[2].set_ylabel("flexion [degrees]")
     axes[0].legend(fontsize=8)

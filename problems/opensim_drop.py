@@ -28,7 +28,7 @@ from casadi_contact.core.terminal import run_program
 from casadi_contact.export.c_source import c_source, header
 from casadi_contact.optimisation.joint_mechanics import angular_velocity_map, total_selection
 from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
-from casadi_contact.pictures.page import SURROGATE, WANTED, new_page, save_page
+from casadi_contact.pictures.page import SURROGATE, TARGET, new_page, save_page
 from casadi_contact.scenes.pose_file import write_poses
 from casadi_contact.surrogate.base import Surrogate
 
@@ -106,7 +106,7 @@ def main(
     write_poses(drop.times_s, casadi, out / "opensim_drop.csv")
     page = new_page(11.0, 5.0)
     for k, axis in enumerate(page.subplots(2, 3).ravel()):
-        axis.plot(1e3 * drop.times_s, opensim[:, k], label="OpenSim", **WANTED)
+        axis.plot(1e3 * drop.times_s, opensim[:, k], label="OpenSim", **TARGET)
         axis.plot(1e3 * drop.times_s, casadi[:, k], label="CVODES", **SURROGATE)
         axis.set(xlabel="time [ms]", ylabel=f"{POSE_NAMES[k]} [{POSE_UNITS[k]}]")
         axis.legend(fontsize=8)

@@ -1,12 +1,12 @@
-"""Optimal control of a knee by direct collocation: actuator loads whose motion carries wanted contact loads.
+"""Optimal control of a knee by direct collocation: actuator loads whose motion carries target contact loads.
 
     states      pose q (6) and rates v (6), at the nodes of N intervals and at 3 Radau points in each
     controls    actuator wrench u (6) about the moving origin, at the Radau points
-    minimise    ½ Σ |(loads(q) - wanted)/L|² + ½ Σ ((rz - wanted rz)/δ)² + ½ ε Σ |Δu/L|²    [N²]
+    minimise    ½ Σ |(loads(q) - target)/L|² + ½ Σ ((rz - target rz)/δ)² + ½ ε Σ |Δu/L|²    [N²]
     subject to  q̇ = v,    M·v̇ = Q(q; u) - Q(q; contact(q)) - k·q - c·v,    one period
 
 L is 1 for forces and 25 mm for torques, δ = 0.01° (contact does not hold flexion), Δu the change from point to point,
-ε = 1e-4. M, k and c are those of the knee simulator. The wanted loads are what its second cycle carries, so the answer
+ε = 1e-4. M, k and c are those of the knee simulator. The target loads are what its second cycle carries, so the answer
 is known: the simulator's motion, with its applied loads as controls.
 
 The check: the found controls drive the same equations forward in time, by CVODES, with rz prescribed.
@@ -42,21 +42,21 @@ STIFFNESS = np.append(Rig().stiffness, 0.0)
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """Loads (n, L) [N, N·mm] and flexion rz (n,) [rad] wanted at time_s (n,), over one period from 0."""
+class Target:
+    """Loads (n, L) [N, N·mm] and flexion rz (n,) [rad], the targets at time_s (n,), over one period from 0."""
 
     time_s: Array
     loads: Array
     rz: Array
 
 
-def simulated(model: SymbolicContact, frames: int = 401) -> Wanted:
+def simulated(model: SymbolicContact, frames: int = 401) -> Target:
     """What the second cycle of the knee simulator carries, by then periodic."""
     simulator = knee_simulator.build(model)
     start = knee_simulator.start_state(simulator)
     motion = knee_simulator.simulate(simulator, start, cycles=2.0, frames=2 * frames - 1, tolerance=1e-8)
     poses = motion.poses[frames - 1 :]
-    return Wanted(motion.time_s[:frames], model(poses), poses[:, 5])
+    return Target(motion.time_s[:frames], model(poses), poses[:, 5])
 
 
 def acceleration_forces(model: SymbolicContact) -> ca.Function:
@@ -81,10 +81,10 @@ class Control:
     iterations: int
 
 
-def solve(model: SymbolicContact, wanted: Wanted, intervals: int = 50, smoothing: float = 1e-4) -> Control:
+def solve(model: SymbolicContact, target: Target, intervals: int = 50, smoothing: float = 1e-4) -> Control:
     """Transcribe and solve with IPOPT. Raises RuntimeError where it does not converge."""
-    grid = Collocation(intervals, 3, wanted.time_s[-1])
-    loads_at, rz_at = CubicSpline(wanted.time_s, wanted.loads), CubicSpline(wanted.time_s, wanted.rz)
+    grid = Collocation(intervals, 3, target.time_s[-1])
+    loads_at, rz_at = CubicSpline(target.time_s, target.loads), CubicSpline(target.time_s, target.rz)
     nodes_s, points_s, points = np.linspace(0.0, grid.duration_s, intervals + 1), grid.times_s, 3 * intervals
     opti = ca.Opti()
     step = pose_steps(model.scene.sensitive_pose)  # mm, rad: one unit of each scaled variable
@@ -112,7 +112,7 @@ def solve(model: SymbolicContact, wanted: Wanted, intervals: int = 50, smoothing
     change = 100.0 * (u[:, 1:] - u[:, :-1])
     opti.minimize(0.5 * (ca.sumsqr(off) + ca.sumsqr(off_rz) + smoothing * ca.sumsqr(change)))
 
-    # Start: in balance with the wanted loads at the nodes, splines between; actuators carry the contact loads.
+    # Start: in balance with the target loads at the nodes, splines between; actuators carry the contact loads.
     total = loads_at(nodes_s) @ total_selection(model.load_names, model.patch_names).T
     rest = np.zeros((intervals + 1, 6))
     rest[:, 1], rest[:, 5] = model.scene.start_pose[1], rz_at(nodes_s)
@@ -160,16 +160,16 @@ def main(
 ) -> None:
     """Find the actuators that carry a simulated cycle's loads, on a surrogate or on the foundation of a scene."""
     model = load_contact(surrogate, scene)
-    wanted = simulated(model)
-    control = solve(model, wanted, intervals)
+    target = simulated(model)
+    control = solve(model, target, intervals)
     driven = forward(model, control)
-    wanted_loads = CubicSpline(wanted.time_s, wanted.loads)(control.time_s)
+    target_loads = CubicSpline(target.time_s, target.loads)(control.time_s)
 
     print(check_solution(model, control.poses, np.ones(len(driven), dtype=bool), reference_model(model.scene)))
     print(f"solved after {control.iterations} iterations; RMS differences of loads [N, N·mm]:")
-    print("load    found - wanted  forward - found")
+    print("load    found - target  forward - found")
     for name, a, b in zip(
-        model.load_names, (control.loads - wanted_loads).T, (model(driven) - control.loads).T, strict=True
+        model.load_names, (control.loads - target_loads).T, (model(driven) - control.loads).T, strict=True
     ):
         print(f"{name:6s} {np.sqrt(np.mean(a**2)):15.3f} {np.sqrt(np.mean(b**2)):16.3f}")
 
@@ -178,7 +178,7 @@ def main(
     page = new_page(11.0, 6.0)
     for k, axis in enumerate(page.subplots(2, 3).T.ravel()):
         if k < 2:
-            axis.plot(control.time_s, wanted_loads[:, k], lw=4.0, alpha=0.25, color="black", label="wanted")
+            axis.plot(control.time_s, target_loads[:, k], lw=4.0, alpha=0.25, color="black", label="target")
             axis.plot(control.time_s, control.loads[:, k], label="found")
             axis.set_ylabel(f"{model.load_names[k]} [N]")
             axis.legend()

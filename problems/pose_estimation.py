@@ -28,7 +28,7 @@ from casadi_contact.optimisation.pose_continuation import continue_on, motion_of
 from casadi_contact.optimisation.pose_estimation import PoseEstimation, PoseResult
 from casadi_contact.optimisation.pose_targets import check_targets
 from casadi_contact.optimisation.verification.verdict import Verdict, check_solution, reference_model
-from casadi_contact.pictures.page import FAILED, FOUNDATION, SURROGATE, WANTED, frame, new_page, save_page
+from casadi_contact.pictures.page import FAILED, FOUNDATION, SURROGATE, TARGET, frame, new_page, save_page
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.joint_cycle import JointCycle
 from casadi_contact.scenes.load_cycle import LoadCycle
@@ -151,7 +151,7 @@ def draw(
     page = new_page(3.5 * wide, 6.5)
     axes = page.subplots(2, wide, squeeze=False)
     for k, (name, target) in enumerate(problem.targets.values.items()):
-        axes[0, k].plot(percent, target, label="measured", **WANTED)
+        axes[0, k].plot(percent, target, label="measured", **TARGET)
         axes[0, k].plot(percent, found[:, k], label="found", **SURROGATE)
         axes[0, k].plot(percent, on_elements[:, k], label="elements", **FOUNDATION)
         axes[0, k].plot(percent[failed], found[failed, k], label="not solved", **FAILED)

@@ -40,17 +40,17 @@ def contact_callback(name: str, outputs: Sequence[Output], size: int = 6) -> ca.
 
 
 def model_callback(
-    model: ContactModel, name: str, loads: Sequence[str], wanted: Sequence[str], batch: int | None = None
+    model: ContactModel, name: str, loads: Sequence[str], outputs: Sequence[str], batch: int | None = None
 ) -> ca.Function:
-    """casadi.Function pose (6) -> the wanted ones of "loads", "roots" of a contact model; batch: of so many poses."""
+    """casadi.Function pose (6) -> outputs of a contact model, some of "loads" and "roots"; batch: number of poses."""
     rows = [model.load_names.index(load) for load in loads]
 
     def some_loads(poses: Array) -> tuple[Array, Array]:
         values, jacobian = model.jacobian(poses)
         return values[:, rows], jacobian[:, rows]
 
-    outputs = {"loads": (len(loads), some_loads), "roots": (len(model.patch_names), model.root_loads)}
-    function = contact_callback(name, [(key, *outputs[key]) for key in wanted])
+    known = {"loads": (len(loads), some_loads), "roots": (len(model.patch_names), model.root_loads)}
+    function = contact_callback(name, [(key, *known[key]) for key in outputs])
     return function if batch is None else function.map(batch)
 
 
@@ -196,9 +196,9 @@ class CallbackContact(ContactFunctions, ContactModel):
         return check_loads(self.load_names, loads)
 
     def _function(
-        self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
+        self, name: str, loads: Sequence[str], outputs: Sequence[str], compiled: bool, batch: int | None
     ) -> ca.Function:
-        return model_callback(self.model, name, loads, wanted, batch)  # there is nothing to compile
+        return model_callback(self.model, name, loads, outputs, batch)  # there is nothing to compile
 
 
 PLACEMENT = tuple(f"fixed_{name}" for name in POSE_NAMES)

@@ -36,9 +36,9 @@ class ContactFunctions(ABC):
 
     @abstractmethod
     def _function(
-        self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
+        self, name: str, loads: Sequence[str], outputs: Sequence[str], compiled: bool, batch: int | None
     ) -> ca.Function:
-        """casadi.Function pose (6) -> the wanted ones of "loads", "roots"; batch: of so many poses, checked."""
+        """casadi.Function pose (6) -> outputs, some of "loads" and "roots"; batch: number of poses, checked."""
 
     def function(
         self,
@@ -79,10 +79,10 @@ class ContactFunctions(ABC):
         return self._made(name, names, ("loads", "roots"), compiled, batch)
 
     def _made(
-        self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool | None, batch: int | None
+        self, name: str, loads: Sequence[str], outputs: Sequence[str], compiled: bool | None, batch: int | None
     ) -> ca.Function:
         chosen = self.compiled_by_default if compiled is None else compiled
-        return self._function(name, loads, wanted, chosen, checked_batch(batch))
+        return self._function(name, loads, outputs, chosen, checked_batch(batch))
 
 
 def _empty(name: str, like: ca.MX) -> ca.MX:

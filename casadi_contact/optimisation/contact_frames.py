@@ -162,7 +162,7 @@ class ContactFrames:
         """Values (f·n,) of ``vec(q)`` at poses (n, 6), brought into the bounds."""
         return np.clip((poses[:, self.columns] / self._scales).ravel(), self.lower, self.upper)
 
-    def moved(self, poses: Array, values: ArrayLike) -> Array:
+    def poses_with(self, poses: Array, values: ArrayLike) -> Array:
         """Poses (m, 6) whose free parameters are those of values (f·m,) of ``vec(q)``, what is tied to them following:
         the inverse of `variables`, for as many frames as there are poses."""
         moved = poses.copy()

@@ -81,7 +81,7 @@ def _on_reference(problem: PoseEstimation, result: PoseResult, reference: Contac
         if answer is None:
             final[k], outcome[k] = poses[k], FrameOutcome.ON_REFERENCE
         else:
-            final[[k]], outcome[k] = problem.contact.moved(poses[[k]], answer), FrameOutcome.SOLVED
+            final[[k]], outcome[k] = problem.contact.poses_with(poses[[k]], answer), FrameOutcome.SOLVED
     own = outcome != FrameOutcome.ON_REFERENCE
     loads[own] = problem.model(final[own], names)
     return replace(

@@ -152,10 +152,10 @@ class PoseEstimation:
         answer = solver(x0=x0, lbx=np.where(fixed, x0, lower), ubx=np.where(fixed, x0, upper))
         ipopt = IpoptOutcome.of(solver)
         x = np.asarray(answer["x"]).reshape(self.frames, -1)
-        result = self.evaluate(self.contact.moved(poses, x), ipopt)
+        result = self.evaluate(self.contact.poses_with(poses, x), ipopt)
         if self.smoothness == 0.0 and result.solved.any() and not result.solved[loaded].all():
             more_iterations = self._solve_from_neighbours(x, result.solved)
-            result = self.evaluate(self.contact.moved(poses, x), ipopt.plus(more_iterations))
+            result = self.evaluate(self.contact.poses_with(poses, x), ipopt.plus(more_iterations))
         return replace(result, seconds=time.perf_counter() - began)
 
     def evaluate(self, poses: Array, ipopt: IpoptOutcome) -> PoseResult:

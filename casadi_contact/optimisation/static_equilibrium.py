@@ -198,7 +198,7 @@ class StaticEquilibrium:
         solver = ca.nlpsol("static_equilibrium", "ipopt", self.nlp, options)
         contact = self.contact
         answer = solver(x0=contact.variables(pressed), lbx=contact.lower, ubx=contact.upper)
-        return contact.moved(pressed, answer["x"]), IpoptOutcome.of(solver)
+        return contact.poses_with(pressed, answer["x"]), IpoptOutcome.of(solver)
 
     def _nearest_solved(self, poses: Array, solved: np.ndarray) -> Array:
         """Of each row the pose (n, 6) of the solved row whose rest pose is nearest; the rest pose without any."""

@@ -20,7 +20,7 @@ COLOURS = {
     "yellow": "#F0E442",
 }
 # What a curve stands for has one look on every page: keywords of matplotlib's ``plot``.
-WANTED = {"color": COLOURS["black"], "lw": 4.0, "alpha": 0.25}
+TARGET = {"color": COLOURS["black"], "lw": 4.0, "alpha": 0.25}
 SURROGATE = {"color": COLOURS["blue"], "lw": 1.6}
 FOUNDATION = {"color": COLOURS["vermillion"], "lw": 1.2, "ls": "--"}
 FAILED = {"color": COLOURS["purple"], "ls": "", "marker": "x"}

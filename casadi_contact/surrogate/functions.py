@@ -65,29 +65,29 @@ class SurrogateFunctions(ContactFunctions):
         return ca.Function(name, [pose], [self._confidence_expressions(pose)[1]], ["pose"], ["expected_error"], _CALLED)
 
     def _function(
-        self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
+        self, name: str, loads: Sequence[str], outputs: Sequence[str], compiled: bool, batch: int | None
     ) -> ca.Function:
-        if "roots" not in wanted or self._root_count() == len(self.patch_names):
-            return self._transcription(name, loads, wanted, compiled, batch)
-        of_parts = self._transcription(name_of_parts(name), loads, wanted, compiled, batch)
+        if "roots" not in outputs or self._root_count() == len(self.patch_names):
+            return self._transcription(name, loads, outputs, compiled, batch)
+        of_parts = self._transcription(name_of_parts(name), loads, outputs, compiled, batch)
         pose = ca.MX.sym("pose", 6, batch or 1)
-        outputs = dict(zip(wanted, of_parts.call([pose]), strict=True))
-        roots = self._patch_roots(outputs["roots"])
-        outputs["roots"] = roots + ca.repmat(nan_marker(pose), roots.shape[0], 1)
-        return ca.Function(name, [pose], [outputs[key] for key in wanted], ["pose"], list(wanted))
+        values = dict(zip(outputs, of_parts.call([pose]), strict=True))
+        roots = self._patch_roots(values["roots"])
+        values["roots"] = roots + ca.repmat(nan_marker(pose), roots.shape[0], 1)
+        return ca.Function(name, [pose], list(values.values()), ["pose"], list(values))
 
     def _transcription(
-        self, name: str, loads: Sequence[str], wanted: Sequence[str], compiled: bool, batch: int | None
+        self, name: str, loads: Sequence[str], outputs: Sequence[str], compiled: bool, batch: int | None
     ) -> ca.Function:
         if compiled:
             sizes = {"loads": len(loads), "roots": self._root_count()}
-            kernel = self._kernel(loads, roots="roots" in wanted)
+            kernel = self._kernel(loads, roots="roots" in outputs)
             try:
-                return compiled_function(kernel, name, {key: sizes[key] for key in wanted}, batch or 1)
+                return compiled_function(kernel, name, {key: sizes[key] for key in outputs}, batch or 1)
             except CompilerError as error:
                 warn_once(f"{error}; using the CasADi graph, which is slower")
         pose = ca.MX.sym("pose", 6)
-        function = function_with_derivatives(name, pose, self._outputs(pose, loads, wanted))
+        function = function_with_derivatives(name, pose, self._outputs(pose, loads, outputs))
         return function if batch is None else function.map(batch)
 
     def jacobian_function(self, loads: Iterable[str] | None = None, name: str = "contact_jacobian") -> ca.Function:
@@ -101,12 +101,12 @@ class SurrogateFunctions(ContactFunctions):
         return nan_if_not_finite(pose, self._expressions(pose, loads, order))
 
     def _outputs(
-        self, pose: ca.MX, loads: Sequence[str], wanted: Sequence[str]
+        self, pose: ca.MX, loads: Sequence[str], outputs: Sequence[str]
     ) -> dict[str, tuple[ca.MX, ca.MX, ca.MX]]:
         """Value, Jacobian and second derivatives of "loads" and "roots", each as a graph of its own."""
         graphs = [self._graph(pose, loads, order) for order in range(3)]
-        outputs = {}
-        for key in wanted:
+        found = {}
+        for key in outputs:
             value, jacobian, second = (getattr(graph, key) for graph in graphs)
-            outputs[key] = (value.value, jacobian.jacobian, second.second)
-        return outputs
+            found[key] = (value.value, jacobian.jacobian, second.second)
+        return found

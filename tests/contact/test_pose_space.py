@@ -14,7 +14,7 @@ from casadi_contact.scenes.joint_cycle import JointCycle
 from tests.support.held_scenes import AT_ZERO, LOCKED, SLOPE, held_ball
 
 DISH_MM = 45.0
-WANTED = {"Fy": np.array([-300.0, -500.0]), "Fx": np.array([-20.0, 30.0])}
+TARGET = {"Fy": np.array([-300.0, -500.0]), "Fx": np.array([-20.0, 30.0])}
 OFF = np.array([[0.3, 31.0, 1.5, 0.2, 0.0, 0.1], [0.0, 29.8, 0.0, 0.0, 0.1, 0.0]])  # off the tie and the locks
 
 
@@ -30,21 +30,21 @@ def is_held(poses):
 
 
 def test_settled_poses_lie_on_the_tie_and_carry_the_loads_there(ball):
-    poses, report = cc.settle(ball, OFF, ("tx", "ty"), WANTED)
+    poses, report = cc.settle(ball, OFF, ("tx", "ty"), TARGET)
     assert report.converged.all(), report.reason
     is_held(poses)
     np.testing.assert_array_equal(poses[:, 5], OFF[:, 5])
     loads = ball(poses)
-    np.testing.assert_allclose(loads[:, 0], WANTED["Fx"], atol=1e-4)
+    np.testing.assert_allclose(loads[:, 0], TARGET["Fx"], atol=1e-4)
     tx, ty, tz = poses[:, :3].T
-    np.testing.assert_allclose(tx / (ty - DISH_MM), WANTED["Fx"] / WANTED["Fy"], rtol=0.02)
+    np.testing.assert_allclose(tx / (ty - DISH_MM), TARGET["Fx"] / TARGET["Fy"], rtol=0.02)
     np.testing.assert_allclose(loads[:, 2] / loads[:, 0], tz / tx, rtol=0.02)
 
 
 def test_damped_motion_comes_to_rest_in_the_same_poses(ball):
     ball = cc.ElasticFoundation(ball.scene, (40, 40))
-    poses, _ = cc.settle(ball, OFF, ("tx", "ty"), WANTED)
-    rested, report = cc.relax(ball, poses + np.array([0.1, 0.02, 0.3, 0.1, 0.0, 0.0]), ("tx", "ty"), WANTED)
+    poses, _ = cc.settle(ball, OFF, ("tx", "ty"), TARGET)
+    rested, report = cc.relax(ball, poses + np.array([0.1, 0.02, 0.3, 0.1, 0.0, 0.0]), ("tx", "ty"), TARGET)
     assert report.converged.all(), report.reason
     is_held(rested)
     np.testing.assert_allclose(rested, poses, atol=1e-5)
@@ -56,7 +56,7 @@ def test_damped_motion_comes_to_rest_in_the_same_poses(ball):
 )
 def test_what_is_held_is_refused_as_free(ball, find, free, said):
     with pytest.raises(ValueError, match=said):
-        find(ball, OFF, ("ty", free), WANTED)
+        find(ball, OFF, ("ty", free), TARGET)
 
 
 def test_a_reference_motion_is_one_that_the_joint_can_make(ball):

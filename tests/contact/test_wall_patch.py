@@ -55,7 +55,7 @@ def test_ipopt_finds_the_pose_that_presses_both(model):
     solver = ca.nlpsol("solver", "ipopt", {"x": ca.vec(frames.q), "f": ca.sumsqr(misfit)}, {"ipopt.print_level": 0})
     found = solver(x0=frames.variables(np.array([corner(-2.0, -3.0)])))
     assert solver.stats()["success"]
-    pose = frames.moved(np.array([corner(0.0, 0.0)]), found["x"])[0]
+    pose = frames.poses_with(np.array([corner(0.0, 0.0)]), found["x"])[0]
     np.testing.assert_allclose(pose[:2], corner(0.2, 0.3)[:2], atol=0.005)
 
 

@@ -13,7 +13,7 @@ from casadi_contact.optimisation.starts import middle_pose
 from tests.support.compiler import needs_compiler
 from tests.support.held_scenes import AT_ZERO, LOCKED, SLOPE, held_ball, scene_held
 
-WANTED = {"Fy": -300.0, "Fx": -20.0}
+TARGET = {"Fy": -300.0, "Fx": -20.0}
 
 
 @pytest.fixture(scope="module")
@@ -29,20 +29,20 @@ def test_poses_of_a_problem_are_those_that_the_joint_can_take(ball):
     poses = pose(values).full().T
     np.testing.assert_allclose(poses[:, 2], AT_ZERO + SLOPE * poses[:, 0])
     np.testing.assert_array_equal(poses[:, 3:5], np.tile([LOCKED, 0.0], (2, 1)))
-    np.testing.assert_allclose(frames.moved(np.zeros((2, 6)), values.T), poses)
+    np.testing.assert_allclose(frames.poses_with(np.zeros((2, 6)), values.T), poses)
     np.testing.assert_allclose(frames.variables(poses), values.T.ravel())
 
 
 def test_a_tied_contact_in_opti_carries_its_loads_on_the_tie(ball):
     opti = ca.Opti()
     contact = cc.ContactInOpti(opti, ball, locked={"rz": 0.1})
-    contact.carry(WANTED)
+    contact.carry(TARGET)
     opti.minimize(0)
     opti.solver("ipopt", contact.options())
     (pose,) = contact.poses(opti.solve())
     assert pose[2] == pytest.approx(AT_ZERO + SLOPE * pose[0])
-    np.testing.assert_allclose(ball(pose[None], tuple(WANTED))[0], list(WANTED.values()), atol=1e-3)
-    settled, _ = cc.settle(ball, pose[None], ("tx", "ty"), WANTED)
+    np.testing.assert_allclose(ball(pose[None], tuple(TARGET))[0], list(TARGET.values()), atol=1e-3)
+    settled, _ = cc.settle(ball, pose[None], ("tx", "ty"), TARGET)
     np.testing.assert_allclose(settled[0], pose, atol=1e-6)
 
 

@@ -56,7 +56,7 @@ def test_the_objective_is_half_the_squares_of_misfits_and_of_weighted_steps(knee
     rough, smooth = (PoseEstimation.of_cycle(knee, cycle, smoothness=weight) for weight in (0.0, 30.0))
     poses = rough.contact.start_poses() + np.random.default_rng(0).normal(size=(4, 6)) * [0.5, 0.02, 0.5, 0.002, 0, 0]
     x = rough.contact.variables(poses)
-    poses = rough.contact.moved(poses, x)
+    poses = rough.contact.poses_with(poses, x)
     ca = pytest.importorskip("casadi")
     values = [float(ca.Function("f", [p.nlp["x"]], [p.nlp["f"]])(x)) for p in (rough, smooth)]
     r = np.asarray(rough.residuals(x.reshape(4, -1).T))

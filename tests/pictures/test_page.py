@@ -2,13 +2,13 @@
 
 import pytest
 
-from casadi_contact.pictures.page import COLOURS, WANTED, frame, new_page, save_page
+from casadi_contact.pictures.page import COLOURS, TARGET, frame, new_page, save_page
 
 
 def drawn():
     page = new_page(3.0, 2.0)
     axis = page.subplots()
-    axis.plot([0.0, 1.0], [0.0, 1.0], label="wanted", **WANTED)
+    axis.plot([0.0, 1.0], [0.0, 1.0], label="target", **TARGET)
     frame([axis], "time [s]")
     return page, axis
 

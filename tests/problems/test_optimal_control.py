@@ -23,14 +23,14 @@ def estimation_targets(knee):
 
 
 @pytest.fixture(scope="module")
-def control(knee, wanted):
-    return optimal_control.solve(knee, wanted, intervals=25)
+def control(knee, target):
+    return optimal_control.solve(knee, target, intervals=25)
 
 
-def test_it_finds_the_simulators_motion_and_applied_loads(knee, wanted, control):
-    off = control.loads - CubicSpline(wanted.time_s, wanted.loads)(control.time_s)
+def test_it_finds_the_simulators_motion_and_applied_loads(knee, target, control):
+    off = control.loads - CubicSpline(target.time_s, target.loads)(control.time_s)
     assert np.sqrt(np.mean(off[:, :4] ** 2, axis=0)).max() < 0.1
-    np.testing.assert_allclose(control.poses[:, 5], CubicSpline(wanted.time_s, wanted.rz)(control.time_s), atol=1e-4)
+    np.testing.assert_allclose(control.poses[:, 5], CubicSpline(target.time_s, target.rz)(control.time_s), atol=1e-4)
     simulator = knee_simulator.build(knee)
     motion = knee_simulator.simulate(
         simulator, knee_simulator.start_state(simulator), cycles=2.0, frames=401, tolerance=1e-8

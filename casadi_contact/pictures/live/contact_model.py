@@ -96,8 +96,8 @@ def webassembly(files: Mapping[str, str | bytes], exports: Sequence[str]) -> byt
         for name, content in files.items():
             write_bytes(Path(folder) / name, content.encode() if isinstance(content, str) else content)
         sources = [name for name in files if name.endswith(".c")]
-        wanted = [f"-Wl,--export={name}" for name in (*exports, "__heap_base")]
-        command = [sys.executable, "-m", "ziglang", "cc", *_TARGET, *_FLAGS, "-o", "kernel.wasm", *sources, *wanted]
+        exported = [f"-Wl,--export={name}" for name in (*exports, "__heap_base")]
+        command = [sys.executable, "-m", "ziglang", "cc", *_TARGET, *_FLAGS, "-o", "kernel.wasm", *sources, *exported]
         found = subprocess.run(command, cwd=folder, capture_output=True, text=True, errors="replace", check=False)
         if found.returncode != 0:
             said = found.stderr.strip().splitlines()

@@ -80,19 +80,19 @@ def _lifted(model: ContactModel, pose: Array, patch: int) -> Array | None:
     Newton's method on root loads; None where that leads nowhere."""
     scene, space, pose = model.scene, model.scene.pose_space, pose.copy()
     free = [pose_index(name) for name in scene.sensitive_pose]
-    wanted = model.root_loads(pose)[0].copy()
-    wanted[patch] = -scene.gap_slope * _GAP_MM
+    target = model.root_loads(pose)[0].copy()
+    target[patch] = -scene.gap_slope * _GAP_MM
     for _ in range(_STEPS):
         s, slope = model.root_loads(pose)
-        if np.abs(s - wanted).max() < 1e-9:
+        if np.abs(s - target).max() < 1e-9:
             return pose
-        step = np.linalg.lstsq(space.pull_back(slope)[:, free], wanted - s, rcond=None)[0]
+        step = np.linalg.lstsq(space.pull_back(slope)[:, free], target - s, rcond=None)[0]
         pose[free] += step * min(1.0, 1.0 / np.abs(step).max(initial=1e-300))
         pose = space.project(pose)
     return None
 
 
 def settled_by(scene: Scene) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Free pose parameters and wanted loads of the page's settling: none where their numbers differ."""
-    free, wanted = scene.sensitive_pose, tuple(name for name in scene.sensitive_loads if name in scene.load_names)
-    return (free, wanted) if free and len(free) == len(wanted) else ((), ())
+    """Free pose parameters and target loads of the page's settling: none where their numbers differ."""
+    free, target = scene.sensitive_pose, tuple(name for name in scene.sensitive_loads if name in scene.load_names)
+    return (free, target) if free and len(free) == len(target) else ((), ())

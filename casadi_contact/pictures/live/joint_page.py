@@ -128,7 +128,7 @@ def _content(
 ) -> dict[str, Any]:
     scene = contact.scene
     ranges, why = slider_ranges(cycle.poses, surrogate)
-    free, wanted = settled_by(scene)
+    free, target = settled_by(scene)
     begun = presets(contact, cycle.poses)
     points = np.concatenate([surface.triangles.points_mm for surface in surfaces])
     extent = 0.5 * float(np.linalg.norm(np.ptp(points, axis=0)))
@@ -156,8 +156,8 @@ def _content(
         "presets": {name: pose.tolist() for name, pose in begun.items()},
         "settle": {
             "free": list(free),
-            "loads": list(wanted),
-            "start": [float(start[scene.load_names.index(name)]) for name in wanted],
+            "loads": list(target),
+            "start": [float(start[scene.load_names.index(name)]) for name in target],
         },
         "cycle": {"time": cycle.time_s.tolist(), "poses": cycle.poses.tolist()},
         "view": map_view(ElasticFoundation(scene, scene.grids.get("coarse")), extent),
