@@ -30,9 +30,9 @@ from casadi_contact.cli.options import (
 from casadi_contact.core.files.writing import folder_lock
 from casadi_contact.core.terminal import progress_bars
 from casadi_contact.core.workers import cluster_workers
-from casadi_contact.optimisation.verification.fitness import fitness
 from casadi_contact.pictures.report.tables import evaluation_tables, fine_grid_remark, read_evaluation
 from casadi_contact.samples.models import model_pair
+from casadi_contact.surrogate.fitness import fitness
 from casadi_contact.workflow.project import Project, project_surrogates
 from casadi_contact.workflow.tolerance import scene_to_tolerance, train_to_tolerance
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from operator import attrgetter
-from typing import Any, Protocol, cast
+from typing import Any, Protocol, cast, runtime_checkable
 
 import casadi as ca
 import numpy as np
@@ -124,6 +124,21 @@ class _Jacobians(_Values):
 
     def has_jacobian(self) -> bool:
         return False
+
+
+@runtime_checkable
+class HasConfidence(Protocol):
+    """A model that estimates its own errors, as a surrogate does. Not calibrated, its confidence is None."""
+
+    @property
+    def confidence(self) -> object | None:
+        """What the two below are made of."""
+
+    def validity(self, poses: Array) -> Array:
+        """Validity (n,): 1 well inside the learned region, 0 far outside."""
+
+    def expected_error(self, poses: Array) -> Array:
+        """Bounds (n, L) of the errors of ``load_names`` [N, N·mm], below which 95 % lie."""
 
 
 class SymbolicContact(ContactModel, Protocol):

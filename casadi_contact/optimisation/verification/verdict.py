@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.contact.symbolic import HasConfidence, SymbolicContact
 from casadi_contact.core.conventions import Array, as_poses, load_unit
 from casadi_contact.core.quantities import beside, three_digits
 from casadi_contact.optimisation.verification.coarse_elements import off_finer
@@ -19,7 +19,6 @@ from casadi_contact.optimisation.verification.unmodelled_load import unmodelled_
 from casadi_contact.optimisation.verification.verify import as_mask, loads_on
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.tolerance import Tolerance
-from casadi_contact.surrogate.base import Surrogate
 
 UNCOUNTED = 0.05  # of a frame's load, that lies where the contact model counts none: with more it is not verified
 VERIFIED, DIFFERS, UNSOLVED, UNCHECKED = "solved and verified", "solved, differs", "not solved", "solved, not checked"
@@ -238,7 +237,7 @@ def check_solution(
     expected = uncounted = finer = None
     if isinstance(model, str):
         errors, name = np.full((len(poses), len(names)), np.nan), model
-        if isinstance(tried, Surrogate) and tried.confidence is not None:
+        if isinstance(tried, HasConfidence) and tried.confidence is not None:
             expected = tried.expected_error(poses)[:, [tried.load_names.index(load) for load in names]]
     else:
         errors = tried(poses, names) - loads_on(model, poses, names)

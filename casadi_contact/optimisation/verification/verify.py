@@ -9,12 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.contact.symbolic import HasConfidence, SymbolicContact
 from casadi_contact.core.conventions import Array, as_poses
 from casadi_contact.core.quantities import beside, quantity
 from casadi_contact.scenes.tolerance import Tolerance
-from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.confidence import VALID
 
 
 @dataclass(frozen=True)
@@ -56,7 +54,7 @@ class Verification:
     @property
     def outside(self) -> np.ndarray:
         """True (n,) for frames outside the learned region, validity below 1/2."""
-        return self.validity < VALID
+        return self.validity < 0.5
 
     @property
     def failing(self) -> np.ndarray:
@@ -117,7 +115,7 @@ def verify(
         raise ValueError("no poses to verify, expected (n, 6) with n >= 1")
     ended = as_mask("solved", True if solved is None else solved, len(poses))
     validity, expected = np.ones(len(poses)), np.zeros((len(poses), len(surrogate.load_names)))
-    if isinstance(surrogate, Surrogate):
+    if isinstance(surrogate, HasConfidence):
         validity, expected = surrogate.validity(poses), surrogate.expected_error(poses)
     return Verification(
         surrogate.load_names,

@@ -12,7 +12,6 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.files.reading import one_line
 from casadi_contact.core.files.writing import write_text
 from casadi_contact.core.quantities import quantity, three_digits
-from casadi_contact.optimisation.verification.fitness import fitness
 from casadi_contact.pictures.contact_picture import draw_contact
 from casadi_contact.pictures.contact_pose import contact_pose
 from casadi_contact.pictures.page import COLOURS, frame, new_page, save_page
@@ -21,6 +20,7 @@ from casadi_contact.pictures.report.html import heading, page, paragraph, pictur
 from casadi_contact.samples.samples import Samples, read_samples
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.surrogate.fitness import fitness
 from casadi_contact.surrogate.info import model_line, other_rows
 from casadi_contact.workflow.benchmark.front_file import FILE_NAME, Front, read_front
 from casadi_contact.workflow.benchmark.shipped import shipped_front
