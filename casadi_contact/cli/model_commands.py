@@ -26,18 +26,17 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.core.terminal import numbers, progress_bars
 from casadi_contact.core.workers import cluster_workers
-from casadi_contact.pictures.contact_picture import draw_contact, loads_text, pressures_text
-from casadi_contact.pictures.contact_pose import contact_pose
-from casadi_contact.pictures.fit_picture import draw_fit, surface_fits
+from casadi_contact.pictures.contact_picture import contact_pose, draw_contact, loads_text, pressures_text
 from casadi_contact.pictures.live.joint_page import write_joint_page
 from casadi_contact.pictures.report.surrogate_page import write_report
 from casadi_contact.pictures.report.tables import choice_table, kernel_speed_tables, read_kernel_speed
+from casadi_contact.pictures.scene_picture import draw_fit, surface_fits
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.pose_file import read_poses
 from casadi_contact.surrogate.fitness import fitness
 from casadi_contact.surrogate.load import load_surrogate
 from casadi_contact.workflow.benchmark.choose import choose as choose_model
-from casadi_contact.workflow.benchmark.speed import speed as time_kernels
+from casadi_contact.workflow.benchmark.kernel_speed import speed as time_kernels
 from casadi_contact.workflow.project import Project
 
 

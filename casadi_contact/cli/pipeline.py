@@ -18,7 +18,7 @@ from casadi_contact.core.files.writing import folder_lock, writable_folder, writ
 from casadi_contact.export.c_source import export_c
 from casadi_contact.export.fmu import export_fmu
 from casadi_contact.networks.function_file import save_function
-from casadi_contact.pictures.contact_pose import contact_pose
+from casadi_contact.pictures.contact_picture import contact_pose
 from casadi_contact.pictures.report.charts import draw_charts
 from casadi_contact.pictures.report.surrogate_page import write_report
 from casadi_contact.samples.models import teacher_of
@@ -38,7 +38,6 @@ from casadi_contact.workflow.project import (
     read_motion,
 )
 from casadi_contact.workflow.samples import DrawnModel, check_table, draw, take_table
-from casadi_contact.workflow.samples import sample as sample
 from casadi_contact.workflow.train import train
 
 

@@ -13,8 +13,7 @@ import numpy as np
 
 from casadi_contact.core.compilation import njit
 from casadi_contact.core.conventions import Array
-from casadi_contact.scenes.material import Material
-from casadi_contact.scenes.pressure_laws import LAWS, PressureLaw
+from casadi_contact.scenes.material import LAWS, Material, PressureLaw
 
 
 def law_number(name: str) -> int:

@@ -32,9 +32,8 @@ from casadi_contact.optimisation.starts import (
     settle_in_range,
     touching,
 )
-from casadi_contact.scenes.centre_of_pressure import centre_of_pressure
 from casadi_contact.scenes.checks import check_radians
-from casadi_contact.scenes.normal_load import NormalLoad
+from casadi_contact.scenes.normal_load import NormalLoad, centre_of_pressure
 from casadi_contact.scenes.pose_space import PoseSpace
 
 COP_LEVER_MM = 10.0  # a centre of pressure off by this counts as much as the force itself

@@ -14,7 +14,7 @@ import numpy as np
 
 from casadi_contact.core.conventions import LEVER_MM, Array, loads_of_total
 from casadi_contact.core.quantities import FORCE, LENGTH, TORQUE, quantity
-from casadi_contact.scenes.centre_of_pressure import CentreOfPressure, centre_of_pressure
+from casadi_contact.scenes.normal_load import CentreOfPressure, centre_of_pressure
 from casadi_contact.scenes.scene import Scene
 
 

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from casadi_contact.contact.approach import first_crossing
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.pressures import PressureMap
 from casadi_contact.core.conventions import POSE_NAMES, Array, as_poses, load_selection
 from casadi_contact.core.quantities import quantity
-from casadi_contact.pictures.figure import CENTRE_OF_PRESSURE, discs, name_axes, new_figure, patch_title, save
+from casadi_contact.pictures.page import CENTRE_OF_PRESSURE, discs, name_axes, new_figure, patch_title, save
 from casadi_contact.pictures.section import page_of_sections
 from casadi_contact.pictures.view import View, view_of
 
@@ -112,3 +113,28 @@ def _label_patch(axis: Any, pressed: PressureMap, view: View) -> None:
     title = patch_title(pressed.patch)
     axis.annotate(title, place, (0, 2), textcoords="offset points", ha="center", va="bottom", fontsize=8)
     axis.margins(y=0.15)
+
+
+_OVERLAP_MM = 0.1
+_FARTHEST_MM = 150.0
+
+
+def contact_pose(model: ElasticFoundation) -> Array:
+    """The scene's start pose (6,), moved along the direction of pressing until the bodies overlap by 0.1 mm.
+
+    Raises ValueError where that never brings them together.
+    """
+    scene = model.scene
+    back = view_of(model).toward.pointing
+
+    def pose_at(travel_mm: Array) -> Array:
+        return scene.pose_space.project(scene.start_pose + np.pad(travel_mm[:, None] * back, ((0, 0), (0, 3))))
+
+    def overlaps(_: np.ndarray, way_mm: Array) -> np.ndarray:
+        return model.gaps(pose_at(_FARTHEST_MM - way_mm)).min(axis=1) < -_OVERLAP_MM
+
+    step_mm, reach_mm = 2.0, 2.0 * _FARTHEST_MM
+    way_mm = first_crossing(overlaps, 1, step_mm, reach_mm, bisections=40)
+    if not step_mm < way_mm[0] < reach_mm:
+        raise ValueError(f"scene {scene.name} has no contact along the direction of pressing: give a pose")
+    return pose_at(_FARTHEST_MM - way_mm)[0]

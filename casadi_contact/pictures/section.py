@@ -10,7 +10,7 @@ import numpy as np
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.pressures import PressureMap
 from casadi_contact.core.conventions import Array
-from casadi_contact.pictures.figure import CENTRE_OF_PRESSURE, new_figure, patch_title
+from casadi_contact.pictures.page import CENTRE_OF_PRESSURE, new_figure, patch_title
 from casadi_contact.pictures.view import PictureAxis, View
 
 _POINTS = 300  # of the plane, each way

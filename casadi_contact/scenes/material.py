@@ -1,11 +1,35 @@
-"""The elastic layer of a scene's fixed body."""
+"""The elastic layer of a scene's fixed body, and its pressure at a depth: the laws p(d)."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
-from casadi_contact.scenes.pressure_laws import LAWS
+import numpy as np
+
 from casadi_contact.scenes.shapes.checks import fail, number, table_of
+
+PressureLaw = Callable[[float, float, float], tuple[float, float, float]]
+"""(K [MPa], h [mm], d > 0 [mm]) -> p [MPa], dp/dd [MPa/mm], d²p/dd² [MPa/mm²], in what numba can compile."""
+
+TANGENT_STRAIN = 0.9
+
+
+def _linear(modulus, thickness, depth):
+    slope = modulus / thickness
+    return slope * depth, slope, 0.0
+
+
+def _logarithmic(modulus, thickness, depth):
+    strain = depth / thickness
+    if strain < TANGENT_STRAIN:
+        slope = modulus / (thickness * (1.0 - strain))
+        return -modulus * np.log1p(-strain), slope, slope / (thickness * (1.0 - strain))
+    slope = modulus / (thickness * (1.0 - TANGENT_STRAIN))
+    return slope * (depth - TANGENT_STRAIN * thickness) - modulus * np.log1p(-TANGENT_STRAIN), slope, 0.0
+
+
+LAWS: dict[str, PressureLaw] = {"linear": _linear, "log": _logarithmic}
 
 
 @dataclass(frozen=True)

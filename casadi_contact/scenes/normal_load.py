@@ -147,3 +147,50 @@ class LoadsTable:
         if any(pose_index(parameter) not in space.free for parameter in pose):
             raise fail("loads.sensitive_pose", list(pose), "pose parameters that are free (see [pose])")
         return cls(names, pressed, pose, *(number(f"loads.{key}", loads[key], low=0.0) for key in numbers))
+
+
+_AXES = "xyz"
+_ANATOMICAL = {"cop_ap": "cop_x", "cop_ml": "cop_z"}  # of a joint that is pressed along y
+
+
+@dataclass(frozen=True)
+class CentreOfPressure:
+    """One coordinate, along axis 0 (x), 1 or 2: sign·T/F [mm] of the total force F and torque T by these names.
+
+    pressing: the sign of F where the body is pressed.
+    """
+
+    axis: int
+    force: str
+    torque: str
+    sign: float
+    pressing: float
+
+    @property
+    def made_of(self) -> tuple[str, str]:
+        """Components of the total wrench."""
+        return self.force, self.torque
+
+
+def centre_of_pressure(name: str, normals: Sequence[NormalLoad]) -> CentreOfPressure | None:
+    """The centre of pressure of this name ("cop_x", "cop_ap"; "_mm" may follow), None where the name is another's.
+
+    Raises ValueError for a coordinate that the scene's normal loads leave without meaning.
+    """
+    name = name.removesuffix("_mm")
+    if not name.startswith("cop_"):
+        return None
+    pressed = {(normal.component, normal.sign) for normal in normals if normal.component is not None}
+    axis, pressing = next(iter(pressed)) if len(pressed) == 1 else (None, 0.0)
+    if axis is None:
+        raise ValueError(f"{name}: the scene's patches are not pressed in one direction, expected forces and torques")
+    a = _AXES.index(axis[-1])
+    known = {f"cop_{_AXES[b]}": b for b in range(3) if b != a}
+    known |= {alias: known[of] for alias, of in _ANATOMICAL.items() if a == 1}
+    if name not in known:
+        raise ValueError(
+            f"unknown centre of pressure {name!r} of a scene pressed along {axis}, expected {', '.join(known)}"
+        )
+    b = known[name]
+    k = 3 - a - b
+    return CentreOfPressure(b, axis, f"T{_AXES[k]}", 1.0 if (b - k) % 3 == 1 else -1.0, pressing)

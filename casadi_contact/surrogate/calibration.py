@@ -20,12 +20,7 @@ from casadi_contact.core.conventions import Array, Progress, Update, in_stage
 from casadi_contact.networks.network import Network, Regression
 from casadi_contact.networks.training.fit import fit
 from casadi_contact.networks.training.settings import TrainingSettings
-from casadi_contact.samples.calibration_poses import (
-    label_poses,
-    perturbed_poses,
-    poses_in_range,
-    self_settled_poses,
-)
+from casadi_contact.samples.calibration_poses import label_poses, perturbed_poses, poses_in_range, self_settled_poses
 from casadi_contact.samples.chunk import WrenchModel
 from casadi_contact.samples.models import model_name_of
 from casadi_contact.samples.samples import DOMAINS, TEST, TRAIN, VALIDATION, Samples

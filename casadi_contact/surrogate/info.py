@@ -209,7 +209,7 @@ def describe(
 
 def budget_line(record: Mapping[str, Any]) -> str:
     """Which fits ended because their budget was used up and not because they were done; empty if none did."""
-    from casadi_contact.networks.training.stopping import LIMITS  # when printed, not when a surrogate is loaded
+    from casadi_contact.networks.training.stopping import LIMITS
 
     reasons = record.get("stop_reasons", {})
     ended = [name for name, reason in reasons.items() if reason in LIMITS]

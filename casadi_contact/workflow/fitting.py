@@ -18,9 +18,7 @@ from casadi_contact.networks.training.fit import Fit
 from casadi_contact.networks.training.parallel import fit_all
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.networks.training.weights import widen
-from casadi_contact.samples.errors import domain_errors
-from casadi_contact.samples.mirror import either_side
-from casadi_contact.samples.samples import DOMAINS, Samples
+from casadi_contact.samples.samples import DOMAINS, Samples, domain_errors, either_side
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.info import budget_line

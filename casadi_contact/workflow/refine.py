@@ -16,8 +16,7 @@ from casadi_contact.networks.training.fit import Fit, fit
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.optimisation.verification.verify import Verification, verify
 from casadi_contact.samples.chunk import Chunk, WrenchModel, draw_chunk
-from casadi_contact.samples.errors import domain_errors
-from casadi_contact.samples.samples import COLUMNS, TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.samples.samples import COLUMNS, TEST, TRAIN, VALIDATION, Samples, domain_errors
 from casadi_contact.samples.settings import SamplePoint, SamplingSettings
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import calibrate

@@ -21,9 +21,8 @@ from casadi_contact.core.files.reading import sha256_of
 from casadi_contact.core.files.writing import replacing
 from casadi_contact.core.quantities import FORCE, TORQUE, of_kind, three_digits
 from casadi_contact.core.workers import worker_pool
-from casadi_contact.samples.errors import LoadModel, domain_errors
 from casadi_contact.samples.models import ModelPair, elastic_foundations, teacher_of
-from casadi_contact.samples.samples import TEST, VALIDATION, Samples, partial_folder
+from casadi_contact.samples.samples import TEST, VALIDATION, LoadModel, Samples, domain_errors, partial_folder
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.tolerance import Tolerance
 from casadi_contact.surrogate.base import Surrogate

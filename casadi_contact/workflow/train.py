@@ -19,9 +19,8 @@ from casadi_contact.core.conventions import Progress, Update, in_stage
 from casadi_contact.core.workers import worker_pool
 from casadi_contact.samples.chunk import WrenchModel
 from casadi_contact.samples.draw import draw_samples
-from casadi_contact.samples.errors import LoadModel
 from casadi_contact.samples.models import ModelPair, model_name_of, models_of, settings_of, teacher_of
-from casadi_contact.samples.samples import TRAIN, Samples
+from casadi_contact.samples.samples import TRAIN, LoadModel, Samples
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import calibrate
 from casadi_contact.surrogate.load import STRUCTURES

@@ -24,16 +24,15 @@ from casadi_contact.core.machine import machine_record
 from casadi_contact.core.terminal import PlainConsole, run_program
 from casadi_contact.optimisation.pose_estimation import PoseEstimation
 from casadi_contact.pictures.report.charts import draw_speed_accuracy, save
-from casadi_contact.samples.errors import load_errors
+from casadi_contact.samples.samples import load_errors
 from casadi_contact.scenes.joint_cycle import JointCycle
 from casadi_contact.scenes.load_cycle import LoadCycle
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.workflow.benchmark.candidate import Candidate
 from casadi_contact.workflow.benchmark.candidates import surrogate_candidates, untrained_candidates
 from casadi_contact.workflow.benchmark.evaluate import converged_elements
 from casadi_contact.workflow.benchmark.front_file import Front, Point, write_front
-from casadi_contact.workflow.benchmark.timing import compare, one_thread
+from casadi_contact.workflow.benchmark.timing import Candidate, compare, one_thread
 from casadi_contact.workflow.project import reference_motion_cycles, shipped_surrogates
 
 NAME = "solve_time"

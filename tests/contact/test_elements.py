@@ -8,7 +8,7 @@ import casadi_contact.geometry.elements as grids
 from casadi_contact.contact.elements.loops import block_bound, point_bound
 from casadi_contact.core.compiler import CACHE_VARIABLE
 from casadi_contact.geometry.moving_surface import MESH_FIELD
-from casadi_contact.pictures.contact_pose import contact_pose
+from casadi_contact.pictures.contact_picture import contact_pose
 from tests.support.compiler import needs_compiler
 from tests.support.meshes import scene_of, sheet_mesh, torus_mesh
 

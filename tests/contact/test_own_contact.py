@@ -11,7 +11,7 @@ from casadi_contact.cli import pipeline
 from casadi_contact.pictures.report.tables import evaluation_tables, read_evaluation
 from casadi_contact.samples.models import model_name_of
 from casadi_contact.workflow.benchmark.choose import choose
-from casadi_contact.workflow.benchmark.speed import speed
+from casadi_contact.workflow.benchmark.kernel_speed import speed
 from casadi_contact.workflow.presets import PRESETS, Effort, Preset
 from tests.support import own_contact
 from tests.support.own_contact import table_rows, write_csv

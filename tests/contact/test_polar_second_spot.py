@@ -7,12 +7,7 @@ from scipy.spatial.transform import Rotation
 import casadi_contact as cc
 from casadi_contact.contact.convergence import NotGoodEnoughError
 from casadi_contact.contact.polar import quadrature
-from casadi_contact.contact.polar.choice import (
-    RayChoice,
-    fraction_in_disagreement,
-    polar_foundation,
-    pressed_poses,
-)
+from casadi_contact.contact.polar.choice import RayChoice, fraction_in_disagreement, polar_foundation, pressed_poses
 from casadi_contact.contact.polar.lines import Rays
 from tests.support.compiler import needs_compiler
 from tests.support.derivative_checks import check_same_formulas

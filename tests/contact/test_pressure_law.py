@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from casadi_contact.contact.pressure_law import compile_laws, law_number, pressure, pressures
-from casadi_contact.scenes.pressure_laws import LAWS
+from casadi_contact.scenes.material import LAWS
 
 K, H = 2140.0, 8.0
 

@@ -20,7 +20,7 @@ from casadi_contact.core.quantities import (
     two_digits,
 )
 from casadi_contact.pictures.report.tables import evaluation_tables
-from casadi_contact.samples.errors import load_errors, rms_by_kind
+from casadi_contact.samples.samples import load_errors, rms_by_kind
 from casadi_contact.scenes.joint_cycle import column_names
 from casadi_contact.scenes.opensim.mapping import ColumnMap, loads_table
 from casadi_contact.workflow.benchmark.front_file import Front, Point, read_front, write_front

@@ -8,9 +8,8 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.conventions import LEVER_MM
 from casadi_contact.optimisation.starts import pose_bounds
 from casadi_contact.samples.chunk import draw_chunk, plan_chunks
-from casadi_contact.samples.errors import load_errors, rms_by_kind
 from casadi_contact.samples.reference import reference_motion
-from casadi_contact.samples.samples import DOMAINS
+from casadi_contact.samples.samples import DOMAINS, load_errors, rms_by_kind
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.surrogate.load import ready_surrogates
 from casadi_contact.workflow.project import reference_motion_cycles

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.optimisation.verification import coarse_elements
-from casadi_contact.optimisation.verification.coarse_elements import off_finer
+from casadi_contact.optimisation.verification import verify as coarse_elements
 from casadi_contact.optimisation.verification.verdict import Verdict, check_solution, reference_model
+from casadi_contact.optimisation.verification.verify import off_finer
 from tests.support.meshes import ball_mesh, scene_of, sheet_mesh
 
 POSE = np.array([0.7, 27.3, 0.1, 0.002, -0.04, -0.5])

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 import casadi_contact as cc
 from casadi_contact.contact.pressures import PressureMap
-from casadi_contact.pictures.contact_pose import contact_pose
+from casadi_contact.pictures.contact_picture import contact_pose
 from casadi_contact.pictures.section import draw_section
 from casadi_contact.pictures.view import view_of
 

@@ -9,8 +9,7 @@ import pytest
 
 from casadi_contact.optimisation.verification.verify import verify
 from casadi_contact.pictures.report.surrogate_page import surrogate_page, write_report
-from casadi_contact.samples.errors import domain_errors
-from casadi_contact.samples.samples import DOMAINS, TEST, Dropped, write_samples
+from casadi_contact.samples.samples import DOMAINS, TEST, Dropped, domain_errors, write_samples
 from casadi_contact.surrogate.fitness import Fitness, fitness
 from casadi_contact.surrogate.load import load_surrogate
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.pictures.contact_pose import contact_pose
+from casadi_contact.pictures.contact_picture import contact_pose
 from casadi_contact.pictures.view import PictureAxis, View, view_of
 
 GROWING = {"x": "posterior", "y": "superior", "z": "medial"}

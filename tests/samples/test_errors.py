@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.samples.errors import domain_errors, load_errors, rms_by_kind
-from casadi_contact.samples.samples import TEST, TRAIN, Samples
+from casadi_contact.samples.samples import TEST, TRAIN, Samples, domain_errors, load_errors, rms_by_kind
 
 
 def test_errors_of_hand_worked_loads():

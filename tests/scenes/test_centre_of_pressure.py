@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.scenes.centre_of_pressure import centre_of_pressure
-from casadi_contact.scenes.normal_load import normal_loads
+from casadi_contact.scenes.normal_load import centre_of_pressure, normal_loads
 
 
 @pytest.mark.parametrize("axis", range(3))

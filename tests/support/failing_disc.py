@@ -22,7 +22,7 @@ from casadi_contact.core.files.writing import write_text
 from casadi_contact.networks.function_file import save_function
 from casadi_contact.networks.training import checkpoint
 from casadi_contact.networks.training.fit import fit
-from casadi_contact.pictures import figure as show_figure
+from casadi_contact.pictures import page as show_figure
 from casadi_contact.pictures.report import charts as report_figure
 from casadi_contact.samples.samples import write_samples
 from casadi_contact.scenes.load_cycle import write_cycle

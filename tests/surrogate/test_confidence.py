@@ -11,7 +11,7 @@ from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.load_cycle import read_cycle
 from casadi_contact.scenes.walking import reference_cycles
-from casadi_contact.workflow.benchmark.walking import unseen_walking
+from casadi_contact.workflow.benchmark.evaluate import unseen_walking
 from tests.support.random_surrogates import random_surrogate
 from tests.support.shared_data import shared_file
 

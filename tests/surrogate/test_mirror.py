@@ -6,8 +6,7 @@ import numpy as np
 
 import casadi_contact as cc
 from casadi_contact.core.conventions import REFLECTION
-from casadi_contact.samples.mirror import either_side, mirrored
-from casadi_contact.samples.samples import Samples
+from casadi_contact.samples.samples import Samples, either_side, mirrored
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from tests.support.random_surrogates import random_poses, random_surrogate

@@ -14,9 +14,8 @@ from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.symbolic import HasConfidence, SymbolicContact
 from casadi_contact.core.conventions import Array, as_poses, load_unit
 from casadi_contact.core.quantities import beside, three_digits
-from casadi_contact.optimisation.verification.coarse_elements import off_finer
 from casadi_contact.optimisation.verification.unmodelled_load import unmodelled_fraction
-from casadi_contact.optimisation.verification.verify import as_mask, loads_on
+from casadi_contact.optimisation.verification.verify import as_mask, loads_on, off_finer
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.tolerance import Tolerance
 

@@ -10,8 +10,8 @@ from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import POSE_NAMES, Array, pose_index
-from casadi_contact.pictures.contact_pose import contact_pose
-from casadi_contact.pictures.figure import patch_title
+from casadi_contact.pictures.contact_picture import contact_pose
+from casadi_contact.pictures.page import patch_title
 from casadi_contact.samples.reference import reference_poses
 from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.scenes.pose_file import read_poses_over_time

@@ -18,12 +18,11 @@ from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.files.writing import write_text
 from casadi_contact.core.quantities import quantity
-from casadi_contact.pictures.figure import patch_title
 from casadi_contact.pictures.live.contact_model import packed, page_contact, page_kernel
 from casadi_contact.pictures.live.cycle import PageCycle, page_cycle, presets, settled_by, slider_ranges
 from casadi_contact.pictures.live.fixed_surface import FixedSurface, Triangles, fixed_surfaces
-from casadi_contact.pictures.live.moving_body import moving_body
-from casadi_contact.pictures.live.view import map_view, pose_words
+from casadi_contact.pictures.live.moving_body import map_view, moving_body, pose_words
+from casadi_contact.pictures.page import patch_title
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.load import load_surrogate

@@ -12,8 +12,7 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.files.reading import one_line
 from casadi_contact.core.files.writing import write_text
 from casadi_contact.core.quantities import quantity, three_digits
-from casadi_contact.pictures.contact_picture import draw_contact
-from casadi_contact.pictures.contact_pose import contact_pose
+from casadi_contact.pictures.contact_picture import contact_pose, draw_contact
 from casadi_contact.pictures.page import COLOURS, frame, new_page, save_page
 from casadi_contact.pictures.report.charts import draw_speed_accuracy
 from casadi_contact.pictures.report.html import heading, page, paragraph, picture, table

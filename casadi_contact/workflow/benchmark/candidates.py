@@ -18,10 +18,9 @@ from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.load import load_surrogate
 from casadi_contact.surrogate.two_stage.surrogate import TwoStageSurrogate
-from casadi_contact.workflow.benchmark.candidate import Candidate, Stopwatch
 from casadi_contact.workflow.benchmark.kernel_speed import lagrangian_hessian
 from casadi_contact.workflow.benchmark.sizes import chart_surrogates, sized_path
-from casadi_contact.workflow.benchmark.timing import time_batch, time_mapped, time_single_calls
+from casadi_contact.workflow.benchmark.timing import Candidate, Stopwatch, time_batch, time_mapped, time_single_calls
 from casadi_contact.workflow.project import Project, project_surrogates, read_motion, shipped_surrogates
 
 EF_FAMILY, FOUNDATION_FAMILY = "EF", "foundation"

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import ctypes
+import json
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -14,6 +16,8 @@ import numpy as np
 from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
 from casadi_contact.core.compiler import shared_library
 from casadi_contact.core.conventions import Array
+from casadi_contact.core.files.writing import replacing
+from casadi_contact.core.machine import machine_record
 from casadi_contact.networks.kernel.source import sigmoid_source
 from casadi_contact.networks.network import Network
 from casadi_contact.surrogate.base import Surrogate
@@ -25,6 +29,7 @@ from casadi_contact.workflow.benchmark.timing import (
     time_mapped,
     time_single_calls,
 )
+from casadi_contact.workflow.project import Project, available_poses, available_surrogates
 
 BATCH = 1000
 CALL_ALONE = "call alone"
@@ -131,3 +136,36 @@ def _least(run: Callable[[], object], repeats: int) -> float:
         run()
         times.append(time.perf_counter() - start)
     return min(times)
+
+
+SPEED_FILE = "kernel_speed.json"
+_POSES = 505
+
+
+def speed(project: Project) -> Path:
+    """Time the kernels of the project's surrogates on poses of its cycles or table; write ``kernel_speed.json``.
+
+    Where nothing has been built: of the scene's shipped surrogates, on poses of the built-in cycles.
+
+    Raises FileNotFoundError without a trained surrogate, CompilerError without a compiler.
+    """
+    surrogates = available_surrogates(project)
+    poses = available_poses(project)[:_POSES]
+    measured = {structure: kernel_speed(surrogate, poses) for structure, surrogate in surrogates.items()}
+    content = {
+        "format": "casadi_contact kernel speed",
+        "format_version": 1,
+        "machine": machine_record(),
+        "surrogates": {
+            structure: {
+                "microseconds": {what: asdict(timing) for what, timing in found.timings.items()},
+                "limit_us": found.limit.us,
+                "limit": str(found.limit),
+            }
+            for structure, found in measured.items()
+        },
+    }
+    path = project.folder / SPEED_FILE
+    with replacing(path) as beside:
+        beside.write_text(json.dumps(content, indent=1, ensure_ascii=False), "utf-8")
+    return path

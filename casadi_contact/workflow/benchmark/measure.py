@@ -12,9 +12,8 @@ from pathlib import Path
 from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
 from casadi_contact.core.conventions import Array, Update
 from casadi_contact.core.machine import machine_record
-from casadi_contact.samples.errors import load_errors
+from casadi_contact.samples.samples import load_errors
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.workflow.benchmark.candidate import Candidate, Stopwatch
 from casadi_contact.workflow.benchmark.candidates import (
     charted_surrogates,
     own_name,
@@ -23,11 +22,10 @@ from casadi_contact.workflow.benchmark.candidates import (
     surrogate_candidates,
     untrained_candidates,
 )
-from casadi_contact.workflow.benchmark.evaluate import converged_elements
+from casadi_contact.workflow.benchmark.evaluate import converged_elements, unseen_walking
 from casadi_contact.workflow.benchmark.front_file import FILE_NAME, TIMES, Front, Point, write_front
 from casadi_contact.workflow.benchmark.sizes import train_sizes
-from casadi_contact.workflow.benchmark.timing import Timing, compare, one_thread
-from casadi_contact.workflow.benchmark.walking import unseen_walking
+from casadi_contact.workflow.benchmark.timing import Candidate, Stopwatch, Timing, compare, one_thread
 from casadi_contact.workflow.project import Project, project_surrogates, read_motion
 
 # A slow model is timed on fewer poses, so that one measurement takes about this long at most.

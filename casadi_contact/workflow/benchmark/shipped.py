@@ -19,11 +19,11 @@ from casadi_contact.core.quantities import three_digits
 from casadi_contact.core.terminal import new_app, run_app
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.workflow.benchmark.candidate import Candidate
 from casadi_contact.workflow.benchmark.candidates import surrogate_candidates, untrained_candidates
+from casadi_contact.workflow.benchmark.evaluate import unseen_walking
 from casadi_contact.workflow.benchmark.front_file import Front, read_front, write_front
 from casadi_contact.workflow.benchmark.measure import measure
-from casadi_contact.workflow.benchmark.walking import unseen_walking
+from casadi_contact.workflow.benchmark.timing import Candidate
 from casadi_contact.workflow.project import built_in_motion, shipped_surrogates
 
 _FOLDER = Path(__file__).parent / "ready"

@@ -13,6 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from casadi_contact.core.conventions import Array
+from casadi_contact.samples.samples import LoadModel
 
 
 @dataclass(frozen=True)
@@ -100,3 +101,32 @@ def compare(measurements: dict[str, Callable[[], float]], repeats: int = 7) -> d
         for name, measure in measurements.items():
             seconds[name].append(measure())
     return {name: Timing.of(values) for name, values in seconds.items()}
+
+
+Stopwatch = Callable[[Array], float]
+"""Poses (n, 6) -> seconds per pose, on one thread."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One point of the chart.
+
+    name: "EF 80×40", "patch 14-14"; family: what shares a colour ("EF", "patch", "Kriging"). model is None where it
+    could not be made; then failure says why and the point stays in the table. time_value times single calls, as an
+    optimiser makes them, time_batch one call with all poses; a time that a model cannot have is None. samples and
+    training_seconds are zero for models that learn nothing; parameters counts stored numbers. remark: what a reader
+    must know (condition number, settings).
+    """
+
+    name: str
+    family: str
+    model: LoadModel | None
+    time_value: Stopwatch | None = None
+    time_jacobian: Stopwatch | None = None
+    time_hessian: Stopwatch | None = None
+    time_batch: Stopwatch | None = None
+    samples: int = 0
+    training_seconds: float = 0.0
+    parameters: int = 0
+    remark: str = ""
+    failure: str = ""

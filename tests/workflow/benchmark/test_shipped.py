@@ -15,17 +15,17 @@ import casadi_contact as cc
 from casadi_contact.cli import pipeline
 from casadi_contact.core.terminal import run_app
 from casadi_contact.pictures.report.tables import read_kernel_speed
-from casadi_contact.samples.errors import load_errors, rms_by_kind
+from casadi_contact.samples.samples import load_errors, rms_by_kind
 from casadi_contact.workflow.benchmark import shipped
+from casadi_contact.workflow.benchmark.evaluate import unseen_walking
 from casadi_contact.workflow.benchmark.front_file import read_front
 from casadi_contact.workflow.benchmark.kernel_speed import KernelSpeed, MachineLimit
 from casadi_contact.workflow.benchmark.shipped import shipped_front
 from casadi_contact.workflow.benchmark.timing import Timing
-from casadi_contact.workflow.benchmark.walking import unseen_walking
 from casadi_contact.workflow.project import Project, available_motion, available_surrogates, built_in_motion
 from tests.support.own_contact import SCENE as SOCKET
 
-speed_module = import_module("casadi_contact.workflow.benchmark.speed")  # in the package its name is the function's
+speed_module = import_module("casadi_contact.workflow.benchmark.kernel_speed")
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def test_its_errors_are_those_of_the_surrogates_that_are_shipped_today(project, 
 
 def test_the_shipped_knee_errs_on_unseen_walking_as_the_readme_says(walking):
     """Within a factor of 1.3 either way, in forces and in torques."""
-    readme = (Path(__file__).parents[2] / "README.md").read_text("utf-8")
+    readme = (Path(__file__).parents[3] / "README.md").read_text("utf-8")
     (line,) = re.findall(r"RMS error of `knee` on (\d+) unseen poses of walking \| ([\d.]+) N, ([\d.]+) N·mm", readme)
     poses, loads = walking
     knee = cc.load_surrogate("knee")

@@ -10,8 +10,8 @@ from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.walking import reference_cycles
 from casadi_contact.workflow.benchmark import timing as timing_module
+from casadi_contact.workflow.benchmark.evaluate import unseen_walking
 from casadi_contact.workflow.benchmark.timing import compare, time_batch, time_single_calls
-from casadi_contact.workflow.benchmark.walking import unseen_walking
 
 
 def test_unseen_walking_lies_inside_the_envelopes_and_is_new():

@@ -8,11 +8,10 @@ from functools import partial
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import Samples
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.workflow.benchmark.candidate import Candidate
 from casadi_contact.workflow.benchmark.peers.forms import two_stage_forms
 from casadi_contact.workflow.benchmark.peers.history import HISTORY_MODELS, history_candidates
 from casadi_contact.workflow.benchmark.peers.regressors import REGRESSORS, TrainingSet, regressor_candidates
-from casadi_contact.workflow.benchmark.timing import one_thread
+from casadi_contact.workflow.benchmark.timing import Candidate, one_thread
 
 FORMS = "two-stage form"
 FAMILIES = (*REGRESSORS, *HISTORY_MODELS, FORMS)

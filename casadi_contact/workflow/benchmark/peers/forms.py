@@ -28,8 +28,7 @@ from casadi_contact.networks.activations import activation_of
 from casadi_contact.networks.network import Network
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.two_stage.surrogate import TwoStageSurrogate
-from casadi_contact.workflow.benchmark.candidate import Candidate, Stopwatch
-from casadi_contact.workflow.benchmark.timing import time_batch, time_calls, time_single_calls
+from casadi_contact.workflow.benchmark.timing import Candidate, Stopwatch, time_batch, time_calls, time_single_calls
 
 FAMILY = "two-stage form"
 FLAGS = ("-O3", "-fno-math-errno", "-fno-trapping-math")

@@ -22,9 +22,8 @@ from casadi_contact.networks.network import Network, Regression
 from casadi_contact.networks.training.fit import fit
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.samples.reference import ReferenceMotion
-from casadi_contact.workflow.benchmark.candidate import Candidate
 from casadi_contact.workflow.benchmark.peers.regressors import TrainingSet
-from casadi_contact.workflow.benchmark.timing import time_batch, time_calls
+from casadi_contact.workflow.benchmark.timing import Candidate, time_batch, time_calls
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,7 @@ from casadi_contact.core.conventions import Array, as_poses
 from casadi_contact.samples.samples import Samples
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.sample_rows import finite, fitted_rows
-from casadi_contact.workflow.benchmark.candidate import Candidate
-from casadi_contact.workflow.benchmark.timing import time_batch, time_calls
+from casadi_contact.workflow.benchmark.timing import Candidate, time_batch, time_calls
 
 
 @dataclass(frozen=True)
