@@ -57,7 +57,7 @@ def test_starts_lie_on_the_space(ball):
     [
         ({"rx": 0.1}, "rx"),
         ({"tx": 0.4, "tz": 0.0}, "tied"),
-        ({"tz": 0.4}, "not given"),
+        ({"tz": 0.4}, "tied"),
         ({"ry": ca.MX.sym("ry")}, "expression"),
         ({"rz": -30.0}, "degrees"),
     ],
