@@ -12,7 +12,7 @@ from typer.main import get_command
 
 from casadi_contact.cli.main import app
 from problems.studies.pages import BEGIN, END, headline, pages
-from tests.support.stored_results import RESULTS
+from tests.support.shared_data import RESULTS
 
 ROOT = Path(__file__).parents[1]
 WRITTEN_WITH_THE_DOCS = "knee.html"  # docs/hooks.py

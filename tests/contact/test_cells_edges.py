@@ -5,8 +5,8 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact.cells.basis import Cells
+from tests.support.agreement import check_hessians, check_jacobian
 from tests.support.compiler import needs_compiler
-from tests.support.derivative_checks import check_hessians, check_jacobian
 from tests.support.meshes import scene_of, sheet_mesh, wheel_mesh
 
 RADIUS_MM, HALF_WIDTH_MM = 15.0, 6.0

@@ -10,8 +10,8 @@ from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.contact.polar.peak import nearest
 from casadi_contact.contact.polar.surfaces import u_range
 from casadi_contact.core.conventions import rotation
+from tests.support.agreement import check_hessians, check_jacobian, check_same_formulas
 from tests.support.compiler import needs_compiler
-from tests.support.derivative_checks import check_hessians, check_jacobian, check_same_formulas
 
 RAYS, FINE = Rays(16, 3), Rays(32, 4)
 TILT_RAD = np.pi / 4.0

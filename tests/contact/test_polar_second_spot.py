@@ -9,8 +9,8 @@ from casadi_contact.contact.convergence import NotGoodEnoughError
 from casadi_contact.contact.polar import quadrature
 from casadi_contact.contact.polar.choice import RayChoice, fraction_in_disagreement, polar_foundation, pressed_poses
 from casadi_contact.contact.polar.lines import Rays
+from tests.support.agreement import check_same_formulas
 from tests.support.compiler import needs_compiler
-from tests.support.derivative_checks import check_same_formulas
 
 FITS_MM = [(58.0, 23.0), (44.0, 23.0), (41.0, 25.0), (41.0, 23.0)]  # condyles: 38.9 to 17.9 and 22 mm
 

@@ -11,7 +11,7 @@ from casadi_contact.contact.approach import advance_to_contact
 from casadi_contact.core.conventions import pose_index
 from casadi_contact.samples.reference import reference_poses
 from casadi_contact.scenes.joint_cycle import JointCycle
-from tests.support.held_scenes import AT_ZERO, LOCKED, SLOPE, held_ball
+from tests.support.ready_poses import AT_ZERO, LOCKED, SLOPE, held_ball
 
 DISH_MM = 45.0
 TARGET = {"Fy": np.array([-300.0, -500.0]), "Fx": np.array([-20.0, 30.0])}

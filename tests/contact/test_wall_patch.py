@@ -6,8 +6,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.optimisation.contact_frames import ContactFrames
-from tests.support.ball_in_corner import RADIUS_MM, force_n, write_corner
-from tests.support.meshes import mesh_scene_text
+from tests.support.meshes import RADIUS_MM, force_n, mesh_scene_text, write_corner
 
 FLOOR = "[geometry.patches.floor]\nx = [0.0, 30.0]\n"
 WALL = "[geometry.patches.wall]\nx = [-0.5, 0.5]\ny = [0.5, 16.0]\npressing = [-1.0, 0.0, 0.0]\n"

@@ -10,7 +10,7 @@ import pytest
 
 from casadi_contact.core.workers import cluster_workers
 from casadi_contact.samples.samples import partial_folder
-from tests.support.drawn_spheres import draw
+from tests.support.two_spheres import draw
 
 distributed = pytest.importorskip("distributed", reason="extra cluster is not installed")
 WORKERS = 4
@@ -26,7 +26,7 @@ def forked():
     with dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"}):
         get_mp_context()  # sets what it imports by itself
         multiprocessing.set_forkserver_preload(
-            ["distributed", "casadi_contact.networks.training", "tests.support.drawn_spheres"]
+            ["distributed", "casadi_contact.networks.training", "tests.support.two_spheres"]
         )
         yield
 

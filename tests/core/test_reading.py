@@ -8,7 +8,7 @@ import pytest
 
 from casadi_contact.core.files.containers import new_hdf5, open_hdf5, read_npz, write_npz
 from casadi_contact.core.files.reading import existing_file, finite_number, toml_tables
-from tests.support.hdf5_files import resealed
+from tests.support.shared_data import resealed
 
 
 class Evil:

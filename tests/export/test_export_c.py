@@ -16,9 +16,9 @@ from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.core.compiler import compiler_command
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
+from tests.support.agreement import second_derivatives
 from tests.support.compiler import needs_compiler
 from tests.support.random_surrogates import IN_PARTS, random_poses, random_surrogate, scene_called
-from tests.support.second_derivatives import second_derivatives
 
 
 @needs_compiler

@@ -14,8 +14,7 @@ from casadi_contact.core.compiler import compiler_command
 from casadi_contact.core.quantities import quantity
 from tests.support.agreement import close
 from tests.support.compiler import needs_compiler
-from tests.support.random_confidence import random_confidence
-from tests.support.random_surrogates import IN_PARTS, random_poses, random_surrogate, scene_called
+from tests.support.random_surrogates import IN_PARTS, random_confidence, random_poses, random_surrogate, scene_called
 
 OK, OUTSIDE, NOT_FINITE = range(3)
 pytestmark = [needs_compiler, pytest.mark.skipif(shutil.which("make") is None, reason="no make found")]

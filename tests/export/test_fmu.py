@@ -19,8 +19,12 @@ import casadi_contact as cc  # noqa: E402
 from casadi_contact.core.conventions import POSE_NAMES  # noqa: E402
 from tests.support.agreement import close  # noqa: E402
 from tests.support.compiler import flags_of_the_library, needs_compiler  # noqa: E402
-from tests.support.random_confidence import random_confidence  # noqa: E402
-from tests.support.random_surrogates import random_poses, random_surrogate, scene_called  # noqa: E402
+from tests.support.random_surrogates import (  # noqa: E402
+    random_confidence,
+    random_poses,
+    random_surrogate,
+    scene_called,
+)
 
 pytestmark = needs_compiler
 

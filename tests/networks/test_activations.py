@@ -13,11 +13,10 @@ from casadi_contact.networks.training.mlp import Mlp
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.networks.training.weights import flatten, initial_network
 from casadi_contact.scenes.loading import load_scene
-from tests.support.agreement import close
+from tests.support.agreement import close, second_derivatives
 from tests.support.compiler import needs_compiler
 from tests.support.random_surrogates import random_poses, random_surrogate
-from tests.support.regressions import smooth
-from tests.support.second_derivatives import second_derivatives
+from tests.support.smooth_samples import smooth
 
 torch = pytest.importorskip("torch", reason="its autograd is the oracle")
 

@@ -8,7 +8,7 @@ from casadi_contact.core.conventions import rotation
 from casadi_contact.networks.activations import ACTIVATIONS
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.surrogate.load import load_surrogate
-from tests.support.agreement import CANCELLED, agree, usual_size
+from tests.support.agreement import CANCELLED, agree, by_hessians, by_jacobian_of_jacobian, evaluated, usual_size
 from tests.support.compiler import needs_compiler
 from tests.support.meshes import ball_mesh, scene_of, sheet_mesh
 from tests.support.random_surrogates import (
@@ -19,7 +19,6 @@ from tests.support.random_surrogates import (
     random_surrogate,
     scene_called,
 )
-from tests.support.second_derivatives import by_hessians, by_jacobian_of_jacobian, evaluated
 
 torch_oracle = pytest.importorskip("tests.support.torch_oracle", reason="torch is not installed", exc_type=ImportError)
 CASES = [("knee", structure, activation) for structure in ("patch", "two_stage") for activation in ACTIVATIONS]

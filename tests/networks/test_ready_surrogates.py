@@ -13,8 +13,7 @@ from casadi_contact.samples.samples import DOMAINS, load_errors, rms_by_kind
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.surrogate.load import ready_surrogates
 from casadi_contact.workflow.project import reference_motion_cycles
-from tests.support.agreement import CANCELLED, agree
-from tests.support.second_derivatives import evaluated
+from tests.support.agreement import CANCELLED, agree, evaluated
 
 torch_oracle = pytest.importorskip("tests.support.torch_oracle", reason="torch is not installed", exc_type=ImportError)
 

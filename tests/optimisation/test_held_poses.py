@@ -11,7 +11,7 @@ from casadi_contact.contact.symbolic import symbolic
 from casadi_contact.optimisation.knee import shear_free_poses
 from casadi_contact.optimisation.starts import middle_pose
 from tests.support.compiler import needs_compiler
-from tests.support.held_scenes import AT_ZERO, LOCKED, SLOPE, held_ball, scene_held
+from tests.support.ready_poses import AT_ZERO, LOCKED, SLOPE, held_ball, scene_held
 
 TARGET = {"Fy": -300.0, "Fx": -20.0}
 

@@ -16,7 +16,7 @@ from casadi_contact.optimisation.joint_mechanics import whole_wrench
 from casadi_contact.optimisation.starts import middle_pose
 from casadi_contact.optimisation.static_equilibrium import SOFT_TISSUE, StaticEquilibrium
 from tests.support.compiler import needs_compiler
-from tests.support.held_scenes import scene_held
+from tests.support.ready_poses import scene_held
 from tests.support.shared_data import shared_file
 
 LOADS = np.array([-100.0, -1500.0, 0.0, 7500.0, -2000.0, 0.0])

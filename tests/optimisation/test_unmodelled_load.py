@@ -11,8 +11,17 @@ from casadi_contact.optimisation.verification.unmodelled_load import (
     unmodelled_load_words,
 )
 from casadi_contact.optimisation.verification.verdict import UNCOUNTED, check_solution
-from tests.support.ball_in_corner import RADIUS_MM, force_n, write_corner
-from tests.support.meshes import STIFFNESS, ball_mesh, mesh_scene_text, sheet_mesh, wheel_mesh, write_obj
+from tests.support.meshes import (
+    RADIUS_MM,
+    STIFFNESS,
+    ball_mesh,
+    force_n,
+    mesh_scene_text,
+    sheet_mesh,
+    wheel_mesh,
+    write_corner,
+    write_obj,
+)
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import pytest
 from casadi_contact.pictures.page import COLOURS
 from casadi_contact.pictures.report.charts import CHARTS, MARKERS, draw_charts, draw_speed_accuracy, family_styles
 from casadi_contact.workflow.benchmark.front_file import Front, Point, read_front, write_front
-from tests.support.stored_results import SPEED_ACCURACY as STORED
+from tests.support.shared_data import SPEED_ACCURACY as STORED
 
 
 @pytest.fixture(scope="module")

@@ -17,9 +17,8 @@ from casadi_contact.scenes.opensim.table import read_opensim_table
 from casadi_contact.scenes.pose_file import read_poses, write_poses
 from tests.support.agreement import agree
 from tests.support.browser import opened, until
-from tests.support.depths import depths, law_of
+from tests.support.drawn_surfaces import depths, law_of, point_areas_mm2
 from tests.support.shared_data import shared_file
-from tests.support.triangle_areas import point_areas_mm2
 
 pytest.importorskip("ziglang", reason="pages need the extra: pip install casadi_contact[page]")
 

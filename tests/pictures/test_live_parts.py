@@ -22,8 +22,8 @@ from casadi_contact.pictures.live.joint_page import joint_page, page_script
 from casadi_contact.pictures.live.moving_body import MOST_TRIANGLES, fewer_triangles, moving_body
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.pose_file import write_poses
+from tests.support.drawn_surfaces import area_vectors_mm2
 from tests.support.meshes import ball_mesh, mesh_scene_text, sheet_mesh, write_obj
-from tests.support.triangle_areas import area_vectors_mm2
 
 
 def square(step=1.0):

@@ -14,8 +14,7 @@ from casadi_contact.surrogate.fitness import Fitness, fitness
 from casadi_contact.surrogate.load import load_surrogate
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from casadi_contact.surrogate.sample_rows import samples_record
-from tests.support.random_confidence import random_confidence
-from tests.support.random_surrogates import random_network
+from tests.support.random_surrogates import random_confidence, random_network
 from tests.support.smooth_samples import CENTRE, SPHERE, SPREAD, smooth_samples
 
 SAMPLES = smooth_samples(300)

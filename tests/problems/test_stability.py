@@ -1,6 +1,9 @@
 """Every row of the stability table, at a tiny scale: it measures what its name says."""
 
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +16,22 @@ from casadi_contact.workflow.project import built_in_motion
 from problems.studies.stability import __main__ as command
 from problems.studies.stability import derivatives, methods, poses
 from problems.studies.stability.methods import EF_ANALYTIC, FOUNDATION, Bench, PeerModel, by_differences
-from tests.support.command import ended
+
+ROOT = Path(__file__).parents[2]
+
+
+def ended(monkeypatch, main, *arguments):
+    """What a command's `main` ends with under these arguments: its exit status, or the line that reports a mistake."""
+    monkeypatch.setattr(sys, "argv", ["command", *map(str, arguments)])
+    with pytest.raises(SystemExit) as end:
+        main()
+    return end.value.code
+
+
+def ran(module, *arguments):
+    """What ``python -m module`` comes to in a clone: exit status and what it printed, as text."""
+    command = [sys.executable, "-m", module, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,7 @@ from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, partial_fold
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.loading import load_scene
 from tests.support import two_spheres
-from tests.support.drawn_spheres import SETTINGS, draw, sphere_motion
-from tests.support.two_spheres import TwoSpheres, knee
+from tests.support.two_spheres import SETTINGS, TwoSpheres, draw, knee, sphere_motion
 
 
 @pytest.fixture(scope="module")

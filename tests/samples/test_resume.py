@@ -12,14 +12,13 @@ from casadi_contact.samples.draw import draw_samples
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import partial_folder, read_samples
 from tests.support import two_spheres
-from tests.support.drawn_spheres import SETTINGS, draw, sphere_motion
-from tests.support.two_spheres import knee
+from tests.support.two_spheres import SETTINGS, draw, knee, sphere_motion
 
 KILLED_DRAW = """
 import os, signal, sys
 from concurrent.futures import ThreadPoolExecutor
 sys.path.insert(0, sys.argv[2])
-from tests.support.drawn_spheres import draw
+from tests.support.two_spheres import draw
 with ThreadPoolExecutor(1) as executor:
     draw(sys.argv[1], executor, progress=lambda done, total: done < 4 or os.kill(os.getpid(), signal.SIGKILL))
 """

@@ -14,7 +14,7 @@ from casadi_contact.samples.samples import (
     write_samples,
 )
 from casadi_contact.scenes.loading import load_scene
-from tests.support.hdf5_files import resealed
+from tests.support.shared_data import resealed
 
 
 def some_samples(count=20):

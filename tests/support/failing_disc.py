@@ -31,11 +31,10 @@ from casadi_contact.scenes.opensim.table import write_table
 from casadi_contact.scenes.pose_file import write_poses
 from casadi_contact.scenes.walking import reference_cycle
 from casadi_contact.workflow.benchmark.front_file import read_front, write_front
-from tests.support.drawn_spheres import draw
 from tests.support.own_contact import SCENE
 from tests.support.random_surrogates import random_poses, random_surrogate
-from tests.support.regressions import FIXED, smooth
-from tests.support.smooth_samples import smooth_samples
+from tests.support.smooth_samples import FIXED, smooth, smooth_samples
+from tests.support.two_spheres import draw
 
 POSES = random_poses(40)
 FRONT = Path(cc.__file__).parent / "workflow" / "benchmark" / "ready" / "knee.csv"

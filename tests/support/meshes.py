@@ -1,5 +1,7 @@
 """Meshes of bodies with known distance, and scenes of mesh files, as text."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
@@ -217,3 +219,20 @@ def post_mesh():
     faces = np.concatenate([*sides, front[:, ::-1], front + n])
     volume = np.einsum("ij,ij->", points[faces[:, 0]], np.cross(points[faces[:, 1]], points[faces[:, 2]]))
     return points, faces if volume > 0.0 else faces[:, ::-1]
+
+
+RADIUS_MM = 8.0
+
+
+def write_corner(folder: Path) -> Path:
+    """The folder with post.obj (fixed) and ball.obj (moving) in it."""
+    write_obj(folder / "post.obj", *post_mesh())
+    write_obj(folder / "ball.obj", *ball_mesh(RADIUS_MM, 0.5))
+    return folder
+
+
+def force_n(overlap_mm: float) -> float:
+    """π·K/h·d²·(R - d/3): a ball on a plane, depth along the plane's normal."""
+    nu = ELASTIC["poissons_ratio"]
+    modulus = (1.0 - nu) * ELASTIC["youngs_modulus"] / ((1.0 + nu) * (1.0 - 2.0 * nu))
+    return float(np.pi * modulus / ELASTIC["thickness"] * overlap_mm**2 * (RADIUS_MM - overlap_mm / 3.0))

@@ -1,16 +1,19 @@
-"""Untrained surrogates with random weights, scaled so that root loads cross zero: enough to compare evaluations."""
+"""Untrained surrogates and confidences of random weights, scaled so that root loads cross zero; random samples."""
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from casadi_contact.networks.network import Network
+from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.surrogate.confidence import Confidence
 from casadi_contact.surrogate.load import STRUCTURES
 
 POSE_CENTRE = np.array([0.0, 27.0, 0.0, 0.0, 0.0, -0.5])
@@ -64,3 +67,44 @@ def random_surrogate(scene: Scene, structure: str, activation: str = "algebraic"
             output = 20000.0 if name.startswith("T") else 800.0
         networks[name] = random_network(rng, shift, scale, (14, 9), activation, output)
     return kind(scene, networks)
+
+
+def random_confidence(patches: int, loads: int, *, root_size: float = 1.0) -> Confidence:
+    """root_size: of usual root loads. Validity varies over random poses."""
+    rng = np.random.default_rng(0)
+    columns = np.array([0.0, 2.0, 4.0])
+    sizes = (3 + patches, 7, 5, 1 + loads)
+    whitening = np.sqrt(3.0) * np.diag(1.0 / POSE_SPREAD)
+    whitening[1, 0] = 0.1  # as of a parameter that is tied to another
+    layers = [(0.5 * rng.normal(size=(m, n)), 0.1 * rng.normal(size=m)) for n, m in itertools.pairwise(sizes)]
+    layers[-1][1][0] -= 1.0  # some poses are valid
+    network = Network(
+        np.r_[POSE_CENTRE[[0, 2, 4]], np.zeros(patches)],
+        np.r_[POSE_SPREAD[[0, 2, 4]], np.full(patches, root_size)],
+        tuple(weights for weights, _ in layers),
+        tuple(bias for _, bias in layers),
+    )
+    return Confidence(
+        whitening=whitening,
+        centres=POSE_CENTRE @ whitening.T + 1.7 * rng.uniform(-1.0, 1.0, (37, 6)),
+        bandwidth=0.9,
+        sharpness=0.6,
+        edge=1.0,
+        columns=columns,
+        network=network,
+        growth=rng.uniform(0.2, 1.0, loads),
+    )
+
+
+KNEE = load_scene("knee")
+
+
+def invented_samples(count=300, seed=0) -> Samples:
+    """Each side 40 % lifted, ratios that are simple functions of the pose."""
+    rng = np.random.default_rng(seed)
+    poses, gaps = random_poses(count, seed), rng.uniform(-0.1, 0.15, (count, 2))
+    normal = np.where(gaps < 0.0, 8e4 * gaps**2, 0.0)
+    ratios = np.array([0.05, -1.0, 0.03, 22.0, 1.0, -4.0])
+    wrenches = normal[:, :, None] * np.stack([ratios, ratios * [1, 1, -1, -1, 1, 1]])
+    role = rng.choice([TRAIN, VALIDATION, TEST], count, p=[0.8, 0.1, 0.1]).astype(np.uint8)
+    return Samples(KNEE, poses, wrenches, gaps, np.ones(count, dtype=np.uint8), role)

@@ -1,6 +1,13 @@
-"""Poses of ready-made scenes: contacts with a known force, a loaded knee, balls in their cups."""
+"""Poses of ready-made scenes (contacts with a known force, a loaded knee, balls in cups); scenes that lock and tie."""
+
+from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
+
+import casadi_contact as cc
+from casadi_contact.scenes.scene import Scene
 
 CASES = [  # scene, overrides, overlap [mm], vertical force [N] (closed form)
     ("sphere_on_plane", {}, 0.05, 63.0103),
@@ -59,3 +66,18 @@ def walking(n, seed=3):
         rng.uniform(-1.2, 0.15, n),
     ]
     return poses, {"Fy_med": -rng.uniform(30, 1500, n), "Fy_lat": -rng.uniform(30, 1500, n)}
+
+
+SLOPE, AT_ZERO, LOCKED = 0.5, 0.2, 0.05  # tz = 0.2 + 0.5·tx [mm], rx = 0.05 rad
+BALL_POSE = {"locked": {"rx": LOCKED, "ry": 0.0}, "tied": {"tz": {"to": "tx", "slope": SLOPE, "at_zero": AT_ZERO}}}
+
+
+def scene_held(name: str, pose: dict[str, Any], **keys: Any) -> Scene:
+    """A ready scene with this [pose], and other values of single keys."""
+    tables = cc.load_scene(name, **keys).tables
+    return Scene.from_tables({**tables, "pose": pose})
+
+
+def held_ball(**keys: Any) -> Scene:
+    """A ball in a dish on a rail across it: tz follows tx, rx and ry are locked."""
+    return scene_held("sphere_in_dish", BALL_POSE, **keys)

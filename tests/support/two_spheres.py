@@ -4,11 +4,15 @@ A sphere of radius r with its centre at c = t + R(q)·a carries N = k·max(r - c
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import angular_velocity_map, as_poses, load_selection, rotation
+from casadi_contact.samples.draw import draw_samples
+from casadi_contact.samples.reference import ReferenceMotion, reference_motion
+from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.loading import load_scene
 
 RADIUS_MM = 27.0
@@ -113,3 +117,18 @@ def cycles(model, count=3):
 
 def knee():
     return load_scene("knee")
+
+
+SETTINGS = SamplingSettings(scale=0.003, frames=21, chunk_size=20, seed=5)
+
+
+@cache
+def sphere_motion() -> ReferenceMotion:
+    """The reference motion that samples are drawn around."""
+    model = TwoSpheres(knee())
+    return reference_motion(model, cycles(model)[0], SETTINGS)[0]
+
+
+def draw(path, executor, settings=SETTINGS, **options):
+    """Draw the samples into a file, as `draw_samples`."""
+    return draw_samples(knee(), sphere_motion(), path, settings=settings, executor=executor, models=models, **options)

@@ -11,8 +11,7 @@ import casadi_contact as cc
 from casadi_contact.surrogate.arrays import BATCH_FROM
 from tests.support.agreement import close
 from tests.support.compiler import needs_compiler
-from tests.support.random_confidence import random_confidence
-from tests.support.random_surrogates import IN_PARTS, random_poses, random_surrogate, scene_called
+from tests.support.random_surrogates import IN_PARTS, random_confidence, random_poses, random_surrogate, scene_called
 
 POSES = random_poses(BATCH_FROM + 5, seed=1)
 

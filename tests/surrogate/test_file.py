@@ -14,9 +14,8 @@ from casadi_contact.scenes.loading import load_scene
 from casadi_contact.surrogate.file import FORMAT
 from casadi_contact.surrogate.load import load_surrogate
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
-from tests.support.hdf5_files import resealed
-from tests.support.random_confidence import random_confidence
-from tests.support.random_surrogates import random_poses, random_surrogate
+from tests.support.random_surrogates import random_confidence, random_poses, random_surrogate
+from tests.support.shared_data import resealed
 
 RECORD = {
     "samples": {"D1": 21600, "D5": 270},

@@ -10,9 +10,9 @@ from casadi_contact.surrogate.file import _digest, _read_content
 from casadi_contact.surrogate.load import load_surrogate
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from tests.support.compiler import needs_compiler
-from tests.support.hdf5_files import resealed
 from tests.support.own_contact import SCENE
 from tests.support.random_surrogates import random_surrogate
+from tests.support.shared_data import resealed
 
 
 def code_that_marks(mark):

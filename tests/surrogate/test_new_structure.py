@@ -13,9 +13,8 @@ from casadi_contact.surrogate.load import STRUCTURES
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
 from casadi_contact.workflow.presets import PRESETS, Effort, Preset
 from tests.support import two_spheres
-from tests.support.agreement import close
+from tests.support.agreement import close, second_derivatives
 from tests.support.compiler import needs_compiler
-from tests.support.second_derivatives import second_derivatives
 from tests.surrogate.direct.surrogate import DirectSurrogate
 
 PRESET = Preset(0.004, {"direct": {"": Effort(((5,),), 0.3)}})

@@ -11,8 +11,7 @@ from casadi_contact.surrogate.patch.local_pose import local_pose_jacobian, local
 from casadi_contact.surrogate.patch.networks import ratio_outputs
 from casadi_contact.surrogate.patch.regressions import root_weight
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
-from tests.support.invented_samples import invented_samples
-from tests.support.random_surrogates import random_poses, random_surrogate
+from tests.support.random_surrogates import invented_samples, random_poses, random_surrogate
 
 KNEE = load_scene("knee")
 

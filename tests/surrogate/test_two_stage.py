@@ -9,8 +9,7 @@ from casadi_contact.samples.samples import TEST, TRAIN
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from casadi_contact.surrogate.two_stage.surrogate import TwoStageSurrogate
-from tests.support.invented_samples import invented_samples
-from tests.support.random_surrogates import random_poses, random_surrogate
+from tests.support.random_surrogates import invented_samples, random_poses, random_surrogate
 
 KNEE = load_scene("knee")
 

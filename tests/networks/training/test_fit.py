@@ -9,7 +9,7 @@ from casadi_contact.networks.network import Regression
 from casadi_contact.networks.training.fit import fit
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.networks.training.weights import flatten, initial_network
-from tests.support.regressions import FIXED, smooth
+from tests.support.smooth_samples import FIXED, smooth
 
 GROWING = TrainingSettings(sizes=((2,), (4,), (5, 5), (6, 6, 6)), max_iterations=160)
 

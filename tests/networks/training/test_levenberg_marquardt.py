@@ -6,7 +6,7 @@ import pytest
 from casadi_contact.networks.training.levenberg_marquardt import LevenbergMarquardt, StepSettings
 from casadi_contact.networks.training.mlp import Mlp
 from casadi_contact.networks.training.weights import flatten, initial_network, unflatten
-from tests.support.regressions import smooth
+from tests.support.smooth_samples import smooth
 
 
 def solver(data, hidden, seed=0, like=None, activation="algebraic", settings=None, **options):

@@ -8,7 +8,7 @@ import pytest
 from casadi_contact.networks.training.mlp import Mlp
 from casadi_contact.networks.training.several_outputs import SeveralOutputsMlp
 from casadi_contact.networks.training.weights import flatten, initial_network, unflatten, widen
-from tests.support.regressions import smooth
+from tests.support.smooth_samples import smooth
 
 
 def regression(outputs=1, rows=150):

@@ -14,7 +14,7 @@ from casadi_contact.networks.training.fit import fit
 from casadi_contact.networks.training.parallel import fit_all
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.networks.training.weights import flatten
-from tests.support.regressions import smooth
+from tests.support.smooth_samples import smooth
 
 SETTINGS = TrainingSettings(sizes=((6, 5),), max_gflop=300.0, max_iterations=30)
 DATA = [smooth(seed=k, name=name) for k, name in enumerate(("root_med", "Fx/lat", "root_lat"))]

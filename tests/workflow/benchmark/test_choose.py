@@ -15,7 +15,7 @@ from casadi_contact.workflow.benchmark.choose import Offer, cheapest, within_tol
 from casadi_contact.workflow.benchmark.front_file import read_front
 from casadi_contact.workflow.benchmark.shipped import shipped_front
 from casadi_contact.workflow.project import Project
-from tests.support.stored_results import SPEED_ACCURACY as STORED
+from tests.support.shared_data import SPEED_ACCURACY as STORED
 
 TOLERANCES = [(50.0, 1000.0), (5.0, 100.0), (2.0, 40.0), (0.5, 20.0), (0.12, 3.5)]
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from casadi_contact.core.quantities import FORCE, TORQUE
 from casadi_contact.workflow.benchmark.front_file import Front, Point, pareto, read_front, write_front
 from casadi_contact.workflow.benchmark.timing import Timing
-from tests.support.stored_results import SPEED_ACCURACY as STORED
+from tests.support.shared_data import SPEED_ACCURACY as STORED
 
 
 def lines_of(path):

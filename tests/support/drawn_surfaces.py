@@ -1,4 +1,4 @@
-"""What a foundation's formulas in NumPy say at the points of its fixed surface that a page draws."""
+"""Areas of drawn triangles, and depths of contact at points of a drawn surface by NumPy."""
 
 import numpy as np
 
@@ -7,6 +7,20 @@ from casadi_contact.contact.cup.foundation import CupFoundation
 from casadi_contact.contact.polar.ray_hits import ray_hits
 from casadi_contact.core.conventions import rotation
 from casadi_contact.geometry.surface_distances import distance_gradients
+
+
+def area_vectors_mm2(triangles):
+    """Normals (n, 3) of the triangles, each as long as its triangle's area."""
+    a, b, c = np.moveaxis(triangles.points_mm[triangles.corners], 1, 0)
+    return 0.5 * np.cross(b - a, c - a)
+
+
+def point_areas_mm2(triangles):
+    """Areas (m,) that the points stand for: a third of every triangle around."""
+    thirds = np.linalg.norm(area_vectors_mm2(triangles), axis=1) / 3.0
+    areas = np.zeros(len(triangles.points_mm))
+    np.add.at(areas, triangles.corners.ravel(), np.repeat(thirds, 3))
+    return areas
 
 
 def law_of(model):
