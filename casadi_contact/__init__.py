@@ -13,6 +13,7 @@ __all__ = [
     "Assembly",
     "CallableModel",
     "CellFoundation",
+    "Cells",
     "ContactFrames",
     "ContactInOpti",
     "CupFoundation",
@@ -21,6 +22,7 @@ __all__ = [
     "PolarFoundation",
     "PoseEstimation",
     "RayCastFoundation",
+    "Rays",
     "Scene",
     "StaticEquilibrium",
     "build",
@@ -41,11 +43,13 @@ __all__ = [
 if TYPE_CHECKING:
     from casadi_contact.cli.pipeline import build
     from casadi_contact.contact.callable_model import CallableModel
+    from casadi_contact.contact.cells.basis import Cells
     from casadi_contact.contact.cells.foundation import CellFoundation
     from casadi_contact.contact.choice import foundation
     from casadi_contact.contact.cup.foundation import CupFoundation
     from casadi_contact.contact.elements.foundation import ElasticFoundation
     from casadi_contact.contact.polar.foundation import PolarFoundation
+    from casadi_contact.contact.polar.lines import Rays
     from casadi_contact.contact.ray_cast import RayCastFoundation
     from casadi_contact.contact.relax import relax
     from casadi_contact.contact.sensitive import sensitive_directions
@@ -70,6 +74,7 @@ else:
         "Assembly": "optimisation.assembly.assembly",
         "CallableModel": "contact.callable_model",
         "CellFoundation": "contact.cells.foundation",
+        "Cells": "contact.cells.basis",
         "ContactFrames": "optimisation.contact_frames",
         "ContactInOpti": "optimisation.contact_in_opti",
         "CupFoundation": "contact.cup.foundation",
@@ -78,6 +83,7 @@ else:
         "PolarFoundation": "contact.polar.foundation",
         "PoseEstimation": "optimisation.pose_estimation",
         "RayCastFoundation": "contact.ray_cast",
+        "Rays": "contact.polar.lines",
         "Scene": "scenes.scene",
         "StaticEquilibrium": "optimisation.static_equilibrium",
         "build": "cli.pipeline",

@@ -28,8 +28,8 @@ from casadi_contact.workflow.project import Project
 
 # How a foundation of a resolution is made, by a word in it.
 _RESOLUTIONS = {
-    "rays": "cc.PolarFoundation({scene}, cc.contact.Rays({numbers}))",
-    "cells": "cc.CellFoundation({scene}, cc.contact.Cells({numbers}))",
+    "rays": "cc.PolarFoundation({scene}, cc.Rays({numbers}))",
+    "cells": "cc.CellFoundation({scene}, cc.Cells({numbers}))",
     "points": "cc.CupFoundation({scene}, {numbers})",
 }
 
