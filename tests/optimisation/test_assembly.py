@@ -14,7 +14,7 @@ from casadi_contact.core.conventions import rotation
 from casadi_contact.core.quantities import FORCE, TORQUE
 from casadi_contact.optimisation.assembly.assembly import Assembly
 from casadi_contact.optimisation.assembly.connections import Ligament, Pull, Spring
-from casadi_contact.optimisation.assembly.settle import settle_assembly
+from casadi_contact.optimisation.assembly.settle import Settling
 from tests.support.compiler import needs_compiler
 
 FREE = {"femur": ("tx", "ty", "tz", "rx", "ry"), "patella": ("tx", "ty", "tz", "rx", "ry", "rz")}
@@ -45,7 +45,7 @@ def test_elements_and_models_of_one_s_own_are_called_back_from_an_assembly():
 def at_flexion(knee, degrees, poses):
     poses = poses.copy()
     poses[0, 5] = -np.deg2rad(degrees)
-    return settle_assembly(knee, poses, FREE, PRESSED, [QUADRICEPS_N])
+    return Settling(knee, FREE)(poses, PRESSED, [QUADRICEPS_N])
 
 
 @pytest.fixture(scope="module")
@@ -213,9 +213,9 @@ def test_a_spring_pulls_back_to_its_rest():
     spring = Spring("soft", "body", np.array([5.0, 0.0, 2.0, 0.0, 0.0, 100.0]), np.ones(6))
     assembly = Assembly("one", "earth", {"body": np.zeros(6)}, springs=[spring])
     assert assembly.load_names == ()
-    found = settle_assembly(assembly, np.zeros((1, 6)), {"body": ("tx", "tz", "rz")})
+    found = Settling(assembly, {"body": ("tx", "tz", "rz")})(np.zeros((1, 6)))
     np.testing.assert_allclose(found.poses, [[1.0, 0.0, 1.0, 0.0, 0.0, 1.0]], atol=1e-6)
-    early = settle_assembly(assembly, np.zeros((1, 6)), {"body": ("tx",)}, max_iterations=1)
+    early = Settling(assembly, {"body": ("tx",)})(np.zeros((1, 6)), max_iterations=1)
     assert early.residual == pytest.approx(5.0 * (1.0 - early.poses[0, 0]))
     assert not early.converged
 
@@ -233,10 +233,10 @@ ONE = Assembly("one", "earth", {"body": np.zeros(6)}, pulls=[ROPE])
         (lambda: replace(ROPE, points_mm=(np.zeros(2), np.ones(3))), "finite"),
         (lambda: Spring("soft", "body", -np.ones(6), np.zeros(6)), "stiffness"),
         (lambda: Ligament("band", ("body", "earth"), ROPE.points_mm, 1000.0, 0.0), "slack_length_mm"),
-        (lambda: settle_assembly(ONE, np.zeros((1, 6)), {"body": ("tx",)}, {"body": [np.nan] * 6}, [1.0]), "forces"),
-        (lambda: settle_assembly(ONE, np.zeros((1, 6)), {"body": ("tx",)}, tensions=[-1.0]), "pushes"),
-        (lambda: settle_assembly(ONE, np.zeros((1, 6)), {"body": ("tx", "tx")}, tensions=[1.0]), "once"),
-        (lambda: settle_assembly(ONE, np.zeros((1, 6)), {"moon": ("tx",)}, tensions=[1.0]), "moon"),
+        (lambda: Settling(ONE, {"body": ("tx",)})(np.zeros((1, 6)), {"body": [np.nan] * 6}, [1.0]), "forces"),
+        (lambda: Settling(ONE, {"body": ("tx",)})(np.zeros((1, 6)), tensions=[-1.0]), "pushes"),
+        (lambda: Settling(ONE, {"body": ("tx", "tx")}), "once"),
+        (lambda: Settling(ONE, {"moon": ("tx",)}), "moon"),
         (lambda: ONE.function("my loads"), "name"),
         (lambda: cc.load_assembly("elbow"), "knee_with_patella"),
     ],

@@ -1,8 +1,8 @@
 """The poses at which an assembly is in equilibrium, by pseudo-transient continuation.
 
-Bodies move through a viscous fluid, C·q̇ = Q(q) + applied, C = 1 N·s/mm (about 25 mm for rotations), in implicit Euler
-steps (C/Δt - ∂Q/∂q)·Δq = Q that double as long as no pose moves farther than a bound: from far away they follow the
-motion, so that they end in a stable equilibrium, and near it they become Newton's (Kelley and Keyes 1998).
+Bodies move through a viscous fluid, C·q̇ = Q(q) + applied, with C = 1 N·s/mm (25² N·mm·s for rotations). Implicit Euler
+steps, (C/Δt - ∂Q/∂q)·Δq = Q + applied, double Δt unless a pose would move farther than a bound. Small steps follow the
+motion into a stable equilibrium. Large steps are Newton's (Kelley and Keyes 1998).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class SettledBodies:
 
 
 class Settling:
-    """Settles the free pose parameters of bodies (by name), again and again for other poses and tensions.
+    """Equilibrium of the free pose parameters of bodies (by name), for any poses, forces and tensions.
 
     first_step_s: of the continuation; largest_move_mm: bound of one step, turns at 25 mm. Raises ValueError for bodies
     that the assembly has not, and unless some parameters are free, each named once.
@@ -105,17 +105,3 @@ class Settling:
         if name not in bodies:
             raise ValueError(f"got the body {name}, assembly {self.assembly.name} has {', '.join(bodies)}")
         return bodies.index(name)
-
-
-def settle_assembly(
-    assembly: Assembly,
-    poses: ArrayLike,
-    free: Mapping[str, Sequence[str]],
-    applied: Mapping[str, ArrayLike] | None = None,
-    tensions: Sequence[float] = (),
-    *,
-    tolerance: float = 1e-6,
-    max_iterations: int = 1000,
-) -> SettledBodies:
-    """`Settling` of the free pose parameters of bodies (by name), once."""
-    return Settling(assembly, free)(poses, applied, tensions, tolerance=tolerance, max_iterations=max_iterations)
