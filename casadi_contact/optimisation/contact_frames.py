@@ -36,8 +36,6 @@ from casadi_contact.scenes.checks import check_radians
 from casadi_contact.scenes.normal_load import NormalLoad, centre_of_pressure
 from casadi_contact.scenes.pose_space import PoseSpace
 
-COP_LEVER_MM = 10.0  # a centre of pressure off by this counts as much as the force itself
-
 
 class ContactFrames:
     """n frames of a contact for any NLP: scaled free pose parameters q (f, n) as variables, and what follows from them.
@@ -88,16 +86,19 @@ class ContactFrames:
             raise ValueError(f"unknown load {name!r}, expected one of {', '.join(self.load_names)}")
         return self.loads[self.load_names.index(name), :]
 
-    def misfit(self, targets: Mapping[str, Any]) -> ca.MX:
-        """Misfit of the frames from target loads, (m, n) [N], a row for each target: 0 where it is carried.
+    def misfit(self, targets: Mapping[str, Any], *, cop_lever_mm: float = 10.0) -> ca.MX:
+        """Residuals (m, n) [N] of target loads, a row for each target: 0 where the contact carries it.
 
-        targets: by name a number, (n,) values or an expression (1, n): loads of ``load_names``, or the centre of
-        pressure, such as cop_ap_mm = Tz/Fy and cop_ml_mm = -Tx/Fy (`centre_of_pressure`). A normal load is compared as
-        a root load, ``2·√(N0·N*)·(s - s*)`` with ``s* = √(N*/N0)``: near the solution that is the error in N, and out
-        of contact it keeps its slope, which a load does not; so is the total of patches that one pose parameter sets
-        together, with s as in `total_root`. Where a patch's normal load is the magnitude of three target forces, its
-        three rows are this less |F| - F·v, which only the target's direction v makes zero, and the two forces across v.
-        Centres of pressure are (T ∓ c·F)/10 mm, other torques over 25 mm.
+        targets: by name a number, (n,) values or an expression (1, n): loads of ``load_names``, or centres of pressure,
+        cop_ap_mm = Tz/Fy and cop_ml_mm = -Tx/Fy (`centre_of_pressure`). The rows are
+
+            2·√(N0·N*)·(s - s*), s* = √(N*/N0)    normal load of a patch, or of patches that one parameter sets together
+            (T ∓ c·F)/cop_lever                    centre of pressure c
+            F - F*, (T - T*)/25 mm                 other forces and torques
+
+        Near the solution the first is the error in N; out of contact it has a derivative, which a load has not. Where a
+        normal load is the magnitude of three target forces of direction v, the rows are 2·√(N0·N*)·(s - s*) less
+        |F| - F·v, and the two components of F across v.
 
         Raises ValueError for unknown names, wrong shapes, numbers that are not finite, and normal loads that pull.
         """
@@ -115,7 +116,7 @@ class ContactFrames:
         for name, value in targets.items():
             if (centre := centre_of_pressure(name, normals)) is not None:
                 moment = self._row(name, value) * self._total(centre.force)
-                rows[name] = (self._total(centre.torque) - centre.sign * moment) / COP_LEVER_MM
+                rows[name] = (self._total(centre.torque) - centre.sign * moment) / cop_lever_mm
             elif name not in rows:
                 rows[name] = (self.load(name) - self._row(name, value)) / newton_scales([name], LEVER_MM)[0]
         return ca.vertcat(*(rows[name] for name in targets))
@@ -125,7 +126,7 @@ class ContactFrames:
         middle of the range if left out, turned about the anchors to the locked rotations, along the scene's sensitive
         pose parameters under the target normal loads.
 
-        Wanted loads other than normal ones are left to the optimiser. Raises ValueError for locked expressions, unknown
+        Other target loads than normal ones are left to the optimiser. Raises ValueError for locked expressions, unknown
         loads, and another number of poses.
         """
         space, middle = self._scene.pose_space, middle_pose(self.model)
@@ -203,20 +204,17 @@ class ContactFrames:
         rows = {normal.loads[0]: 2.0 * n0 * ca.fmax(root, np.sqrt(least / n0)) * (got - root)}
         if normal.component is None:
             along = [part / ca.fmax(size, 1e-9) for part in target]
-            # The opposite force has the same size and no part across, so subtract what only the target's direction
-            # makes zero. Skipped for targets below least/8, where the floor above would add zeros of its own.
-            turned = n0 * ca.fmax(got, 0.0) ** 2 - self._along(normal, along)
+            # The opposite force -F* has the same size and nothing across v. |F| - F·v is zero for F* alone. Targets
+            # below least/8 are left out: the floor of √(N*/N0) above would add solutions.
+            force = sum(part * self.load(name) for part, name in zip(along, normal.loads, strict=True))
+            turned = n0 * ca.fmax(got, 0.0) ** 2 - force
             rows[normal.loads[0]] -= (size > least / 8.0) * turned
             rows |= self._across(normal, along)
         return rows
 
-    def _along(self, normal: NormalLoad, along: list[Any]) -> ca.MX:
-        """The part of the force (1, n) along the target's direction (x, y, z)."""
-        return sum(part * self.load(name) for part, name in zip(along, normal.loads, strict=True))
-
     def _across(self, normal: NormalLoad, along: list[Any]) -> dict[str, ca.MX]:
-        """The parts of the force across the target's direction (x, y, z): two columns of the reflection I - 2·vvᵀ that
-        turns the first axis into it, so that they are smooth in the force and never both along the target's."""
+        """Two components of the force across the target's direction v = (x, y, z): the columns of the Householder
+        reflection that maps the first axis onto ±v."""
         force = [self.load(name) for name in normal.loads]
         x, y, z = along
         turn = ca.if_else(x >= 0.0, 1.0, -1.0)

@@ -77,5 +77,5 @@ def test_a_called_back_surrogate_equals_its_own_function():
 
 
 def test_loads_without_a_whole_wrench_are_refused():
-    with pytest.raises(ValueError, match="hold no Fz, Tz"):
+    with pytest.raises(ValueError, match="Fz"):
         total_selection([name for name in WRENCH_NAMES if name not in ("Fz", "Tz")], ("med", "lat"))
