@@ -19,6 +19,7 @@ from casadi_contact.optimisation.pose_estimation import PoseEstimation
 from casadi_contact.pictures.report.tables import evaluation_tables, read_evaluation
 from casadi_contact.scenes.walking import reference_cycle
 from casadi_contact.surrogate.fitness import fitness
+from casadi_contact.workflow import samples as sampling
 from casadi_contact.workflow.presets import PRESETS, Effort, Preset
 from casadi_contact.workflow.project import project_surrogates
 
@@ -46,7 +47,7 @@ def project(tmp_path_factory, warned):
     PRESETS["small"] = SMALL
     try:
         made = pipeline.Project.open(folder / "knee.toml", "small", folder / "out")
-        pipeline.sample(made)
+        sampling.sample(made)
         log, handler = logging.getLogger("casadi_contact.workflow.fitting"), logging.Handler(logging.WARNING)
         handler.emit = lambda record: warned.append(record.getMessage())
         log.addHandler(handler)
@@ -130,7 +131,7 @@ def test_it_says_where_it_is_out_of_its_depth(project):
 
 def test_a_rerun_keeps_what_is_done(project):
     before = project.surrogate_path("patch").read_bytes(), project.samples_path.read_bytes()
-    pipeline.sample(project)
+    sampling.sample(project)
     pipeline.train(project)
     again = cc.load_surrogate(project.surrogate_path("patch"))
     assert project.samples_path.read_bytes() == before[1]

@@ -33,6 +33,7 @@ from casadi_contact.core.workers import cluster_workers
 from casadi_contact.pictures.report.tables import evaluation_tables, fine_grid_remark, read_evaluation
 from casadi_contact.samples.models import model_pair
 from casadi_contact.surrogate.fitness import fitness
+from casadi_contact.workflow import samples as sampling
 from casadi_contact.workflow.project import Project, project_surrogates
 from casadi_contact.workflow.tolerance import scene_to_tolerance, train_to_tolerance
 
@@ -168,7 +169,7 @@ def _sample(
         say(f"{len(samples)} samples of {table} in {project.samples_path}")
         return
     with progress_bars(console) as update:
-        samples, report = pipeline.sample(project, cycle_files, update, executor, models=model_pair(model))
+        samples, report = sampling.sample(project, cycle_files, update, executor, models=model_pair(model))
     say(report)
     for domain, share in samples.dropped_shares().items():
         reasons = samples.provenance["dropped"].get(domain, {})

@@ -8,7 +8,6 @@ from typing import Annotated
 
 import typer
 
-from casadi_contact.cli import pipeline
 from casadi_contact.cli.options import DEFAULT_PRESET, Cycles, Force, ModelName, Out, PresetName, console, say
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.conventions import POSE_NAMES
@@ -24,6 +23,7 @@ from casadi_contact.scenes.opensim.mapping import ColumnMap, mapped_curves
 from casadi_contact.scenes.opensim.table import TIME, read_opensim_table
 from casadi_contact.scenes.pose_file import poses_from_curves, write_poses
 from casadi_contact.scenes.shapes.checks import scene_name
+from casadi_contact.workflow import samples as sampling
 from casadi_contact.workflow.project import Project, has_gait
 from casadi_contact.workflow.proposal.cuts import CutSettings, cut_scene, find_cuts
 from casadi_contact.workflow.proposal.joint_geometry import JOINTS
@@ -106,7 +106,7 @@ def cut(
     _check_free("--to", [path], force)
     project = Project.open(scene, preset, out)
     with progress_bars(console) as update:
-        samples, _ = pipeline.sample(project, cycles or [], update, models=model_pair(model))
+        samples, _ = sampling.sample(project, cycles or [], update, models=model_pair(model))
         patches = find_cuts(project.scene, samples, update, settings=settings)
     parts = cut_scene(project.scene, [each.cuts_mm for each in patches], [each.bounds_mm for each in patches])
     sampled = [*(word for file in cycles or [] for word in ("--cycles", str(file))), "--model", model]

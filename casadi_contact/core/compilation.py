@@ -18,7 +18,6 @@ from numba.core import event
 from numba.core.caching import FunctionCache, NullCache
 
 _PACKAGE = __name__.partition(".")[0]
-_POSES_OF_A_THREAD = 8
 
 
 class _Cache(FunctionCache):
@@ -49,11 +48,11 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
 
 @contextmanager
-def threads_for(poses: int) -> Iterator[None]:
+def threads_for(poses: int, *, poses_of_a_thread: int = 8) -> Iterator[None]:
     """As many of numba's threads as so many poses are worth. Threads wait for each other: where other programs keep the
     cores busy, one pose takes 40 times as long on two threads as on one."""
     threads = numba.get_num_threads()
-    numba.set_num_threads(max(1, min(threads, poses // _POSES_OF_A_THREAD)))
+    numba.set_num_threads(max(1, min(threads, poses // poses_of_a_thread)))
     try:
         yield
     finally:

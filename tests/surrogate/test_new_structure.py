@@ -10,6 +10,7 @@ import casadi_contact as cc
 from casadi_contact.cli import pipeline
 from casadi_contact.surrogate.calibration import calibrate
 from casadi_contact.surrogate.load import STRUCTURES
+from casadi_contact.workflow import samples as sampling
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
 from casadi_contact.workflow.presets import PRESETS, Effort, Preset
 from tests.support import two_spheres
@@ -28,7 +29,7 @@ def project(tmp_path_factory):
         patch.setitem(PRESETS, "direct", PRESET)
         made = pipeline.Project.open("knee", "direct", tmp_path_factory.mktemp("direct"))
         with ThreadPoolExecutor(1) as here:
-            pipeline.sample(made, executor=here, models=two_spheres.models)
+            sampling.sample(made, executor=here, models=two_spheres.models)
             samples, efforts = made.samples(), PRESET.efforts["direct"]
             trained = fit_surrogate(made, samples, Fitting("direct", efforts, made.folder, "a test"), executor=here)
             calibrate(trained, samples).save(made.surrogate_path("direct"))

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.cli import pipeline
 from casadi_contact.networks.training.fit import fit
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.samples.models import foundations
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, write_samples
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
+from casadi_contact.workflow import samples as sampling
 from casadi_contact.workflow.presets import ActiveRound, Effort, Preset
 from casadi_contact.workflow.project import Project
 from casadi_contact.workflow.train import candidates, train, worst_samples
@@ -81,7 +81,7 @@ def project(tmp_path):
 
 def built(project):
     with ThreadPoolExecutor(2) as here:
-        samples, _ = pipeline.sample(project, executor=here, models=foundations)
+        samples, _ = sampling.sample(project, executor=here, models=foundations)
         (path,) = train(project, executor=here)
     return samples, cc.load_surrogate(path)
 

@@ -16,6 +16,7 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.quantities import FORCE, quantity
 from casadi_contact.samples.samples import TEST, write_samples
+from casadi_contact.workflow import samples as sampling
 from casadi_contact.workflow.benchmark.choose import python_line
 from casadi_contact.workflow.benchmark.evaluate import unseen_walking
 from casadi_contact.workflow.benchmark.front_file import read_front
@@ -51,7 +52,7 @@ def project(tmp_path_factory):
     try:
         made = pipeline.Project.open(folder / "knee.toml", "tiny", folder / "out")
         with ThreadPoolExecutor(1) as here:
-            pipeline.sample(made, executor=here)
+            sampling.sample(made, executor=here)
             pipeline.train(made, executor=here)
             measure_project(made, executor=here)
         yield made
