@@ -241,11 +241,6 @@ def _process_folder() -> Path:
 _KEPT: list[tempfile.TemporaryDirectory[str]] = []
 
 
-_LEAST = 256  # poses that make another thread worth its start
-_SHARES = 8  # of each thread: those that finish early take over
-_MULTIPLE = 64  # of the poses of a share: no block of lanes is cut
-
-
 @cache
 def loaded(path: Path) -> ctypes.CDLL:
     """The shared library, loaded once: objects keep its path, so that they can be sent to other processes."""
@@ -253,15 +248,25 @@ def loaded(path: Path) -> ctypes.CDLL:
 
 
 def call_in_shares(
-    library: Path, function: str, poses: Array, *arrays: np.ndarray | None, constants: Sequence[np.ndarray] = ()
+    library: Path,
+    function: str,
+    poses: Array,
+    *arrays: np.ndarray | None,
+    constants: Sequence[np.ndarray] = (),
+    poses_of_a_thread: int = 256,
+    shares_of_a_thread: int = 8,
+    multiple: int = 64,
 ) -> None:
     """Call function(n, poses, *arrays, *constants) of a library on shares of the rows, on as many threads as numba has.
 
-    Every array has a row for each pose; None is passed on as 0. Constants are passed on whole.
+    Every array has a row for each pose; None is passed on as 0. Constants are passed on whole. Another thread starts
+    from poses_of_a_thread on. Threads take several shares, so that fast ones take over; a share is a multiple of the
+    lanes of a kernel.
     """
     entry = getattr(loaded(library), function)
-    threads = max(1, min(numba.get_num_threads(), len(poses) // _LEAST))
-    size = len(poses) if threads == 1 else -(-len(poses) // (_SHARES * threads * _MULTIPLE)) * _MULTIPLE
+    threads = max(1, min(numba.get_num_threads(), len(poses) // poses_of_a_thread))
+    count = shares_of_a_thread * threads
+    size = len(poses) if threads == 1 else -(-len(poses) // (count * multiple)) * multiple
 
     whole = [constant.ctypes.data_as(ctypes.c_void_p) for constant in constants]
 

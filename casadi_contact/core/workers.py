@@ -21,8 +21,6 @@ from casadi_contact import __version__
 from casadi_contact.core.files.reading import MOST_TEXT, checked_size
 from casadi_contact.core.machine import blas_environment
 
-_CONNECT_S = 10
-
 
 class _OwnPool(ProcessPoolExecutor):  # type: ignore[misc]
     """What `worker_pool` makes, and ends with all its work."""
@@ -93,12 +91,13 @@ def _end_with_parent(parent: int) -> None:
 
 
 @contextmanager
-def cluster_workers(scheduler: str | None) -> Iterator[Executor | None]:
+def cluster_workers(scheduler: str | None, *, patience_s: float = 10.0) -> Iterator[Executor | None]:
     """An executor on the workers of a Dask scheduler; None, for one process per core here, without one.
 
-    scheduler: its address ("tcp://host:8786"), or the scheduler file (JSON) that it wrote. The workers need the same
-    casadi_contact, and for training the same folder of results under the same path. Dask sends Python objects: connect
-    only to a scheduler that you trust. Work of a worker that dies is done again by another one.
+    scheduler: its address ("tcp://host:8786"), or the scheduler file (JSON) that it wrote. patience_s: for it and its
+    first worker to answer. The workers need the same casadi_contact, and for training the same folder of results under
+    the same path. Dask sends Python objects: connect only to a scheduler that you trust. Work of a worker that dies is
+    done again by another one.
 
     Raises ImportError without the extra ``cluster``, ValueError for a scheduler file that is none, ConnectionError
     where no scheduler answers, one has other versions, or it was lost: what is finished is kept, and the same command
@@ -113,11 +112,11 @@ def cluster_workers(scheduler: str | None) -> Iterator[Executor | None]:
         raise ImportError("a scheduler needs Dask: pip install 'casadi_contact[cluster]'") from None
     address = _address(scheduler)
     try:
-        client = distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
+        client = distributed.Client(address, timeout=patience_s, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise ConnectionError(f"no Dask scheduler answers at {address}: {error}") from None
     with _quiet("distributed.client"), client:
-        _check_versions(client, address)
+        _check_versions(client, address, patience_s)
         yield _ClusterExecutor(client, address)
 
 
@@ -202,14 +201,14 @@ def _version() -> str:
     return __version__
 
 
-def _check_versions(client: Any, address: str) -> None:
+def _check_versions(client: Any, address: str, patience_s: float) -> None:
     versions = client.run(_version)
     if not versions:
         try:
-            client.wait_for_workers(1, timeout=_CONNECT_S)
+            client.wait_for_workers(1, timeout=patience_s)
         except TimeoutError:
             raise ConnectionError(
-                f"the scheduler at {address} has no workers after {_CONNECT_S} s: start some (dask worker {address})"
+                f"the scheduler at {address} has no workers after {patience_s:g} s: start some (dask worker {address})"
             ) from None
         versions = client.run(_version)
     others = {worker: version for worker, version in versions.items() if version != __version__}

@@ -97,13 +97,12 @@ def test_killed_workers_do_not_change_a_sample(cluster, tmp_path):
     assert (tmp_path / "there.h5").read_bytes() == (tmp_path / "here.h5").read_bytes()
 
 
-def test_a_scheduler_without_workers_says_how_to_start_some(monkeypatch):
-    monkeypatch.setattr("casadi_contact.core.workers._CONNECT_S", 1)
+def test_a_scheduler_without_workers_says_how_to_start_some():
     cluster = distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None)
     with (
         cluster,
         pytest.raises(ConnectionError, match="workers"),
-        cluster_workers(cluster.scheduler_address),
+        cluster_workers(cluster.scheduler_address, patience_s=1.0),
     ):
         pass
 
@@ -142,6 +141,5 @@ def test_an_error_of_the_work_arrives_as_it_is(cluster):
 def test_a_scheduler_that_is_none_is_one_line(scheduler, reason, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "other.json").write_text("[1]")
-    monkeypatch.setattr("casadi_contact.core.workers._CONNECT_S", 1)
-    with pytest.raises((ValueError, ConnectionError), match=reason), cluster_workers(scheduler):
+    with pytest.raises((ValueError, ConnectionError), match=reason), cluster_workers(scheduler, patience_s=1.0):
         pass
