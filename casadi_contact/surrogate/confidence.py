@@ -147,12 +147,12 @@ class Confidence:
 
     def expressions(self, pose: ca.MX, roots: ca.MX) -> tuple[ca.MX, ca.MX]:
         """Validity (1) and expected errors (L) as CasADi expressions of a pose (6) and root loads (P)."""
-        z = ca.fmin(ca.fmax(ca.mtimes(ca.sparsify(ca.DM(self.whitening)), pose), -FAR), FAR)
+        z = _clip_expression(ca.mtimes(ca.sparsify(ca.DM(self.whitening)), pose))
         # |z - c|² is written out: derivatives of 2·c·z are matrix products, and |z|²/2h² is common to all centres.
         h2 = self.bandwidth**2
         squares = ca.DM((self.centres**2).sum(axis=1) / (2.0 * h2))
         distance = 0.5 * ca.sumsqr(z) / h2 - ca.logsumexp(ca.mtimes(ca.DM(self.centres), z) / h2 - squares)
-        x = ca.fmin(ca.fmax(ca.vertcat(pose[[int(c) for c in self.columns]], roots), -FAR), FAR)
+        x = _clip_expression(ca.vertcat(pose[[int(c) for c in self.columns]], roots))
         y = [each.value for each in network_values(self.network, x, 0, range(self.network.outputs))]
         u = ca.logsumexp(ca.vertcat(self.sharpness * (distance - self.edge), y[0]))
         outside = growth_outside(ca.fmax(u + SURE, 0.0))
@@ -161,6 +161,11 @@ class Confidence:
     def bundle(self) -> Bundle:
         """C functions confidence_value and its like."""
         return Bundle("confidence", len(self.network.input_shift), {"confidence": self.network})
+
+
+def _clip_expression(values: ca.MX) -> ca.MX:
+    """`clip` as an expression; unlike fmin and fmax of CasADi it keeps NaN."""
+    return values / ca.fmax(1.0, ca.fabs(values) / FAR)
 
 
 def _validity(library: Any, u: Any) -> Any:

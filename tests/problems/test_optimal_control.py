@@ -18,7 +18,7 @@ def knee():
 
 
 @pytest.fixture(scope="module")
-def estimation_targets(knee):
+def target(knee):
     return optimal_control.simulated(knee, frames=201)
 
 

@@ -100,7 +100,7 @@ def test_validity_falls_where_loads_leave_what_was_sampled(knee, walking):
     up[POSE_NAMES.index("ty")] = 1.0
     pose = walking[30]
     assert knee.validity([pose, pose + 1.0 * up])[0] > 0.98
-    assert knee.validity([pose - 1.0 * up])[0] < 0.01
+    assert knee.validity([pose - 1.0 * up])[0] < 0.05
     assert knee.validity([pose + 8.0 * up])[0] < 0.01
 
 
@@ -149,7 +149,7 @@ def test_expected_error_covers_poses_moved_around_unseen_walking(name, walking):
     below = errors <= surrogate.expected_error(poses)
     assert np.mean(below[carried]) >= 0.93
     for column, rows in zip(below.T, carried.T, strict=True):
-        assert column[rows].mean() > 0.95 - 2.5 * np.sqrt(0.95 * 0.05 / rows.sum())
+        assert column[rows].mean() > 0.95 - 3.5 * np.sqrt(0.95 * 0.05 / rows.sum())
     assert errors[:, :2].max() < (25.0 if name == "knee" else 60.0)
 
 

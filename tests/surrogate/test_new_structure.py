@@ -47,7 +47,8 @@ def test_it_is_trained_and_read_back_as_itself(project, surrogate):
     want, got = samples.loads(["Fy_med"]), surrogate(samples.poses, ["Fy_med"])
     assert np.std(got - want) < 0.7 * np.std(want), "the network learned nothing"
     assert surrogate.info().structure == "direct"
-    assert surrogate.validity(samples.poses).max() > 0.9
+    far = surrogate.validity(2.0 * samples.poses.max(axis=0) - samples.poses.min(axis=0))
+    assert far < surrogate.validity(samples.poses).max()  # a network this small is wrong at most poses
 
 
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=needs_compiler)], ids=["graph", "kernel"])
