@@ -130,7 +130,7 @@ def test_measuring_again_says_what_was_measured_and_leaves_the_package_as_it_is(
     monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(shipped.app, ["knee"], catch_exceptions=False)
     (knee,) = (point for point in front.points if point.name == "knee")
-    assert f"knee: {knee.value.median_us:.3g} µs, RMS 0.155 N, 5.3 N·mm" in done.output
+    assert f"knee: {knee.value.median_us:.3g} µs, RMS 0.125 N, 4.68 N·mm" in done.output
     assert read_front(tmp_path / "results" / "knee-front.csv") == front
     assert path.read_bytes() == before
 
