@@ -150,7 +150,7 @@ def test_expected_error_covers_poses_moved_around_unseen_walking(name, walking):
     assert np.mean(below[carried]) >= 0.93
     for column, rows in zip(below.T, carried.T, strict=True):
         assert column[rows].mean() > 0.95 - 3.5 * np.sqrt(0.95 * 0.05 / rows.sum())
-    assert errors[:, :2].max() < (25.0 if name == "knee" else 60.0)
+    assert errors[:, :2].max() < (100.0 if name == "knee" else 60.0)
 
 
 @pytest.mark.parametrize("name", ["knee", "knee_two_stage"])
