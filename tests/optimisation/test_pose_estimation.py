@@ -43,7 +43,7 @@ def test_the_reference_cycle_is_solved_in_few_iterations_and_the_elements_agree(
     assert result.ipopt.iterations <= 12
     golden = json.loads((Path(__file__).parent / "golden_reference_poses.json").read_text())
     for frame, pose in golden.items():
-        np.testing.assert_allclose(result.poses[int(frame)], pose, atol=0.02)  # by which networks of 0.3 N differ
+        np.testing.assert_allclose(result.poses[int(frame)], pose, atol=0.03)  # by which networks of 0.3 N differ
     elements = cc.ElasticFoundation(problem.model.scene, problem.model.scene.grids["teacher"])
     assert np.sqrt(np.mean((elements(result.poses)[:, :2] - result.loads[:, :2]) ** 2)) < 1.0
     again = problem.solve(result.poses)
