@@ -25,8 +25,8 @@ from casadi_contact.core.machine import machine_record
 from casadi_contact.samples.samples import read_samples
 from casadi_contact.workflow.benchmark.kernel_speed import jacobian_of, lagrangian_hessian
 from casadi_contact.workflow.benchmark.timing import compare, one_thread, time_batch, time_single_calls
-from tests.benchmarks.bench_foundation import roughness
 
+LINE_MM = np.linspace(-0.02, 0.02, 41)
 SCENE = Path(__file__).parents[2] / "problems" / "scenes" / "tka_mesh.toml"
 
 SIZES = (Cells(1.17, 0.71), Cells(1.4, 0.85, 3, 3), Cells(1.9, 1.2, 3, 3))
@@ -35,6 +35,24 @@ REFERENCE = (320, 160)
 DOMAINS, OF_DOMAIN = ("D1", "D3", "D4"), 300  # poses, spread evenly over a domain's samples
 ROUNDS = 5  # over the poses of a measurement: what another model drove from the cache counts a fifth
 SHIFT_MM, YAW_RAD = 3.0, 0.1  # from where the knee stands in walking, of the wide poses
+
+
+def roughness(model: cc.PolarFoundation | cc.ElasticFoundation, poses: np.ndarray) -> tuple[float, float]:
+    """Median RMS [%] of dN/dty about a fourth-degree polynomial over a line; median miss of N' against differences."""
+    rough, missed = [], []
+    step = LINE_MM[1] - LINE_MM[0]
+    for pose in poses:
+        line = pose + LINE_MM[:, None] * np.eye(6)[1]
+        loads, slopes = model.jacobian(line)
+        force, slope = loads[:, :2], slopes[:, :2, 1]
+        smooth = np.polynomial.Polynomial
+        fitted = np.stack([smooth.fit(LINE_MM, column, 4)(LINE_MM) for column in slope.T], 1)
+        size = np.abs(slope).mean(axis=0)
+        loaded = np.abs(slope).min(axis=0) > 1.0
+        differences = (force[:-4] - 8.0 * force[1:-3] + 8.0 * force[3:-1] - force[4:]) / (12.0 * step)
+        rough.append((np.sqrt(np.mean((slope - fitted) ** 2, axis=0)) / size)[loaded])
+        missed.append((np.abs(differences - slope[2:-2]).max(axis=0) / size)[loaded])
+    return tuple(100.0 * float(np.median(np.concatenate(part))) for part in (rough, missed))  # type: ignore[return-value]
 
 
 def settled_poses(scene: cc.Scene, *, wide: bool, count: int = 200) -> np.ndarray:

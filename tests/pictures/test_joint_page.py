@@ -16,7 +16,7 @@ from casadi_contact.pictures.live.joint_page import write_joint_page
 from casadi_contact.scenes.opensim.table import read_opensim_table
 from casadi_contact.scenes.pose_file import read_poses, write_poses
 from tests.support.agreement import agree
-from tests.support.browser import opened, until
+from tests.support.browser import opened, require_browser, until
 from tests.support.drawn_surfaces import depths, law_of, point_areas_mm2
 from tests.support.shared_data import shared_file
 
@@ -70,6 +70,7 @@ class Live:
 
 @pytest.fixture(scope="module", params=list(POSES))
 def live(request, tmp_path_factory):
+    require_browser()
     folder = tmp_path_factory.mktemp(request.param)
     page, motion, scene = folder / "page.html", folder / "poses.csv", scene_of(request.param)
     start = np.array(POSES[request.param][0])

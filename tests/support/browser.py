@@ -14,16 +14,19 @@ def _executable():
     return next((found for name in _NAMES if (found := shutil.which(name))), None)
 
 
-@contextmanager
-def opened(path, *flags):
-    """A tab with the page at `path` and what it complained of, in a browser with more flags.
-
-    Skips without Chromium or playwright.
-    """
+def require_browser():
+    """Skip without Chromium or playwright; else playwright's module and Chromium's path. Ask before a page is built."""
     api = pytest.importorskip("playwright.sync_api", reason="no playwright: pip install casadi_contact[test]")
     executable = _executable()
     if executable is None:
         pytest.skip("no Chromium on the path")
+    return api, executable
+
+
+@contextmanager
+def opened(path, *flags):
+    """A tab with the page at `path` and what it complained of, in a browser with more flags."""
+    api, executable = require_browser()
     with api.sync_playwright() as playwright:
         # As it draws by itself without a graphics card: WebGL by SwiftShader, all else by the processor.
         arguments = ["--no-sandbox", "--enable-unsafe-swiftshader", *flags]
