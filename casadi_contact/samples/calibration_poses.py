@@ -41,12 +41,15 @@ def poses_in_range(
     roots: Callable[[Array], Array],
     *,
     most_drawn: int = 200,
+    beyond: float = 0.5,
     seed: int = 13,
 ) -> Array:
-    """Poses (m, 6), m <= count, drawn evenly over the range of the samples that are not test rows.
+    """Poses (m, 6), m <= 3/2·count, drawn evenly over the range of samples that are not test rows, and beyond it.
 
-    near: mask (n,) of poses (n, 6) to keep; roots: their root loads (n, P) on the surrogate. Nine in ten of the poses
-    are in contact, with root loads of up to 1.2 times the largest sampled ones; chance alone seldom presses. At most
+    In every other pose about two parameters of six, chosen by chance, are drawn from a range that is wider by `beyond`
+    of itself on either side: the surrogate extrapolates there. near: mask (n,) of poses (n, 6) to keep; roots: their
+    root loads (n, P) on the surrogate. Two in three of the poses are in contact, with root loads of up to 1.2 times the
+    largest sampled ones; chance alone seldom presses. At most
     most_drawn poses are drawn for one that is kept. Raises ValueError where all samples are test rows.
     """
     known, rng = samples.poses[samples.role != TEST], np.random.default_rng(seed)
@@ -55,9 +58,11 @@ def poses_in_range(
     low, span = known.min(axis=0), np.ptp(known, axis=0)
     largest = 1.2 * np.maximum(roots(known).max(axis=0), 0.0)
     kept: tuple[list[Array], list[Array]] = [], []
-    wanted, at_once = (count - count // 10, count // 10), 20_000
+    wanted, at_once = (count, count // 2), 20_000
     for _ in range(0, max(most_drawn * count, 1), at_once):
-        poses = samples.scene.pose_space.project(low + span * rng.random((at_once, 6)))
+        wider = beyond * ((rng.random((at_once, 6)) < 1.0 / 3.0) & (rng.random((at_once, 1)) < 0.5))
+        unit = rng.random((at_once, 6)) * (1.0 + 2.0 * wider) - wider
+        poses = samples.scene.pose_space.project(low + span * unit)
         poses = poses[near(poses)]
         s = roots(poses)
         pressed, lifted = ((s > 0.0).any(axis=1) & (s <= largest).all(axis=1)), (s <= 0.0).all(axis=1)

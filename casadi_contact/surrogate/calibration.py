@@ -37,10 +37,11 @@ class CalibrationSettings:
     tolerances: a pose is wrong where the error of any load exceeds so many tolerances of the scene.
     kept: share of accurate validation rows that the classifier leaves a validity above 0.9; wrong_share: at most so
     many of the poses that it calls valid may be wrong, whatever `kept` asks for.
-    coverage: share of unseen errors below the expected error. inside: share of validation rows near enough to the
+    coverage: share of unseen errors below the expected error, all together; group_coverage: of each group of poses.
+    inside: share of validation rows near enough to the
     samples for a validity above 0.9.
-    rows: validation rows, perturbed, drawn and self-settled poses, at most so many of each; of a user's own model,
-    which may be slow, at most own_rows.
+    rows: validation rows, perturbed, pressed and self-settled poses, at most so many of each, and half as many lifted;
+    of a user's own model, which may be slow, at most own_rows.
     centres, bandwidth [of the scales], sharpness: of the distance. least_range: of a parameter that never varies
     [mm, rad]. hidden, iterations, steepness: of the classifier; its output times steepness is u_2.
     """
@@ -49,6 +50,7 @@ class CalibrationSettings:
     kept: float = 0.99
     wrong_share: float = 0.03
     coverage: float = 0.95
+    group_coverage: float = 0.94
     inside: float = 0.995
     rows: int = 9000
     own_rows: int = 2000
@@ -186,10 +188,10 @@ def _other_poses(
 
 
 def _rows(surrogate: Surrogate, validation: Samples, others: Sequence[Samples], settings: CalibrationSettings) -> _Rows:
-    """At most `rows` rows of each kind. Poses at which the model gave no loads have infinite errors."""
+    """At most `rows` validation rows, and all others. Poses at which the model gave no loads have infinite errors."""
     rng, parts = np.random.default_rng(settings.seed), []
     for k, part in enumerate([validation, *others]):
-        chosen = part.rows(np.sort(rng.permutation(len(part))[: settings.rows]))
+        chosen = part if k else part.rows(np.sort(rng.permutation(len(part))[: settings.rows]))
         target = chosen.loads(surrogate.load_names)
         lost = part.dropped.poses if k else np.empty((0, 6))
         nowhere = np.full((len(lost), target.shape[1]), np.inf)
@@ -308,7 +310,9 @@ def _log_bound(
     head = _quantile_regression(h, np.log(errors + 1e-3 * tolerance), settings.coverage)
     ratios = errors / np.exp(h @ head)
     of_groups = [
-        _unseen_quantile(ratios[group == g], settings.coverage) for g in np.unique(group) if (group == g).sum() >= 40
+        _unseen_quantile(ratios[group == g], settings.group_coverage)
+        for g in np.unique(group)
+        if (group == g).sum() >= 40
     ]
     head[0] += np.log(max(_unseen_quantile(ratios, settings.coverage), *of_groups, 1e-6))
     return np.asarray(head)

@@ -79,6 +79,6 @@ def test_poses_to_which_it_leads_itself_are_valid_where_it_is_right(reach):
     foundation, valid = cc.foundation(reach.scene), reach.validity(poses) > 0.5
     off = np.abs(reach(poses, sides) - foundation(poses, sides)).max(axis=1)
     assert (off > 20.0).mean() > 0.3, "without validity"
-    assert (off[valid] > 20.0).mean() < 0.09
+    assert (off[valid] > 20.0).mean() < 0.06
     within = ~foundation.at_edge(poses).any(axis=1) & (foundation(poses, sides) < 0.0).all(axis=1)
     assert valid[within].mean() > 0.93
