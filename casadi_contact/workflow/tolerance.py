@@ -98,12 +98,12 @@ def _options(scene: Scene) -> list[str]:
     return options
 
 
-def misses(model: LoadModel, samples: Samples, most: float = 0.8, role: int = VALIDATION) -> list[str]:
+def misses(model: LoadModel, samples: Samples, share: float, role: int = VALIDATION) -> list[str]:
     """Loads whose RMS error on validation rows (or those of another role) of a domain exceeds this share of the scene's
     tolerance, in words, the worst first."""
     found = {}
     for domain, errors in domain_errors(model, samples, role).items():
-        tolerance = Tolerance.of(samples.scene, tuple(errors)).times(most)
+        tolerance = Tolerance.of(samples.scene, tuple(errors)).times(share)
         ratios = tolerance.rms_ratios([error["rms"] for error in errors.values()])
         for (load, error), ratio, allowed in zip(errors.items(), ratios, tolerance.allowed, strict=True):
             if ratio > 1.0:
