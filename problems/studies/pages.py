@@ -1,7 +1,7 @@
 """Write the pages of results from result files: ``python -m problems.studies.pages``.
 
 The folder of result files holds, as far as measured: speed_accuracy.csv (``python -m
-casadi_contact.workflow.benchmark.shipped knee``), chart-SCENE.csv (``casadi-contact chart``), kernel_speed.json
+casadi_contact.workflow.benchmark.measure knee``), chart-SCENE.csv (``casadi-contact chart``), kernel_speed.json
 (``casadi-contact speed``), solve_time.csv and stability.json (``python -m problems.studies.solve_time`` and
 ``.stability``), and summaries of the problems in pose_estimation/ and muscle_contact/. Every number of a page stands in
 one of these files.
@@ -26,14 +26,13 @@ from casadi_contact.pictures.page import save_page
 from casadi_contact.pictures.report.charts import draw_charts
 from casadi_contact.pictures.report.tables import read_kernel_speed, times_the_limit
 from casadi_contact.scenes.loading import load_scene, ready_scenes
-from casadi_contact.workflow.benchmark.front_file import TIMES, Front, Point, read_front
-from casadi_contact.workflow.benchmark.shipped import shipped_front
+from casadi_contact.workflow.benchmark.front_file import TIMES, Front, Point, read_front, shipped_front
 from problems.studies import solve_time
 from problems.studies.stability.methods import FAILURES, Line
 
 BEGIN = "<!-- numbers: written by python -m problems.studies.pages -->"
 END = "<!-- end of numbers -->"
-_FRONT = "python -m casadi_contact.workflow.benchmark.shipped knee"
+_FRONT = "python -m casadi_contact.workflow.benchmark.measure knee"
 _PACKAGES = ("casadi_contact", "casadi", "numpy", "scipy", "numba", "torch")
 _INTRO = (
     "This page is written from result files (`docs/results/data`) by a command, as are [charts](charts.md) of other "

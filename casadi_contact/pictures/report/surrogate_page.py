@@ -21,8 +21,7 @@ from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.fitness import fitness
 from casadi_contact.surrogate.info import model_line, other_rows
-from casadi_contact.workflow.benchmark.front_file import FILE_NAME, Front, read_front
-from casadi_contact.workflow.benchmark.shipped import shipped_front
+from casadi_contact.workflow.benchmark.front_file import FILE_NAME, Front, read_front, shipped_front
 
 
 def draw_reach(surrogate: Surrogate) -> Any:

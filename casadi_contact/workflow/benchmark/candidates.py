@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import replace
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
 from functools import cache, partial
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -13,15 +15,20 @@ import numpy as np
 from casadi_contact.contact.choice import foundation_ladder
 from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
 from casadi_contact.contact.symbolic import SymbolicContact
-from casadi_contact.core.conventions import Array
+from casadi_contact.core.conventions import Array, Update
+from casadi_contact.core.files.writing import writable_folder
+from casadi_contact.core.workers import worker_pool
+from casadi_contact.networks.network import size_text
+from casadi_contact.samples.samples import Samples
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.load import load_surrogate
-from casadi_contact.surrogate.two_stage.surrogate import TwoStageSurrogate
+from casadi_contact.surrogate.load import STRUCTURES, load_surrogate
+from casadi_contact.surrogate.sample_rows import samples_record
 from casadi_contact.workflow.benchmark.kernel_speed import lagrangian_hessian
-from casadi_contact.workflow.benchmark.sizes import chart_surrogates, sized_path
 from casadi_contact.workflow.benchmark.timing import Candidate, Stopwatch, time_batch, time_mapped, time_single_calls
-from casadi_contact.workflow.project import Project, project_surrogates, read_motion, shipped_surrogates
+from casadi_contact.workflow.fitting import Fitting, fit_surrogate
+from casadi_contact.workflow.presets import ChartEffort, Effort
+from casadi_contact.workflow.project import Project, exclusive, project_surrogates, read_motion, shipped_surrogates
 
 EF_FAMILY, FOUNDATION_FAMILY = "EF", "foundation"
 MX_SUFFIX = " (CasADi MX)"  # follows name and family of a function that is also shown in another form
@@ -113,6 +120,87 @@ def _batch_stopwatch(model: SymbolicContact, loads: Sequence[str] | None, *, com
     return lambda poses: time_mapped(of(len(poses)), poses)
 
 
+@dataclass(frozen=True)
+class Sized:
+    """A surrogate to train: structure and effort (see `project.presets.Effort`)."""
+
+    structure: str
+    effort: Effort
+
+    @property
+    def name(self) -> str:
+        """Name on the chart: "patch 12-12"."""
+        return f"{self.structure} {size_text(self.effort.sizes[-1])}"
+
+    @property
+    def stem(self) -> str:
+        """Name of its file and of its folder of checkpoints."""
+        return self.name.replace(" ", "_")
+
+    @property
+    def efforts(self) -> dict[str, Effort]:
+        """Effort by the start of a network's name, with the structure's shares of the budget."""
+        shares = {"": 1.0, **STRUCTURES[self.structure].budget_shares}
+        return {name: replace(self.effort, gflop=share * self.effort.gflop) for name, share in shares.items()}
+
+
+def chart_surrogates(chart: ChartEffort, scene: Scene) -> list[Sized]:
+    """Every surrogate that a preset's chart shows, of the structures that fit the scene."""
+    fitting = {structure: efforts for structure, efforts in chart.sizes.items() if STRUCTURES[structure].fits(scene)}
+    return [Sized(structure, effort) for structure, efforts in fitting.items() for effort in efforts]
+
+
+def sized_path(project: Project, sized: Sized, loads: Sequence[str] | None = None) -> Path:
+    """Where a sized surrogate lies in the project's folder; one with the networks of some loads says so."""
+    only = "" if loads is None else "_for_" + "_".join(loads)
+    return project.folder / "sizes" / f"{sized.stem}{only}.h5"
+
+
+def on_disk(project: Project, path: Path | str) -> Surrogate | None:
+    """The surrogate at a path or of a shipped name; None where there is none of this scene that can be read."""
+    try:
+        surrogate = load_surrogate(path)
+    except (FileNotFoundError, ValueError):  # damaged or of an older format: made again, from its checkpoints
+        return None
+    return surrogate if surrogate.scene.digest == project.scene.digest else None
+
+
+def _made(project: Project, path: Path, learned: Samples) -> bool:
+    """Whether a surrogate lies there that was trained on these samples for the tolerances of now."""
+    surrogate, record = on_disk(project, path), samples_record(learned)
+    if surrogate is None or surrogate.scene.tolerances != project.scene.tolerances:
+        return False
+    return all(surrogate.record.get(key) == record[key] for key in ("samples", "pose_range", "load_range"))
+
+
+@exclusive
+def train_sizes(
+    project: Project,
+    wanted: Sequence[Sized] | None = None,
+    update: Update | None = None,
+    executor: Executor | None = None,
+    loads: Sequence[str] | None = None,
+) -> list[Path]:
+    """Train the sized surrogates (the preset's, if none are given) that are not on disk yet; return their paths.
+
+    Goes on from checkpoints where an earlier run stopped. loads: train only the networks that these need. Raises
+    FileNotFoundError without samples, ValueError for samples of another scene.
+    """
+    wanted = chart_surrogates(project.preset.chart, project.scene) if wanted is None else list(wanted)
+    samples = replace(project.samples(), scene=project.scene)  # its tolerances are those of now
+    missing = [sized for sized in wanted if not _made(project, sized_path(project, sized, loads), samples)]
+    if missing:
+        writable_folder(project.folder / "sizes")
+        command = project.command("chart")
+        with worker_pool(executor) as workers:
+            for sized in missing:
+                folder = project.training_folder("sizes", sized.stem)
+                fitting = Fitting(sized.structure, sized.efforts, folder, command, sized.name, loads=loads)
+                surrogate = fit_surrogate(project, samples, fitting, update, workers)
+                surrogate.save(sized_path(project, sized, loads))
+    return [sized_path(project, sized, loads) for sized in wanted]
+
+
 def charted_surrogates(project: Project) -> Iterator[tuple[str, Surrogate]]:
     """Name on the chart, surrogate: those shipped for the scene, the preset's own, the sized ones on disk."""
     yield from shipped_surrogates(project.scene).items()
@@ -127,13 +215,12 @@ def own_name(project: Project, structure: str) -> str:
     return f"{structure} {project.preset_name}"
 
 
-def peer_candidates(project: Project) -> Iterator[Candidate]:
+def project_peers(project: Project) -> Iterator[Candidate]:
     """The peers, fitted on the project's samples within the preset's budget."""
-    from casadi_contact.workflow.benchmark.peers import candidates as peers
+    from casadi_contact.workflow.benchmark.peers import peer_candidates
 
-    two_stage = project_surrogates(project).get(TwoStageSurrogate.structure)
     gflop, motion = project.preset.chart.peer_gflop, read_motion(project)[0]
-    yield from peers.peer_candidates(project.samples(), gflop=gflop, two_stage=two_stage, motion=motion)
+    return peer_candidates(project.samples(), gflop=gflop, motion=motion)
 
 
 def _time_hessian(hessian: ca.Function, poses: Array) -> float:

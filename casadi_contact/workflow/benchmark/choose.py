@@ -18,12 +18,13 @@ from casadi_contact.workflow.benchmark.candidates import (
     EF_FAMILY,
     FOUNDATION_FAMILY,
     MX_SUFFIX,
+    chart_surrogates,
+    on_disk,
     own_name,
     refuse_without_elements,
+    sized_path,
 )
-from casadi_contact.workflow.benchmark.front_file import FILE_NAME, Front, Point, read_front
-from casadi_contact.workflow.benchmark.shipped import shipped_front
-from casadi_contact.workflow.benchmark.sizes import chart_surrogates, on_disk, sized_path
+from casadi_contact.workflow.benchmark.front_file import FILE_NAME, Front, Point, read_front, shipped_front
 from casadi_contact.workflow.project import Project
 
 # How a foundation of a resolution is made, by a word in it.
@@ -215,7 +216,5 @@ def python_line(scene: str, name: str, loads: Sequence[str], file: Path | str | 
         kind = next(kind for kind in _RESOLUTIONS if kind in name)
         numbers = ", ".join(re.findall(r"[\d.]+", name))
         return _RESOLUTIONS[kind].format(scene=f"cc.load_scene({scene!r})", numbers=numbers)
-    maker = (
-        f"casadi_contact.workflow.benchmark.peers.candidates.peer_candidates(samples, gflop=..., names={list(loads)!r})"
-    )
+    maker = f"casadi_contact.workflow.benchmark.peers.peer_candidates(samples, gflop=..., names={list(loads)!r})"
     return f"{maker}, the one named {name!r}"

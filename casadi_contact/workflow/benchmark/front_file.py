@@ -17,6 +17,7 @@ from typing import Any
 from casadi_contact.core.files.reading import MOST_TEXT, checked_size
 from casadi_contact.core.files.writing import replacing
 from casadi_contact.core.quantities import FORCE, TORQUE, Kind, of_kind, quantity
+from casadi_contact.scenes.scene import Scene
 from casadi_contact.workflow.benchmark.timing import Timing
 
 FILE_NAME = "speed_accuracy.csv"
@@ -162,6 +163,15 @@ def read_front(path: str | Path) -> Front:
             raise ValueError(f"{path}: no line '# {key}: ...', expected a file of casadi-contact chart")
     del header["format"]
     return Front(header, tuple(_points(path, lines, header["loads"].split(), first=_count_comments(lines))))
+
+
+def shipped_front(scene: Scene) -> tuple[Path, Front] | None:
+    """The file of the front shipped for this very scene, and the front; None if there is none."""
+    path = Path(__file__).parent / "ready" / f"{Path(scene.name).name}.csv"
+    if not path.is_file():
+        return None
+    front = read_front(path)
+    return (path, front) if front.header["scene_digest"] == scene.digest else None
 
 
 def _count_comments(lines: Sequence[str]) -> int:

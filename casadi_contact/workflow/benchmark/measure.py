@@ -1,32 +1,49 @@
-"""Measure every candidate in one run on one thread: times and errors on unseen walking poses."""
+"""Measure every candidate in one run on one thread: times and errors on unseen walking poses.
+
+``python -m casadi_contact.workflow.benchmark.measure knee`` measures what is shipped for the knee; a maintainer puts
+the file into ``casadi_contact/workflow/benchmark/ready``.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+import sys
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Annotated, Any
+
+import typer
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
 from casadi_contact.core.conventions import Array, Update
+from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.core.machine import machine_record
+from casadi_contact.core.terminal import new_app, run_app
 from casadi_contact.samples.samples import load_errors
+from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.workflow.benchmark.candidates import (
     charted_surrogates,
     own_name,
-    peer_candidates,
+    project_peers,
     refuse_without_elements,
     surrogate_candidates,
+    train_sizes,
     untrained_candidates,
 )
 from casadi_contact.workflow.benchmark.evaluate import converged_elements, unseen_walking
 from casadi_contact.workflow.benchmark.front_file import FILE_NAME, TIMES, Front, Point, write_front
-from casadi_contact.workflow.benchmark.sizes import train_sizes
 from casadi_contact.workflow.benchmark.timing import Candidate, Stopwatch, Timing, compare, one_thread
-from casadi_contact.workflow.project import Project, project_surrogates, read_motion
+from casadi_contact.workflow.project import (
+    Project,
+    built_in_motion,
+    project_surrogates,
+    read_motion,
+    shipped_surrogates,
+)
 
 # A slow model is timed on fewer poses, so that one measurement takes about this long at most.
 _MEASUREMENT_S = 0.3
@@ -63,7 +80,7 @@ def measure_project(
         graph = name in (own_name(project, structure) for structure in own)
         candidates += surrogate_candidates(name, surrogate, graph=graph)
     if peers:
-        candidates += peer_candidates(project)
+        candidates += project_peers(project)
     walking = unseen_walking(ElasticFoundation(project.scene, project.scene.grids["settle"]), motion)
     path = project.folder / FILE_NAME
     front = measure(candidates, project.scene, walking, tell)
@@ -101,7 +118,7 @@ def measure(
                 if not points[candidate.name].failure:
                     measurements |= _measurements(candidate, walking)
             except _FAILURES as error:
-                points[candidate.name] = _failed(candidate, " ".join(str(error).split()))
+                points[candidate.name] = _point(candidate, failure=" ".join(str(error).split()))
         tell("times")
         timings = compare(measurements)
     header = {
@@ -139,38 +156,45 @@ def _measurements(candidate: Candidate, poses: Array) -> dict[str, Callable[[], 
     return found
 
 
-def _failed(candidate: Candidate, reason: str) -> Point:
-    return Point(
-        candidate.name,
-        candidate.family,
-        samples=candidate.samples,
-        training_seconds=candidate.training_seconds,
-        parameters=candidate.parameters,
-        remark=candidate.remark,
-        failure=reason,
-    )
+def _point(candidate: Candidate, **result: Any) -> Point:
+    """The candidate's row without times; result: load_rms or failure."""
+    known = {name: getattr(candidate, name) for name in ("samples", "training_seconds", "parameters", "remark")}
+    return Point(candidate.name, candidate.family, **known, **result)
 
 
-def _errors(
-    candidate: Candidate,
-    scene: Scene,
-    walking: Array,
-    converged: Array,
-) -> Point:
+def _errors(candidate: Candidate, scene: Scene, walking: Array, converged: Array) -> Point:
     model = candidate.model
     if model is None or candidate.failure:
-        return _failed(candidate, candidate.failure or "no model")
-    loads = scene.load_names
-    columns = [loads.index(load) for load in model.load_names]
-    on_walking = load_errors(model.load_names, model(walking), converged[:, columns])
-    if not all(math.isfinite(error["rms"]) for error in on_walking.values()):
-        return _failed(candidate, "gives NaN or infinity on the walking poses")
-    return Point(
-        candidate.name,
-        candidate.family,
-        load_rms={load: error["rms"] for load, error in on_walking.items()},
-        samples=candidate.samples,
-        training_seconds=candidate.training_seconds,
-        parameters=candidate.parameters,
-        remark=candidate.remark,
-    )
+        return _point(candidate, failure=candidate.failure or "no model")
+    columns = [scene.load_names.index(load) for load in model.load_names]
+    errors = load_errors(model.load_names, model(walking), converged[:, columns])
+    if not all(math.isfinite(error["rms"]) for error in errors.values()):
+        return _point(candidate, failure="gives NaN or infinity on the walking poses")
+    return _point(candidate, load_rms={load: error["rms"] for load, error in errors.items()})
+
+
+app = new_app(add_completion=False)
+
+
+@app.command()
+def measure_shipped(
+    scene: Annotated[str, typer.Argument(help="a ready scene or the path of a .toml")],
+    out: Annotated[Path | None, typer.Option(help="file to write; results/SCENE-front.csv if left out")] = None,
+) -> None:
+    """Measure time and error of elastic foundations, and of the scene's shipped surrogates, on unseen walking."""
+    loaded = load_scene(scene)
+    path = Path("results") / f"{loaded.name}-front.csv" if out is None else out
+    writable_folder(path.parent)  # before minutes of measuring
+    walking = unseen_walking(ElasticFoundation(loaded, loaded.grids["settle"]), built_in_motion(loaded))
+    write_front(path, measure(_shipped_candidates(loaded), loaded, walking, print))
+    print(f"written {path}")
+
+
+def _shipped_candidates(scene: Scene) -> Iterator[Candidate]:
+    yield from untrained_candidates(scene)
+    for name, surrogate in shipped_surrogates(scene).items():
+        yield from surrogate_candidates(name, surrogate, graph=True)
+
+
+if __name__ == "__main__":
+    run_app(app, "measure", sys.argv[1:], "python -m casadi_contact.workflow.benchmark.measure")

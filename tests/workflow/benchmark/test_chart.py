@@ -17,11 +17,11 @@ from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.quantities import FORCE, quantity
 from casadi_contact.samples.samples import TEST, write_samples
 from casadi_contact.workflow import samples as sampling
+from casadi_contact.workflow.benchmark.candidates import chart_surrogates, sized_path, train_sizes
 from casadi_contact.workflow.benchmark.choose import python_line
 from casadi_contact.workflow.benchmark.evaluate import unseen_walking
 from casadi_contact.workflow.benchmark.front_file import read_front
 from casadi_contact.workflow.benchmark.measure import measure, measure_project
-from casadi_contact.workflow.benchmark.sizes import chart_surrogates, sized_path, train_sizes
 from casadi_contact.workflow.benchmark.timing import Candidate
 from casadi_contact.workflow.presets import PRESETS, ChartEffort, Effort, Preset
 

@@ -12,8 +12,7 @@ from casadi_contact.cli import main as cli
 from casadi_contact.core.quantities import FORCE, quantity
 from casadi_contact.scenes.tolerance import Tolerance
 from casadi_contact.workflow.benchmark.choose import Offer, cheapest, within_tolerance
-from casadi_contact.workflow.benchmark.front_file import read_front
-from casadi_contact.workflow.benchmark.shipped import shipped_front
+from casadi_contact.workflow.benchmark.front_file import read_front, shipped_front
 from casadi_contact.workflow.project import Project
 from tests.support.shared_data import SPEED_ACCURACY as STORED
 

@@ -9,18 +9,15 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import casadi_contact as cc
 from casadi_contact.cli import pipeline
-from casadi_contact.core.terminal import run_app
 from casadi_contact.pictures.report.tables import read_kernel_speed
 from casadi_contact.samples.samples import load_errors, rms_by_kind
-from casadi_contact.workflow.benchmark import shipped
+from casadi_contact.workflow.benchmark import measure as measuring
 from casadi_contact.workflow.benchmark.evaluate import unseen_walking
-from casadi_contact.workflow.benchmark.front_file import read_front
+from casadi_contact.workflow.benchmark.front_file import read_front, shipped_front
 from casadi_contact.workflow.benchmark.kernel_speed import KernelSpeed, MachineLimit
-from casadi_contact.workflow.benchmark.shipped import shipped_front
 from casadi_contact.workflow.benchmark.timing import Timing
 from casadi_contact.workflow.project import Project, available_motion, available_surrogates, built_in_motion
 from tests.support.own_contact import SCENE as SOCKET
@@ -123,32 +120,21 @@ def test_speed_times_the_shipped_surrogates_on_poses_of_the_built_in_cycles(proj
     assert set(content["surrogates"]) == set(timed)
 
 
-def test_measuring_again_says_what_was_measured_and_leaves_the_package_as_it_is(tmp_path, monkeypatch):
+def test_measuring_again_writes_a_file_of_its_own_and_a_mistake_is_one_line(tmp_path, monkeypatch):
     path, front = shipped_front(cc.load_scene("knee"))
     before = path.read_bytes()
-    monkeypatch.setattr(shipped, "measured_front", lambda scene: front)
+    monkeypatch.setattr(measuring, "measure", lambda *_: front)
     monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(shipped.app, ["knee"], catch_exceptions=False)
-    (knee,) = (point for point in front.points if point.name == "knee")
-    assert f"knee: {knee.value.median_us:.3g} µs, RMS 0.125 N, 4.68 N·mm" in done.output
+    measuring.measure_shipped("knee", None)
     assert read_front(tmp_path / "results" / "knee-front.csv") == front
     assert path.read_bytes() == before
-
-
-def test_a_scene_without_geometry_has_no_front_and_no_motion_of_its_own(tmp_path, monkeypatch):
-    (tmp_path / "socket.toml").write_text(SOCKET.to_toml(), "utf-8")
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as ended:
-        run_app(shipped.app, "shipped", ["socket.toml"], "python -m casadi_contact.workflow.benchmark.shipped")
-    assert "scene socket has no geometry for an elastic foundation (shape own_model)" in str(ended.value.code)
-    assert "\n" not in str(ended.value.code)
-    with pytest.raises(ValueError, match="scene socket has no geometry for an elastic foundation"):
-        built_in_motion(SOCKET)
-
-
-def test_a_scene_that_is_not_there_is_told_in_one_line(tmp_path):
-    command = [sys.executable, "-m", "casadi_contact.workflow.benchmark.shipped", str(tmp_path / "none.toml")]
+    command = [sys.executable, "-m", "casadi_contact.workflow.benchmark.measure", str(tmp_path / "none.toml")]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 1
     assert len(done.stderr.splitlines()) == 1
     assert "none.toml" in done.stderr
+
+
+def test_a_scene_without_geometry_has_no_motion_of_its_own():
+    with pytest.raises(ValueError, match="scene socket has no geometry for an elastic foundation"):
+        built_in_motion(SOCKET)

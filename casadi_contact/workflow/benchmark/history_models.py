@@ -1,29 +1,21 @@
 """History models [EF15 §1]: time-delay network, NARX network, Hammerstein-Wiener; they follow a motion in time.
 
-Contact loads here depend on the pose alone; what the past adds is knowledge of the motion. An optimiser asks for
-single poses, which have no past: then a motion that rests at the pose stands in for it.
+Contact loads here depend on the pose alone; what the past adds is knowledge of the motion.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from casadi_contact.contact.elements.foundation import ElasticFoundation
-from casadi_contact.core.conventions import Array, as_poses
+from casadi_contact.core.conventions import Array
 from casadi_contact.networks.network import Network, Regression
 from casadi_contact.networks.training.fit import fit
 from casadi_contact.networks.training.settings import TrainingSettings
-from casadi_contact.samples.reference import ReferenceMotion
-from casadi_contact.workflow.benchmark.peers.regressors import TrainingSet
-from casadi_contact.workflow.benchmark.timing import Candidate, time_batch, time_calls
 
 
 @dataclass(frozen=True)
@@ -158,62 +150,3 @@ HISTORY_MODELS: dict[str, Any] = {
     "NARX network": Narx,
     "Hammerstein-Wiener": HammersteinWiener,
 }
-
-
-class SinglePoses:
-    """Loads of poses (n, 6) that know no past: a motion that has rested at each stands in for it."""
-
-    def __init__(self, model: Any, data: TrainingSet) -> None:
-        self.load_names, self._model, self._data = data.load_names, model, data
-
-    def __call__(self, poses: Array) -> Array:
-        """Named loads (n, L)."""
-        return self._data.without_pull(self._model.follow(as_poses(poses)[:, None])[:, 0])
-
-    def one(self, pose: Array) -> Array:
-        """Loads (L,) of one pose."""
-        return np.asarray(self(np.reshape(pose, (1, 6)))[0])
-
-
-class InSequence(SinglePoses):
-    """Loads of poses (n, 6) that follow each other as the frames of whole cycles, or of a piece of one."""
-
-    def __init__(self, model: Any, data: TrainingSet, frames: int) -> None:
-        super().__init__(model, data)
-        self._frames = frames
-
-    def __call__(self, poses: Array) -> Array:
-        """Named loads (n, L)."""
-        frames = self._frames if len(poses) % self._frames == 0 else len(poses)
-        loads = self._model.follow(as_poses(poses).reshape(-1, frames, 6))
-        return self._data.without_pull(loads.reshape(len(poses), -1))
-
-
-def history_candidates(
-    family: str, data: TrainingSet, gflop: float, motion: ReferenceMotion | None, held_back: float = 0.15
-) -> Iterator[Candidate]:
-    """A history model in sequence and on single poses, trained on the frames of the reference motion under the loads of
-    the scene's teacher grid: samples have no order in time. held_back: share of the cycles that stop the training.
-
-    Raises ValueError without a motion of at least 2 cycles.
-    """
-    if motion is None or len(motion.poses) < 2:
-        raise ValueError("a history model learns from cycles in order: give the reference motion, of at least 2 cycles")
-    began, teacher = time.process_time(), ElasticFoundation(data.scene, data.scene.grids["teacher"])
-    columns = [teacher.load_names.index(name) for name in data.load_names]
-    loads = teacher(motion.poses.reshape(-1, 6))[:, columns].reshape(*motion.poses.shape[:2], -1)
-    cycles = Cycles(motion.poses, loads, max(1, round(held_back * len(loads))))
-    fitted = HISTORY_MODELS[family](cycles, gflop)
-    took = time.process_time() - began
-    frames = cycles.poses.shape[1]
-    for what, model in (("in sequence", InSequence(fitted, data, frames)), ("single poses", SinglePoses(fitted, data))):
-        yield Candidate(
-            f"{family}, {what}",
-            family,
-            model,
-            time_value=partial(time_calls, model.one),
-            time_batch=partial(time_batch, model),
-            samples=int((~cycles.validation).sum()),
-            training_seconds=took,
-            remark="knows only the reference motion; no derivatives; pulling forces clamped to zero",
-        )
