@@ -26,11 +26,17 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.core.terminal import numbers, progress_bars
 from casadi_contact.core.workers import cluster_workers
-from casadi_contact.pictures.contact_picture import contact_pose, draw_contact, loads_text, pressures_text
+from casadi_contact.pictures.contact_picture import (
+    contact_pose,
+    draw_contact,
+    draw_fit,
+    loads_text,
+    pressures_text,
+    surface_fits,
+)
 from casadi_contact.pictures.live.joint_page import write_joint_page
 from casadi_contact.pictures.report.surrogate_page import write_report
 from casadi_contact.pictures.report.tables import choice_table, kernel_speed_tables, read_kernel_speed
-from casadi_contact.pictures.scene_picture import draw_fit, surface_fits
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.pose_file import read_poses
 from casadi_contact.surrogate.fitness import fitness

@@ -14,7 +14,7 @@ from casadi_contact.core.conventions import POSE_NAMES
 from casadi_contact.core.files.writing import writable_folder, write_text
 from casadi_contact.core.terminal import progress_bars
 from casadi_contact.geometry.mesh import MM_PER_UNIT
-from casadi_contact.pictures.scene_picture import draw_scene
+from casadi_contact.pictures.contact_picture import draw_scene
 from casadi_contact.samples.models import model_pair
 from casadi_contact.scenes.joint_cycle import joint_cycle_from_curves, write_joint_cycle
 from casadi_contact.scenes.load_cycle import cycle_from_curves, write_cycle

@@ -16,10 +16,14 @@ from casadi_contact.cli.main import app
 from casadi_contact.core.conventions import POSE_NAMES
 from casadi_contact.pictures.live import contact_model as compiling
 from casadi_contact.pictures.live.contact_model import packed
-from casadi_contact.pictures.live.cycle import page_cycle, presets
-from casadi_contact.pictures.live.fixed_surface import Triangles, fixed_surfaces
-from casadi_contact.pictures.live.joint_page import joint_page, page_script
-from casadi_contact.pictures.live.moving_body import MOST_TRIANGLES, fewer_triangles, moving_body
+from casadi_contact.pictures.live.drawn_bodies import (
+    MOST_TRIANGLES,
+    Triangles,
+    fewer_triangles,
+    fixed_surfaces,
+    moving_body,
+)
+from casadi_contact.pictures.live.joint_page import joint_page, page_cycle, page_script, presets
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.pose_file import write_poses
 from tests.support.drawn_surfaces import area_vectors_mm2

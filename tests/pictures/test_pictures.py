@@ -8,8 +8,7 @@ from typer.testing import CliRunner
 
 import casadi_contact as cc
 from casadi_contact.cli.main import app
-from casadi_contact.pictures.contact_picture import draw_contact, loads_text, pressures_text
-from casadi_contact.pictures.scene_picture import draw_fit, surface_fits
+from casadi_contact.pictures.contact_picture import draw_contact, draw_fit, loads_text, pressures_text, surface_fits
 
 POSE = np.array([0.5, 27.2, 0.1, 0.0, -0.05, -0.3])
 PNG = b"\x89PNG"

@@ -13,7 +13,7 @@ from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.mesh import Placement, axes_rotation
 from casadi_contact.geometry.projection import axis_name
 from casadi_contact.workflow.proposal.joint_geometry import JointGeometry
-from casadi_contact.workflow.proposal.placement import REACH_MM
+from casadi_contact.workflow.proposal.pair import REACH_MM
 
 
 @dataclass(frozen=True)

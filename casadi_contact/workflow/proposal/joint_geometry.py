@@ -11,9 +11,8 @@ from scipy.spatial.transform import Rotation
 from casadi_contact.core.conventions import WRENCH_NAMES, Array
 from casadi_contact.geometry.projection import axis_name
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
-from casadi_contact.workflow.proposal.pair import Pair, centre_of_normals
+from casadi_contact.workflow.proposal.pair import ContactPlacement, Pair, centre_of_normals, contact_placement
 from casadi_contact.workflow.proposal.patches import SETTINGS, Patches, find_patches
-from casadi_contact.workflow.proposal.placement import ContactPlacement, contact_placement
 
 JOINTS = ("knee", "hip", "patella", "other")
 

@@ -10,8 +10,14 @@ from scipy import ndimage
 
 from casadi_contact.core.conventions import Array, rotation
 from casadi_contact.geometry.projection import LEAST_UPWARD
-from casadi_contact.workflow.proposal.pair import Pair, axis_of_normals, centre_of_normals, unit_rows
-from casadi_contact.workflow.proposal.placement import REACH_MM, ContactPlacement
+from casadi_contact.workflow.proposal.pair import (
+    REACH_MM,
+    ContactPlacement,
+    Pair,
+    axis_of_normals,
+    centre_of_normals,
+    unit_rows,
+)
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,8 @@ import pytest
 
 from casadi_contact.geometry.mesh import checked_mesh, load_mesh
 from casadi_contact.workflow.proposal.joint_geometry import joint_geometry
-from casadi_contact.workflow.proposal.pair import Pair
+from casadi_contact.workflow.proposal.pair import Pair, contact_placement
 from casadi_contact.workflow.proposal.patches import find_patches
-from casadi_contact.workflow.proposal.placement import contact_placement
 from casadi_contact.workflow.proposal.propose import _shell
 from tests.support.joint_meshes import POLE, analysed, ball_in_cup, button_on_groove, medial_pivot, revolved
 from tests.support.meshes import ball_mesh, cap_mesh, sheet_mesh, shell_mesh, slab_mesh, unit

@@ -6,8 +6,7 @@ import trimesh
 
 from casadi_contact.core.conventions import rotation
 from casadi_contact.geometry.mesh import checked_mesh
-from casadi_contact.workflow.proposal.pair import Pair, centre_of_normals
-from casadi_contact.workflow.proposal.placement import contact_placement
+from casadi_contact.workflow.proposal.pair import Pair, centre_of_normals, contact_placement
 from tests.support.joint_meshes import DOWN, POLE, analysed, ball_in_cup, ball_on_box
 from tests.support.meshes import ball_mesh, cap_mesh, sheet_mesh, slab_mesh
 
