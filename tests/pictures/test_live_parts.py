@@ -83,9 +83,7 @@ def test_a_surface_with_what_lies_behind_it_is_a_closed_body():
     assert np.einsum("ij,ij->", middles, area_vectors_mm2(body)) / 3.0 == pytest.approx(36.0)
 
 
-@pytest.mark.parametrize(
-    "scene", ["knee", "hip", "patellofemoral", "sphere_on_plane", "cylinder_on_plane", "punch_on_plane"]
-)
+@pytest.mark.parametrize("scene", ["knee", "hip", "cylinder_on_plane", "punch_on_plane"])
 def test_points_of_the_drawn_moving_body_lie_on_its_surface(scene):
     loaded = cc.load_scene(scene)
     model = cc.ElasticFoundation(loaded, (8, 8))
@@ -109,7 +107,7 @@ def test_a_mesh_is_drawn_with_fewer_triangles_that_lie_on_its_surface():
     assert fewer_triangles(fewer_points, fewer)[1] is fewer
 
 
-@pytest.mark.parametrize("scene", ["knee", "hip", "patellofemoral", "sphere_on_plane", "cylinder_on_plane"])
+@pytest.mark.parametrize("scene", ["knee", "hip", "cylinder_on_plane"])
 def test_the_drawn_fixed_surface_has_the_area_of_the_scene_s_elements(scene):
     model = cc.foundation(scene)
     for surface, elements in zip(fixed_surfaces(model), model.scene.elements((60, 60)), strict=True):
@@ -168,9 +166,9 @@ def test_a_surrogate_of_another_scene_is_refused():
         joint_page("hip", surrogate="knee")
 
 
-@pytest.mark.parametrize("patch", ["moving", "behind", "contact"])
-def test_a_patch_may_be_called_as_a_body_is(patch, tmp_path):
+def test_a_patch_may_be_called_as_a_body_is(tmp_path):
     pytest.importorskip("ziglang", reason="pages need the extra: pip install casadi_contact[page]")
+    patch = "moving"
     write_obj(tmp_path / "ball.obj", *ball_mesh(30.0, 3.0))
     write_obj(tmp_path / "plate.obj", *sheet_mesh(16.0, 2.0))
     text = mesh_scene_text("ball.obj", "plate.obj", extra=f"[geometry.patches.{patch}]\n", grid=(20, 20))

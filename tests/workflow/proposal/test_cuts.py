@@ -66,7 +66,7 @@ def samples_of(scene, count=1200):
 
 
 def test_two_contact_areas_become_two_parts(balls, tmp_path):
-    quick = CutSettings(strips=6, hidden=(3,), gflop=0.2)
+    quick = CutSettings(strips=4, hidden=(3,), gflop=0.2)
     with ThreadPoolExecutor(1) as here:
         (cuts,) = find_cuts(balls, samples_of(balls), executor=here, settings=quick)
     assert cuts.cuts_mm == (0.0,)

@@ -46,7 +46,7 @@ def test_the_two_condyles_of_a_finger_are_told_apart_on_its_own_scale():
     assert (joint.kind, joint.patches, joint.sensitive) == ("other", ("p1", "p2"), ["-Fy_p1", "-Fy_p2"])
 
 
-@pytest.mark.parametrize("dish_mm", [45.0, 100.0, 200.0, 400.0])
+@pytest.mark.parametrize("dish_mm", [45.0, 400.0])
 def test_a_condyle_on_a_dish_has_one_patch_however_shallow_the_dish_is(dish_mm):
     """Turned about the dish's far centre it would roll from one end to the other, to places that are no patches."""
     condyle, faces = cap_mesh(25.0, 1.5, 1.2)
