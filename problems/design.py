@@ -23,10 +23,9 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation
-from casadi_contact.contact.polar.dish_derivatives import RADII, dish_derivatives
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
-from casadi_contact.contact.polar.quadrature import patch_loads
+from casadi_contact.contact.polar.quadrature import RADII, dish_derivatives, patch_loads
 from casadi_contact.contact.polar.surfaces import Torus
 from casadi_contact.contact.pressure_law import layer_modulus
 from casadi_contact.contact.settle import settle

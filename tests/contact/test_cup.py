@@ -1,11 +1,9 @@
 """The foundation of a ball in a cup: closed forms, the rim, the element grid, derivatives, the choice of points."""
 
-import casadi as ca
 import numpy as np
 import pytest
 
 import casadi_contact as cc
-from tests.support.compiler import needs_compiler
 from tests.support.ready_poses import PLACES, in_cup, placed, pole
 
 
@@ -56,20 +54,3 @@ def test_the_choice_meets_the_tolerances_with_the_fewest_points():
     assert cc.foundation(strict, compiled=False).points > found.points
     with pytest.raises(ValueError, match="relax the scene's tolerances"):
         cc.foundation(found.scene.with_overrides(Fx=1e-12), compiled=False)
-
-
-@needs_compiler
-def test_ipopt_finds_the_pose_of_a_hip_under_a_wanted_force_from_the_cups_centre():
-    """The magnitude of the force has no derivative out of contact: root loads lead there, named loads then hold."""
-    model = cc.foundation("hip")
-    start, report = cc.settle(
-        model, model.scene.start_pose[None], ("tx", "ty", "tz"), {"Fx": -80.0, "Fy": 1500.0, "Fz": 300.0}
-    )
-    assert report.converged.all()
-    f, x = model.function(), ca.MX.sym("t", 3)
-    problem = {"x": x, "f": ca.sumsqr(x - start[0, :3]), "g": f(ca.vertcat(x, ca.DM.zeros(3)))[:3]}
-    solver = ca.nlpsol("pressed", "ipopt", problem, {"ipopt.print_level": 0, "print_time": False})
-    wanted = [-100.0, 1650.0, 350.0]
-    found = solver(x0=start[0, :3], lbg=wanted, ubg=wanted)
-    assert solver.stats()["success"]
-    np.testing.assert_allclose(model(np.append(np.array(found["x"]).ravel(), np.zeros(3)))[:3], wanted, atol=1e-5)

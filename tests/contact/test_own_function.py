@@ -85,13 +85,6 @@ def test_loads_on_the_moving_body_are_refused_before_poses_are_sought(joint):
     assert right()[1].converged.all()
 
 
-def test_loads_on_the_moving_body_are_refused_without_gaps_too():
-    scene, wrenches, _ = of_knee()
-    _, estimate = estimated(scene, lambda poses: -wrenches(poses), None)
-    with pytest.raises(ValueError, match="pulls"):
-        estimate()
-
-
 WRONG_TORQUES = {
     "in N·m, expected N·mm: return 1000 times": (1e-3, False),
     "of the wrong sign": (-1.0, False),
@@ -241,21 +234,3 @@ def test_settling_asks_for_loads_and_their_differences_once_for_each_step():
             np.testing.assert_array_equal(got, want)
             got[:] = 0.0  # what a caller does to them is its own affair
         np.testing.assert_array_equal(model.jacobian(at)[1], plain.jacobian(at)[1])
-
-
-def test_a_model_may_write_into_the_poses_it_is_given():
-    def careless(function):
-        def called(at):
-            result = function(at)
-            at[:] = 0.0
-            return result
-
-        return called
-
-    poses, *_ = lifted()
-    model = cc.CallableModel(own_contact.SCENE, careless(own_contact.wrenches), careless(own_contact.gaps))
-    careful = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, own_contact.gaps)
-    before = poses.copy()
-    for got, want in zip(model.root_loads(poses), careful.root_loads(poses), strict=True):
-        np.testing.assert_array_equal(got, want)
-    np.testing.assert_array_equal(poses, before)

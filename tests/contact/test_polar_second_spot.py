@@ -7,12 +7,12 @@ from scipy.spatial.transform import Rotation
 import casadi_contact as cc
 from casadi_contact.contact.convergence import NotGoodEnoughError
 from casadi_contact.contact.polar import quadrature
-from casadi_contact.contact.polar.choice import RayChoice, fraction_in_disagreement, polar_foundation, pressed_poses
+from casadi_contact.contact.polar.choice import RayChoice, fraction_in_disagreement, pressed_poses
 from casadi_contact.contact.polar.lines import Rays
 from tests.support.agreement import check_same_formulas
 from tests.support.compiler import needs_compiler
 
-FITS_MM = [(58.0, 23.0), (44.0, 23.0), (41.0, 25.0), (41.0, 23.0)]  # condyles: 38.9 to 17.9 and 22 mm
+FITS_MM = [(58.0, 23.0), (41.0, 25.0)]  # condyles: 38.9 to 17.9 and 22 mm
 
 
 def fitting(sagittal_mm, frontal_mm):
@@ -91,7 +91,6 @@ def test_c_and_numpy_are_the_same_formulas_with_two_spots(pressed):
 def test_elements_tell_where_rays_miss_a_spot(pressed, monkeypatch):
     """More rays see no more of a spot that none of them looks for."""
     model, R, t = pressed
-    assert polar_foundation(model.scene, compiled=False).record["elements_apart"] < 0.02
     monkeypatch.setattr(quadrature, "second_peak", one_spot_only)
     wrench = quadrature.patch_loads(model.patches[0], model.law, model.rays, R, t).wrench
     with pytest.raises(NotGoodEnoughError, match=r"rays and 320×160 elements differ .* \d\d% of .*ElasticFoundation"):
