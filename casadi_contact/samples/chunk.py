@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from casadi_contact.core.conventions import Array
 from casadi_contact.samples.domains import plan_domains
 from casadi_contact.samples.liftoff import check_liftable, lift_all, lift_each, lift_one
 from casadi_contact.samples.reference import ReferenceMotion
-from casadi_contact.samples.samples import COLUMNS, DOMAINS, TRAIN, Samples
+from casadi_contact.samples.samples import DOMAINS
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.scenes.scene import Scene
@@ -60,12 +60,6 @@ class DrawnChunk:
     role: np.ndarray
     dropped_poses: Array
     dropped: Mapping[str, int]
-
-
-def joined(scene: Scene, drawn: Sequence[DrawnChunk]) -> Samples:
-    """The samples of these chunks, without provenance."""
-    columns: dict[str, Any] = {name: np.concatenate([getattr(chunk, name) for chunk in drawn]) for name in COLUMNS}
-    return Samples(scene, **columns)
 
 
 def plan_chunks(scene: Scene, motion: ReferenceMotion, settings: SamplingSettings) -> list[Chunk]:
@@ -111,13 +105,10 @@ class _Poses:
         each = len(poses) // max(len(self.role), 1)
         self.poses, self.domain, self.role = poses, np.repeat(self.domain, each), np.repeat(self.role, each)
 
-    def drop(self, stage: str, reasons: np.ndarray) -> None:
-        """Reject poses with a reason (n,), "" for none; counted by the text before the reason's first colon."""
-        self.dropped.update(f"{stage}: {reason.partition(':')[0]}" for reason in reasons if reason)
-        self.keep(np.asarray(reasons == ""))
-
-    def keep(self, good: np.ndarray) -> None:
-        """Reject the poses that are not good (n,)."""
+    def drop(self, reasons: np.ndarray) -> None:
+        """Reject poses with a reason (n,), "" for none."""
+        good = np.asarray(reasons == "")
+        self.dropped.update(map(str, reasons[~good]))
         self.lost.append(self.poses[~good])
         self.poses, self.domain, self.role = self.poses[good], self.domain[good], self.role[good]
 
@@ -126,38 +117,20 @@ def draw_chunk(
     settle_model: ContactModel, teacher: WrenchModel, chunk: Chunk, settings: SamplingSettings
 ) -> DrawnChunk:
     """Settle, lift off (D4, D5), evaluate and check the samples of one chunk."""
-    drawn = _settled(settle_model, chunk, settings)
-    lifted = {"D4": [chunk.lifted], "D5": range(len(settle_model.scene.first_parts))}
-    return _evaluated(teacher, settle_model.scene, drawn, lifted.get(DOMAINS[chunk.domain - 1], []))
-
-
-def evaluate_poses(teacher: WrenchModel, scene: Scene, poses: Array, domain: np.ndarray) -> DrawnChunk:
-    """Poses (n, 6) of domains (n,) as training rows: those that pull, and those whose contact runs off, are dropped."""
-    return _evaluated(teacher, scene, _Poses(poses, domain, np.full(len(poses), TRAIN, dtype=np.uint8)), [])
-
-
-def _evaluated(teacher: WrenchModel, scene: Scene, drawn: _Poses, lifted: Sequence[int]) -> DrawnChunk:
-    """The poses as samples; lifted: numbers of the patches that were lifted off."""
-    edge = reaches_edge(teacher, drawn.poses)  # first: ten times faster than loads and gaps
-    drawn.dropped["contact reaches the edge of the elements"] += int(edge.sum())
-    drawn.keep(~edge)
-    parts = len(scene.parts)
+    drawn, scene, parts = _settled(settle_model, chunk, settings), settle_model.scene, len(settle_model.scene.parts)
+    if hasattr(teacher, "at_edge") and len(drawn.poses):  # first: ten times faster than loads and gaps
+        edge = np.asarray(teacher.at_edge(drawn.poses).any(axis=1))
+        drawn.drop(np.where(edge, "contact reaches the edge of the elements", ""))
     wrenches, gaps = part_wrenches(teacher, drawn.poses, parts), part_gaps(teacher, drawn.poses, parts)
-    finite = np.asarray(np.isfinite(wrenches).all(axis=(1, 2)))
-    pulls, touches = _false_contact(scene, wrenches, lifted)
-    drawn.dropped[NOT_FINITE] += int((~finite).sum())
-    drawn.dropped["pulls"] += int((pulls & finite).sum())
-    drawn.dropped["touches though lifted off"] += int((touches & finite).sum())
-    good = finite & ~pulls & ~touches
-    drawn.keep(good)
+    lifted = {"D4": [chunk.lifted], "D5": list(range(len(scene.first_parts)))}.get(DOMAINS[chunk.domain - 1], [])
+    touching = np.logical_or.reduceat((wrenches != 0.0).any(axis=2), scene.first_parts, axis=1)[:, lifted].any(axis=1)
+    pulls = (normal_forces([part.normal for part in scene.parts], wrenches) < -_PULL_N).any(axis=1)
+    finite = np.isfinite(wrenches).all(axis=(1, 2))
+    reasons = np.select([~finite, pulls, touching], [NOT_FINITE, "pulls", "touches though lifted off"], "")
+    good = reasons == ""
+    drawn.drop(reasons)
     return DrawnChunk(
-        drawn.poses,
-        wrenches[good],
-        gaps[good],
-        drawn.domain,
-        drawn.role,
-        np.concatenate(drawn.lost),
-        {reason: count for reason, count in drawn.dropped.items() if count},
+        drawn.poses, wrenches[good], gaps[good], drawn.domain, drawn.role, np.concatenate(drawn.lost), drawn.dropped
     )
 
 
@@ -167,7 +140,7 @@ def _settled(model: ContactModel, chunk: Chunk, settings: SamplingSettings) -> _
     starts = advance_to_contact(model, chunk.starts, chunk.loads) if settings.reach else chunk.starts
     poses, report = settle(model, starts, chunk.free, chunk.loads, tolerance=settings.settle_tolerance_n)
     drawn = _Poses(poses, np.full(len(poses), chunk.domain, dtype=np.uint8), chunk.role)
-    drawn.drop("not settled", report.reason)
+    drawn.drop(_at_stage("not settled", report.reason))
     domain = DOMAINS[chunk.domain - 1]
     if domain == "D4":
         lifted_loads = model.scene.normal_loads[chunk.lifted].loads
@@ -183,20 +156,18 @@ def _settled(model: ContactModel, chunk: Chunk, settings: SamplingSettings) -> _
             tolerance_n=settings.settle_tolerance_n,
         )
         drawn.become(lifted.reshape(-1, 6))
-        drawn.drop("not settled after liftoff", reason.ravel())
+        drawn.drop(_at_stage("not settled after liftoff", reason.ravel()))
     elif domain == "D5":
         raised = _raised(model, drawn.poses, settings)
         known = np.asarray(np.isfinite(raised).all(axis=(1, 2)))
-        drawn.drop("not lifted off", np.where(known, "", NOT_FINITE))
+        drawn.drop(np.where(known, "", f"not lifted off: {NOT_FINITE}"))
         drawn.become(raised[known].reshape(-1, 6))
     return drawn
 
 
-def _false_contact(scene: Scene, wrenches: Array, lifted: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-    """True (n,) where the contact pulls, and where a lifted patch still carries a load."""
-    pulls = (normal_forces([part.normal for part in scene.parts], wrenches) < -_PULL_N).any(axis=1)
-    touching = np.logical_or.reduceat((wrenches != 0.0).any(axis=2), scene.first_parts, axis=1)
-    return np.asarray(pulls), np.asarray(touching[:, list(lifted)].any(axis=1) & ~pulls)
+def _at_stage(stage: str, reasons: np.ndarray) -> np.ndarray:
+    """Reasons (n,), cut before their first colon, with the stage at which they arose."""
+    return np.array([reason and f"{stage}: {reason.partition(':')[0]}" for reason in reasons], dtype=object)
 
 
 def _raised(model: ContactModel, poses: Array, settings: SamplingSettings) -> Array:
@@ -208,14 +179,6 @@ def _raised(model: ContactModel, poses: Array, settings: SamplingSettings) -> Ar
     shape = (len(poses) * steps, len(scene.normal_loads))
     gaps = np.random.default_rng([settings.seed, DOMAINS.index("D5")]).uniform(0.0, most, shape)
     return lift_each(model, np.repeat(poses, steps, axis=0), gaps).reshape(len(poses), steps, 6)
-
-
-def reaches_edge(teacher: WrenchModel, poses: Array) -> np.ndarray:
-    """True (n,) where contact reaches the edge of the element grid, which cuts it off [EF15 §2.2]; False for a model
-    without at_edge."""
-    if not hasattr(teacher, "at_edge") or not len(poses):
-        return np.zeros(len(poses), dtype=bool)
-    return np.asarray(teacher.at_edge(poses).any(axis=1))
 
 
 def part_wrenches(teacher: WrenchModel, poses: Array, parts: int) -> Array:

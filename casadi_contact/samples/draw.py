@@ -9,26 +9,24 @@ from __future__ import annotations
 import json
 import shutil
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor, as_completed
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import replace
+from functools import lru_cache, partial
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
 
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import WRENCH_NAMES, Progress, evenly
-from casadi_contact.core.workers import cancelled_if_left, worker_pool
+from casadi_contact.core.workers import cancelled_if_left, one_thread, worker_pool
 from casadi_contact.samples.chunk import (
     Chunk,
     DrawnChunk,
     WrenchModel,
     draw_chunk,
-    joined,
     part_wrenches,
     plan_chunks,
     plan_digest,
@@ -41,51 +39,29 @@ from casadi_contact.samples.models import (
     foundations,
     model_name,
     models_identity,
-    package_version,
 )
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.resume import ChunkFolder, check_same_plan
-from casadi_contact.samples.samples import DOMAINS, Dropped, Samples, partial_folder, read_samples, write_samples
+from casadi_contact.samples.samples import (
+    COLUMNS,
+    DOMAINS,
+    Dropped,
+    Samples,
+    partial_folder,
+    read_samples,
+    write_samples,
+)
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.scene import Scene
 
 
-@dataclass(frozen=True)
-class WorkerModels:
-    """What a worker needs to make its models, in hashable form."""
-
-    scene_toml: str
-    settings_json: str
-    models: ModelPair
-
-    @classmethod
-    def of(cls, scene: Scene, settings: SamplingSettings, models: ModelPair) -> WorkerModels:
-        """Of a scene and the settings of its samples."""
-        return cls(scene.to_toml(), json.dumps(settings.to_table(), sort_keys=True), models)
-
-    def settings(self) -> SamplingSettings:
-        """Those of the samples."""
-        return SamplingSettings.from_table(json.loads(self.settings_json))
-
-    def pair(self) -> tuple[ContactModel, WrenchModel]:
-        """The models, made once in each process."""
-        return _made(self)
-
-
 @lru_cache(maxsize=2)
-def _made(models: WorkerModels) -> tuple[ContactModel, WrenchModel]:
-    return models.models(Scene.from_toml(models.scene_toml), models.settings())
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """One numba thread in the block: the executor already uses all cores."""
-    threads = numba.get_num_threads()
-    numba.set_num_threads(1)
-    try:
-        yield
-    finally:
-        numba.set_num_threads(threads)
+def _worker_models(
+    scene_toml: str, settings_json: str, models: ModelPair
+) -> tuple[ContactModel, WrenchModel, SamplingSettings]:
+    """The models to settle and to evaluate on, made once in each process, and the settings."""
+    settings = SamplingSettings.from_table(json.loads(settings_json))
+    return *models(Scene.from_toml(scene_toml), settings), settings
 
 
 def draw_samples(
@@ -122,20 +98,20 @@ def draw_samples(
     }
     if models is foundations:  # chosen for the scene's tolerances
         identity["tolerances"] = dict(scene.tolerances)
-    job = WorkerModels.of(scene, settings, models)
+    job = partial(_draw, scene.to_toml(), json.dumps(settings.to_table(), sort_keys=True), models)
     own = model_name(models) not in MODELS  # the library's are known by name, version and settings
     if path.exists():
         samples = read_samples(path)
         there = {**samples.provenance, "scene": samples.scene.digest}
         check_same_plan(there, identity, path)
         if own:
-            check_same_model(job.pair()[1], replace(samples, scene=scene), path)
+            check_same_model(_worker_models(*job.args)[1], replace(samples, scene=scene), path)
         shutil.rmtree(partial_folder(path), ignore_errors=True)  # left where a kill came just before the clearing up
         return samples
     folder = ChunkFolder(path, identity)
     drawn = {number: chunk for number in range(len(chunks)) if (chunk := folder.read(number)) is not None}
     if own and drawn:
-        check_same_model(job.pair()[1], joined(scene, list(drawn.values())), folder.folder)
+        check_same_model(_worker_models(*job.args)[1], _joined(scene, drawn.values()), folder.folder)
     _draw_missing(job, chunks, drawn, folder, executor, progress)
     samples = _gather(scene, chunks, [drawn[number] for number in range(len(chunks))], identity)
     write_samples(path, samples)
@@ -180,7 +156,7 @@ def check_rejection_rate(samples: Samples, most: float) -> None:
 
 
 def _draw_missing(
-    job: WorkerModels,
+    job: Callable[[Chunk], DrawnChunk],
     chunks: Sequence[Chunk],
     drawn: dict[int, DrawnChunk],
     folder: ChunkFolder,
@@ -194,7 +170,7 @@ def _draw_missing(
     if not missing:
         return
     with worker_pool(executor) as workers:
-        futures = {workers.submit(_draw, job, chunks[number]): number for number in missing}
+        futures = {workers.submit(job, chunks[number]): number for number in missing}
         with cancelled_if_left(workers, futures):
             for future in as_completed(futures):
                 number = futures[future]
@@ -208,10 +184,17 @@ def _draw_missing(
                     progress(len(drawn), len(chunks))
 
 
-def _draw(models: WorkerModels, chunk: Chunk) -> DrawnChunk:
-    """Draw one chunk; runs in a worker."""
+def _draw(scene_toml: str, settings_json: str, models: ModelPair, chunk: Chunk) -> DrawnChunk:
+    """Draw one chunk; runs in a worker, and on one thread: the executor already uses all cores."""
     with one_thread():
-        return draw_chunk(*models.pair(), chunk, models.settings())
+        settle_model, teacher, settings = _worker_models(scene_toml, settings_json, models)
+        return draw_chunk(settle_model, teacher, chunk, settings)
+
+
+def _joined(scene: Scene, drawn: Iterable[DrawnChunk]) -> Samples:
+    """The samples of these chunks, without provenance."""
+    columns: dict[str, Any] = {name: np.concatenate([getattr(chunk, name) for chunk in drawn]) for name in COLUMNS}
+    return Samples(scene, **columns)
 
 
 def _gather(scene: Scene, chunks: list[Chunk], drawn: list[DrawnChunk], identity: dict[str, Any]) -> Samples:
@@ -221,9 +204,9 @@ def _gather(scene: Scene, chunks: list[Chunk], drawn: list[DrawnChunk], identity
         if got.dropped:
             dropped.setdefault(DOMAINS[asked.domain - 1], Counter()).update(got.dropped)
     provenance = {key: value for key, value in identity.items() if key != "scene"}
-    versions = {name: package_version(name) for name in ("numpy", "scipy", "numba", "h5py")}
+    versions = {name: version(name) for name in ("numpy", "scipy", "numba", "h5py")}
     skipped = left_out(scene.controllable_normal_loads, SamplingSettings.from_table(identity["settings"]))
     found = {"versions": versions, "dropped": dropped, "left_out": skipped}
     lost = np.concatenate([chunk.dropped_poses for chunk in drawn])
     lost_from = np.repeat([chunk.domain for chunk in chunks], [len(chunk.dropped_poses) for chunk in drawn])
-    return replace(joined(scene, drawn), provenance={**provenance, **found}, dropped=Dropped(lost, lost_from))
+    return replace(_joined(scene, drawn), provenance={**provenance, **found}, dropped=Dropped(lost, lost_from))

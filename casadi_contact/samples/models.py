@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
 
+from casadi_contact import __version__
 from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.contact.choice import foundation
 from casadi_contact.contact.elements.foundation import ElasticFoundation
@@ -78,7 +78,7 @@ def model_name(models: ModelPair) -> str:
 
 def models_identity(models: ModelPair) -> dict[str, str]:
     """What the samples' file says of their models: name and version of this package."""
-    return {"models": model_name(models), "package": package_version("casadi_contact")}
+    return {"models": model_name(models), "package": __version__}
 
 
 def model_name_of(samples: Samples) -> str | None:
@@ -87,26 +87,12 @@ def model_name_of(samples: Samples) -> str | None:
     return name if name in MODELS else None
 
 
-def models_of(samples: Samples) -> ModelPair | None:
-    """The model pair of samples, to draw more of them; None for a user's own model, and for a table."""
-    name = model_name_of(samples)
-    return None if name is None else MODELS[name]
-
-
 def teacher_of(samples: Samples) -> WrenchModel | None:
     """The contact model that samples were evaluated on; None for a user's own, and for samples from a table."""
-    models = models_of(samples)
-    return None if models is None else models(samples.scene, settings_of(samples))[1]
+    name = model_name_of(samples)
+    return None if name is None else MODELS[name](samples.scene, settings_of(samples))[1]
 
 
 def settings_of(samples: Samples) -> SamplingSettings:
     """The settings that samples were drawn with; raises KeyError for samples that were not drawn."""
     return SamplingSettings.from_table(samples.provenance["settings"])
-
-
-def package_version(name: str) -> str:
-    """Version of an installed package, "unknown" without one."""
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "unknown"

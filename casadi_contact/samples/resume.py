@@ -19,7 +19,7 @@ from casadi_contact.core.files.containers import read_npz, write_npz
 from casadi_contact.core.files.reading import MOST_TEXT, checked_size
 from casadi_contact.core.files.writing import write_text
 from casadi_contact.samples.chunk import DrawnChunk
-from casadi_contact.samples.reference import Cycle, ReferenceMotion, ReferenceReport
+from casadi_contact.samples.reference import Cycle, ReferenceMotion
 from casadi_contact.samples.samples import COLUMNS, partial_folder
 from casadi_contact.samples.settings import SamplePoint, SamplingSettings
 from casadi_contact.scenes.pose_space import PoseSpace
@@ -110,20 +110,23 @@ def motion_origin(
 
 
 def write_motion(
-    path: Path, motion: ReferenceMotion, report: ReferenceReport, files: Sequence[Path], origin: Mapping[str, Any]
+    path: Path,
+    motion: ReferenceMotion,
+    cycles: Sequence[str],
+    report: str,
+    files: Sequence[Path],
+    origin: Mapping[str, Any],
 ) -> None:
-    """Write a reference motion; files: where the cycles were read, none for built-in ones."""
+    """Write a reference motion, the names of its cycles, and the report of its estimation; files: where the cycles were
+    read, none for built-in ones."""
     write_npz(
         path,
         inputs=np.array(motion.point.inputs),
-        cycles=np.array(report.names),
+        cycles=np.array(cycles),
         files=np.array([str(file) for file in files], dtype=str),
         curves=motion.curves,
         poses=motion.poses,
-        converged=report.converged,
-        residual=report.residual,
-        reason=report.reason.astype(str),
-        assumed=np.array(json.dumps(report.assumed)),
+        report=np.array(report),
         origin=np.array(json.dumps(origin)),
     )
 
@@ -138,8 +141,8 @@ def motion_in(content: Mapping[str, np.ndarray], space: PoseSpace) -> ReferenceM
 
 def kept_motion(
     path: Path, space: PoseSpace, origin: Mapping[str, Any], drawn: Path
-) -> tuple[ReferenceMotion, ReferenceReport] | None:
-    """The reference motion that the samples in `drawn` were begun with; None without a file.
+) -> tuple[ReferenceMotion, str] | None:
+    """The reference motion that the samples in `drawn` were begun with, and its report; None without a file.
 
     Raises ValueError for a motion estimated from something else than `origin`, and for a damaged file.
     """
@@ -147,15 +150,8 @@ def kept_motion(
         return None
     content = read_npz(path)
     try:
-        before = dict(json.loads(str(content["origin"])))
+        before, report = dict(json.loads(str(content["origin"]))), str(content["report"])
         motion = motion_in(content, space)
-        report = ReferenceReport(
-            tuple(str(name) for name in content["cycles"]),
-            content["converged"],
-            content["residual"],
-            content["reason"].astype(object),
-            dict(json.loads(str(content["assumed"]))),
-        )
     except (ValueError, KeyError, IndexError, TypeError) as error:
         raise ValueError(f"{path} is damaged ({error}): remove it and sample again") from None
     check_same_plan(before, origin, drawn)

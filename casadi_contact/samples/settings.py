@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
@@ -18,6 +17,14 @@ MOST_SAMPLES = 10_000_000  # of a domain: hundreds of times the paper's
 PAPER_COUNTS = {"D1": 24000, "D2": 24000, "D3": 24000, "D4": 30000, "D5": 300, "D6": 20000, "D7": 100}
 ALONE_COUNTS = {"D5": 6000, "D7": 3000}
 """Of joints with one patch, which have no D4 and D6: only D5 and D7 show what is out of contact."""
+
+# Least and greatest of each number among the settings.
+_RANGES: dict[str, tuple[float, float]] = {
+    **{"seed": (0, 2**63 - 1), "frames": (2, 10_000), "liftoff_steps": (1, 1000), "chunk_size": (1, 100_000)},
+    **{"scale": (1e-6, MOST_SAMPLES), "liftoff_mm": (1e-3, 1e3), "settle_tolerance_n": (1e-9, 1e6)},
+    **dict.fromkeys(("d1_fraction", "d1_offset", "d2_fraction", "d2_offset", "d3_fraction"), (0.0, 1e3)),
+    **{"most_dropped": (0.0, 1.0), "test_fraction": (0.0, 0.5), "validation_fraction": (0.0, 0.5)},
+}
 
 
 @dataclass(frozen=True)
@@ -134,17 +141,9 @@ class SamplingSettings:
         if set(self.counts) - set(DOMAINS):
             raise _bad("counts", self.counts, f"samples for some of {', '.join(DOMAINS)}")
         for domain, count in self.counts.items():
-            _whole(f"counts.{domain}", count, 0, MOST_SAMPLES)
-        whole = {"seed": (0, 2**63 - 1), "frames": (2, 10_000), "liftoff_steps": (1, 1000), "chunk_size": (1, 100_000)}
-        for name, (least, most) in whole.items():
-            _whole(name, getattr(self, name), least, most)
-        for name in ("scale", "liftoff_mm", "settle_tolerance_n"):
-            _number(name, getattr(self, name), positive=True)
-        for name in ("d1_fraction", "d1_offset", "d2_fraction", "d2_offset", "d3_fraction"):
-            _number(name, getattr(self, name))
-        for name, largest in (("most_dropped", 1.0), ("test_fraction", 0.5), ("validation_fraction", 0.5)):
-            if _number(name, getattr(self, name)) > largest:
-                raise _bad(name, getattr(self, name), f"a number from 0 to {largest:g}")
+            _number(f"counts.{domain}", count, 0, MOST_SAMPLES, whole=True)
+        for name, (least, most) in _RANGES.items():
+            _number(name, getattr(self, name), least, most, whole=isinstance(getattr(type(self), name), int))
         if self.scale * max(self.counts.values(), default=0) > MOST_SAMPLES:
             raise _bad("scale", self.scale, f"at most {MOST_SAMPLES} samples in a domain")
         if isinstance(self.inputs, str) or not all(isinstance(name, str) for name in self.inputs):
@@ -160,7 +159,9 @@ class SamplingSettings:
         plain: dict[str, Any] = {
             "counts": {domain: self.counts.get(domain, 0) for domain in DOMAINS},
             "fixed_offsets": offsets,
-            "d3_minimum_widths": {n: _number(f"d3_minimum_widths.{n}", w) for n, w in self.d3_minimum_widths.items()},
+            "d3_minimum_widths": {
+                name: _number(f"d3_minimum_widths.{name}", width) for name, width in self.d3_minimum_widths.items()
+            },
             "inputs": tuple(self.inputs),
             "reach": reach,
             **{name: grid_size(f"sampling.{name}", getattr(self, name)) for name in ("settle_grid", "teacher_grid")},
@@ -219,23 +220,15 @@ def _bad(name: str, got: object, expected: str) -> ValueError:
     return ValueError(f"sampling setting {name} = {got!r}, expected {expected}")
 
 
-def _whole(name: str, value: object, least: int, most: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
-        raise _bad(name, value, f"a whole number from {least} to {most}")
-
-
-def _number(name: str, value: object, *, positive: bool = False) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value) or value < 0:
-        raise _bad(name, value, "a number >= 0")
-    if positive and value == 0:
-        raise _bad(name, value, "a number > 0")
+def _number(name: str, value: object, least: float = 0.0, most: float = 1e15, *, whole: bool = False) -> float:
+    kinds = int if whole else int | float
+    if isinstance(value, bool) or not isinstance(value, kinds) or not least <= value <= most:
+        raise _bad(name, value, f"a {'whole ' if whole else ''}number from {least:g} to {most:g}")
     return float(value)
 
 
 def _pair(name: str, pair: object) -> tuple[float, float]:
-    numbers = (
-        [v for v in pair if isinstance(v, int | float) and math.isfinite(v)] if isinstance(pair, list | tuple) else []
-    )
-    if len(numbers) != 2:
+    if not isinstance(pair, list | tuple) or len(pair) != 2:
         raise _bad(name, pair, "two numbers")
-    return float(numbers[0]), float(numbers[1])
+    first, second = (_number(name, value, -1e15) for value in pair)
+    return first, second

@@ -1,4 +1,4 @@
-"""A user's own table of samples, from any contact model or measurement, in CSV or HDF5.
+"""A user's own table of samples, from any contact model or measurement, in CSV or HDF5, and checks of it.
 
 Columns (HDF5: data sets of one dimension) by name, one row per pose:
 
@@ -17,13 +17,15 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from casadi_contact.core.conventions import POSE_NAMES, WRENCH_NAMES, Array, load_selection
+from casadi_contact.contact.model import overlaps_without_load
+from casadi_contact.core.conventions import POSE_NAMES, WRENCH_NAMES, Array, load_selection, rotation
 from casadi_contact.core.files.containers import open_hdf5
 from casadi_contact.core.files.reading import existing_file, sha256_of, short
-from casadi_contact.samples.check_table import check_table
+from casadi_contact.core.quantities import quantity, three_digits
 from casadi_contact.samples.samples import DOMAINS, ROLES, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.scenes.checks import check_size
 from casadi_contact.scenes.columns import read_columns
+from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.scenes.scene import Scene
 
 _LEAST_ROWS = 10
@@ -36,38 +38,37 @@ def read_sample_table(path: str | Path, scene: Scene) -> Samples:
     Raises FileNotFoundError, and ValueError for a missing column, values that are not finite numbers or beyond 1e15,
     columns of different length, too few rows, a role without rows, and wrong units, signs or origins (`check_table`).
     """
-    path = Path(path)
-    wrench_columns = _wrench_columns(scene)
+    path, several = Path(path), len(scene.patch_names) > 1
+    columns = [
+        [f"{name}_{patch}" if several else name for name in (*WRENCH_NAMES, "gap")] for patch in scene.patch_names
+    ]
     needed: np.ndarray = np.any(load_selection(scene.load_names, scene.patch_names) != 0.0, axis=0)
     for p, normal in enumerate(scene.normal_loads):
         needed[p, range(3) if normal.index is None else [normal.index]] = True
-    required = [*POSE_NAMES, *(wrench_columns[p][k] for p, k in np.argwhere(needed))]
-    gap_columns = [_of_patch("gap", patch, scene) for patch in scene.patch_names]
-    rest = [column for columns in wrench_columns for column in columns if column not in required]
-    read = _read_hdf5 if path.suffix.lower() in (".h5", ".hdf5") else _read_csv
-    table = read(path, required, [*rest, *gap_columns, "domain", "role"])
+    required = [*POSE_NAMES, *(columns[p][k] for p, k in np.argwhere(needed))]
+    optional = [*(name for of_patch in columns for name in of_patch if name not in required), "domain", "role"]
+    hdf5 = path.suffix.lower() in (".h5", ".hdf5")
+    table = _read_hdf5(path, required, optional) if hdf5 else read_columns(path, required=required, optional=optional)
     count = len(table[POSE_NAMES[0]])
     if count < _LEAST_ROWS:
         raise ValueError(f"{path} has {count} rows, expected at least {_LEAST_ROWS}")
     for name, column in table.items():
         check_size(str(path), name, column)
-    zero, unknown = np.zeros(count), np.full(count, np.nan)
-    wrenches = np.stack(
-        [np.stack([table.get(column, zero) for column in columns], axis=1) for columns in wrench_columns], axis=1
-    )
-    role = table.get("role")
     poses = np.stack([table[name] for name in POSE_NAMES], axis=1)
+    zero, unknown = np.zeros(count), np.full(count, np.nan)
     samples = Samples(
         scene,
         poses=poses,
-        wrenches=wrenches,
-        gaps=np.stack([table.get(column, unknown) for column in gap_columns], axis=1),
-        domain=_whole(path, "domain", table.get("domain", np.ones(count))),
-        role=_split(poses) if role is None else _whole(path, "role", role),
+        wrenches=np.stack([[table.get(name, zero) for name in of_patch[:6]] for of_patch in columns]).transpose(
+            2, 0, 1
+        ),
+        gaps=np.stack([table.get(of[6], unknown) for of in columns], axis=1),
+        domain=_whole(path, "domain", table.get("domain", np.ones(count)), 1, len(DOMAINS)),
+        role=_whole(path, "role", table["role"], 0, len(ROLES) - 1) if "role" in table else _split(poses),
         provenance={"table": str(path), "table_digest": sha256_of(path)},
     )
     missing = [f"{number} ({name})" for number, name in enumerate(ROLES) if not (samples.role == number).any()]
-    if missing and role is None:
+    if missing and "role" not in table:
         raise ValueError(
             f"{path} has {len(np.unique(poses, axis=0))} poses, expected hundreds: no row is left to train on"
         )
@@ -75,19 +76,6 @@ def read_sample_table(path: str | Path, scene: Scene) -> Samples:
         raise ValueError(f"{path}: no row has role {', '.join(missing)}, expected some of each, or no column role")
     check_table(samples, str(path))
     return samples
-
-
-def _of_patch(name: str, patch: str, scene: Scene) -> str:
-    return name if len(scene.patch_names) == 1 else f"{name}_{patch}"
-
-
-def _wrench_columns(scene: Scene) -> list[list[str]]:
-    """Column of each wrench component of each patch."""
-    return [[_of_patch(component, patch, scene) for component in WRENCH_NAMES] for patch in scene.patch_names]
-
-
-def _read_csv(path: Path, required: list[str], optional: list[str]) -> dict[str, Array]:
-    return read_columns(path, required=required, optional=optional)
 
 
 def _read_hdf5(path: Path, required: list[str], optional: list[str]) -> dict[str, Array]:
@@ -107,9 +95,8 @@ def _read_hdf5(path: Path, required: list[str], optional: list[str]) -> dict[str
     return columns
 
 
-def _whole(path: Path, name: str, column: Array) -> np.ndarray:
-    """A column of whole numbers, 1 to 7 of a domain and 0 to 2 of a role; ValueError for others."""
-    least, most = (1, len(DOMAINS)) if name == "domain" else (0, len(ROLES) - 1)
+def _whole(path: Path, name: str, column: Array, least: int, most: int) -> np.ndarray:
+    """A column of whole numbers in a range; ValueError for others."""
     if np.any(wrong := (column != np.round(column)) | (column < least) | (column > most)):
         row = int(wrong.argmax())
         raise ValueError(
@@ -128,3 +115,126 @@ def _split(poses: Array) -> np.ndarray:
     role[order[:held_back]] = TEST
     role[order[held_back : 2 * held_back]] = VALIDATION
     return np.asarray(role[pose_of_row.ravel()])
+
+
+def check_table(
+    samples: Samples,
+    where: str,
+    *,
+    largest_angle_rad: float = 3.5,
+    least_travel_mm: float = 0.05,
+    least_force_share: float = 0.01,
+    largest_lever_mm: float = 200.0,
+) -> None:
+    """Raise ValueError for samples in other units, with other signs, or about another origin.
+
+    Angles are at most `largest_angle_rad`; some translation varies by `least_travel_mm` at least; the largest normal
+    load is at least `least_force_share` of the scene's reference load; forces act within `largest_lever_mm` of the
+    patch's anchor (median distance of the line of action, |T - p×F|/|F| with the anchor at p). Signs: `check_no_pull`,
+    `check_gaps`, and for patches without a direction of pressing `_check_resistance`. where: the file's name.
+    """
+    scene, poses = samples.scene, samples.poses
+    largest = np.abs(poses[:, 3:]).max(axis=0)
+    if largest.max() > largest_angle_rad:
+        name = ("rx", "ry", "rz")[int(largest.argmax())]
+        raise ValueError(f"{where}: {name} reaches {largest.max():g}, expected radians: convert degrees")
+    if (travel_mm := float(np.ptp(poses[:, :3], axis=0).max())) < least_travel_mm:
+        raise ValueError(
+            f"{where}: tx, ty and tz vary by {travel_mm:.2g} at most, expected mm and at least {least_travel_mm:g}: "
+            "convert m to mm (and N·m to N·mm)"
+        )
+    normal = normal_forces([part.normal for part in scene.parts], samples.wrenches)
+    force_n = float(np.abs(normal).max(initial=0.0))
+    if 0.0 < force_n < least_force_share * scene.reference_load:
+        raise ValueError(
+            f"{where}: the largest normal load is {three_digits(force_n)} N, expected N and at least "
+            f"{least_force_share:g} of reference_load = {scene.reference_load:g} N: convert kN to N"
+        )
+    check_no_pull(samples, where)
+    check_gaps(samples, where)
+    for p, part in enumerate(scene.parts):
+        force, torque = samples.wrenches[:, p, :3], samples.wrenches[:, p, 3:]
+        pressed = (force != 0.0).any(axis=1)
+        if not pressed.any():
+            continue
+        anchor = poses[pressed, :3] + rotation(poses[pressed, 3:]) @ part.anchor_mm
+        about_anchor = np.linalg.norm(torque[pressed] - np.cross(anchor, force[pressed]), axis=1)
+        lever_mm = float(np.median(about_anchor / np.linalg.norm(force[pressed], axis=1)))
+        if torque.any() and lever_mm > largest_lever_mm:
+            raise ValueError(
+                f"{where}: the force of {part.name} acts {lever_mm:.3g} mm from its anchor (median), expected torques "
+                f"about the fixed body's origin, in N·mm, within {largest_lever_mm:g} mm: shift or convert them"
+            )
+        if part.normal.component is None:
+            _check_resistance(poses[pressed, 3:], anchor, force[pressed], where, part.name)
+
+
+def check_no_pull(samples: Samples, where: str, *, share: float = 0.01) -> None:
+    """Raise ValueError, naming the worst row, where a part pulls by more than this share of the boundary load."""
+    scene = samples.scene
+    normal = normal_forces([part.normal for part in scene.parts], samples.wrenches)
+    pulls = normal < -share * scene.boundary_load
+    if not pulls.any():
+        return
+    row, p = np.unravel_index(int(np.nanargmin(normal)), normal.shape)
+    part = scene.parts[int(p)]
+    raise ValueError(
+        f"{where}, row {row + 1}: {part.name} pulls with {three_digits(-normal[row, p])} N, expected "
+        f"{part.normal.component} {'>' if part.normal.sign > 0.0 else '<'}= 0 ({int(pulls.any(axis=1).sum())} such "
+        "rows): give the loads on the fixed body (turn all signs), and 0 out of contact"
+    )
+
+
+def check_gaps(samples: Samples, where: str, *, rounding_mm: float = 1e-6) -> None:
+    """Raise ValueError, naming the first row, where a part without load has a negative gap.
+
+    Load and gap may change sign at slightly different poses: as far as `overlaps_without_load` allows, in half of the
+    rows without load at most.
+    """
+    free = (samples.wrenches == 0.0).all(axis=2) & ~np.isnan(samples.gaps)
+    negative = free & (samples.gaps < -rounding_mm)
+    wrong = overlaps_without_load(samples.wrenches, samples.gaps)
+    wrong |= negative & (2 * negative.sum(axis=0) > free.sum(axis=0))
+    if wrong.any():
+        row, part = np.argwhere(wrong)[0]
+        raise ValueError(
+            f"{where}, row {row + 1}: {samples.scene.parts[part].name} carries no load and has the gap "
+            f"{samples.gaps[row, part]:g} mm, expected a gap above 0 out of contact ({int(wrong.any(axis=1).sum())} "
+            "such rows): turn the signs of the gaps, or leave them out"
+        )
+
+
+def _check_resistance(
+    angles: Array, anchor: Array, force: Array, where: str, name: str, *, least_rows: int = 40, least: float = -0.2
+) -> None:
+    """Raise ValueError for forces on the moving body in place of the fixed one.
+
+    Contact resists: a force F on the fixed body grows as the moving body's anchor x moves along it. With the linear
+    dependence on the rotations removed from both, the correlation Σ δx·δF / √(Σ|δx|² Σ|δF|²) is positive.
+    """
+    terms = np.column_stack([np.ones(len(angles)), angles])
+    dx, df = (values - terms @ np.linalg.lstsq(terms, values, rcond=None)[0] for values in (anchor, force))
+    size = float(np.linalg.norm(dx) * np.linalg.norm(df))
+    if len(angles) >= least_rows and size > 0.0 and (correlation := float(np.sum(dx * df)) / size) < least:
+        raise ValueError(
+            f"{where}: the force of {name} falls as the moving body moves along it (correlation {correlation:.2f}), "
+            "expected the loads on the fixed body: turn the signs of all loads"
+        )
+
+
+def conflicting_rows(samples: Samples) -> str:
+    """One line that counts the poses whose rows differ by more than a load's tolerance; "" without any."""
+    scene, loads = samples.scene, samples.loads()
+    distinct, pose_of_row = np.unique(samples.poses, axis=0, return_inverse=True)
+    pose_of_row = pose_of_row.ravel()
+    lowest, highest = (np.full((len(distinct), loads.shape[1]), bound) for bound in (np.inf, -np.inf))
+    np.minimum.at(lowest, pose_of_row, loads)
+    np.maximum.at(highest, pose_of_row, loads)
+    excess = (highest - lowest) / [scene.tolerances[name] for name in scene.load_names]
+    count = int((excess > 1.0).any(axis=1).sum())
+    if not count:
+        return ""
+    pose, load = np.unravel_index(int(excess.argmax()), excess.shape)
+    name, row = scene.load_names[load], int(np.flatnonzero(pose_of_row == pose)[0])
+    spread = f"{three_digits(lowest[pose, load])} to {three_digits(highest[pose, load])} {quantity(name).unit}"
+    return f"{count} poses have rows that differ by more than a tolerance (row {row + 1}: {name} {spread}): keep one"

@@ -11,15 +11,14 @@ from typing import Protocol
 
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import Update, in_stage
-from casadi_contact.samples.check_table import check_gaps, conflicting_rows
 from casadi_contact.samples.chunk import WrenchModel
 from casadi_contact.samples.draw import check_rejection_rate, draw_samples
 from casadi_contact.samples.models import ModelPair, elastic_foundations, model_name_of, model_pair, models_identity
-from casadi_contact.samples.reference import ReferenceReport, reference_motion
+from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.resume import begun, kept_motion, motion_origin, write_motion
 from casadi_contact.samples.samples import Samples, write_samples
 from casadi_contact.samples.settings import SamplingSettings
-from casadi_contact.samples.table import read_sample_table
+from casadi_contact.samples.table import check_gaps, conflicting_rows, read_sample_table
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.workflow.project import Project, exclusive, reference_motion_cycles, trained_surrogates
 
@@ -75,13 +74,14 @@ def sample(
     update: Update | None = None,
     executor: Executor | None = None,
     models: ModelPair = elastic_foundations,
-) -> tuple[Samples, ReferenceReport]:
+) -> tuple[Samples, str]:
     """Estimate the poses of the reference cycles and draw the samples, or go on where an earlier run stopped.
 
     cycle_files: measured cycles (§3.3); the built-in reference motion if empty. models: as in `draw_samples`, for
     another contact model than the elastic foundation.
 
-    The reference motion is kept beside the samples, and a later call goes on around it.
+    Returns the samples and the report of the reference motion, which is kept beside the samples: a later call goes on
+    around it.
 
     Raises ValueError for samples or surrogates of something else in the folder, where more of a domain was dropped than
     the settings' ``most_dropped`` and for gaps of the wrong sign (the file is kept).
@@ -90,15 +90,17 @@ def sample(
     cycles = reference_motion_cycles(project.scene, cycle_files)
     settings = SamplingSettings.from_scene(project.scene, scale=project.preset.sampling_scale)
     origin = motion_origin(project.scene, cycles, settings, models_identity(models))
+    names = [cycle.name for cycle in cycles]
     drawn, space = begun(project.samples_path), project.scene.pose_space
     kept = None if drawn is None else kept_motion(project.motion_path, space, origin, drawn)
     if kept is None:
         model = models(project.scene, settings)[0]
-        motion, report = reference_motion(model, cycles, settings, in_stage(update, "reference motion"))
+        motion, found = reference_motion(model, cycles, settings, in_stage(update, "reference motion"))
+        report = str(found)
     else:
         motion, report = kept
     if drawn is None:
-        write_motion(project.motion_path, motion, report, cycle_files, origin)
+        write_motion(project.motion_path, motion, names, report, cycle_files, origin)
     samples = draw_samples(
         project.scene,
         motion,
@@ -109,7 +111,7 @@ def sample(
         progress=in_stage(update, "samples"),
     )
     if drawn is not None and kept is None:  # what a version before began, or whose motion was lost: it is the same
-        write_motion(project.motion_path, motion, report, cycle_files, origin)
+        write_motion(project.motion_path, motion, names, report, cycle_files, origin)
     check_rejection_rate(samples, settings.most_dropped)
     if model_name_of(samples) is None:
         check_gaps(samples, str(project.samples_path))

@@ -19,7 +19,7 @@ from casadi_contact.core.conventions import Progress, Update, in_stage
 from casadi_contact.core.workers import worker_pool
 from casadi_contact.samples.chunk import WrenchModel
 from casadi_contact.samples.draw import draw_samples
-from casadi_contact.samples.models import ModelPair, model_name_of, models_of, settings_of, teacher_of
+from casadi_contact.samples.models import MODELS, ModelPair, model_name_of, settings_of, teacher_of
 from casadi_contact.samples.samples import TRAIN, LoadModel, Samples
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import calibrate
@@ -114,13 +114,13 @@ def _active_rounds(
 
 def known_models(project: Project, samples: Samples) -> ModelPair:
     """The contact models that the samples were drawn from; ValueError for samples of a user's own model or table."""
-    models = models_of(samples)
-    if models is None:
+    name = model_name_of(samples)
+    if name is None:
         raise ValueError(
             f"preset {project.preset_name} draws more samples in its active rounds, possible for the library's contact "
             "models alone: choose another preset for a model or a table of your own"
         )
-    return models
+    return MODELS[name]
 
 
 def candidates(

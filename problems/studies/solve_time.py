@@ -22,6 +22,7 @@ from casadi_contact.contact.symbolic import SymbolicContact, symbolic
 from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.core.machine import machine_record
 from casadi_contact.core.terminal import PlainConsole, run_program
+from casadi_contact.core.workers import one_thread
 from casadi_contact.optimisation.pose_estimation import PoseEstimation
 from casadi_contact.pictures.report.charts import draw_speed_accuracy, save
 from casadi_contact.samples.samples import load_errors
@@ -32,7 +33,7 @@ from casadi_contact.scenes.scene import Scene
 from casadi_contact.workflow.benchmark.candidates import surrogate_candidates, untrained_candidates
 from casadi_contact.workflow.benchmark.evaluate import converged_elements
 from casadi_contact.workflow.benchmark.front_file import Front, Point, write_front
-from casadi_contact.workflow.benchmark.timing import Candidate, compare, one_thread
+from casadi_contact.workflow.benchmark.timing import Candidate, compare
 from casadi_contact.workflow.project import reference_motion_cycles, shipped_surrogates
 
 NAME = "solve_time"

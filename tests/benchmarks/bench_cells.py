@@ -22,9 +22,10 @@ import casadi_contact as cc
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.core.compiler import FLAGS, machine_flags
 from casadi_contact.core.machine import machine_record
+from casadi_contact.core.workers import one_thread
 from casadi_contact.samples.samples import read_samples
 from casadi_contact.workflow.benchmark.kernel_speed import jacobian_of, lagrangian_hessian
-from casadi_contact.workflow.benchmark.timing import compare, one_thread, time_batch, time_single_calls
+from casadi_contact.workflow.benchmark.timing import compare, time_batch, time_single_calls
 
 LINE_MM = np.linspace(-0.02, 0.02, 41)
 SCENE = Path(__file__).parents[2] / "problems" / "scenes" / "tka_mesh.toml"

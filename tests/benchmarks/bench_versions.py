@@ -23,8 +23,9 @@ import casadi_contact as cc
 from casadi_contact.core.compiler import machine_flags, shared_library
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.machine import machine_record
+from casadi_contact.core.workers import one_thread
 from casadi_contact.networks.kernel.casadi_interface import casadi_interface
-from casadi_contact.workflow.benchmark.timing import compare, one_thread, time_single_calls
+from casadi_contact.workflow.benchmark.timing import compare, time_single_calls
 from casadi_contact.workflow.project import Project, available_motion
 
 VERSION_0_1 = Path(__file__).with_name("knee_0_1.c")

@@ -5,9 +5,8 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.core.conventions import WRENCH_NAMES
-from casadi_contact.samples.check_table import conflicting_rows
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION
-from casadi_contact.samples.table import read_sample_table
+from casadi_contact.samples.table import conflicting_rows, read_sample_table
 from casadi_contact.scenes.scene import Scene
 from tests.support.own_contact import SCENE, table_rows, write_csv, write_hdf5
 

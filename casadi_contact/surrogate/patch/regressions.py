@@ -13,8 +13,8 @@ import numpy as np
 from casadi_contact.core.conventions import POSE_NAMES, WRENCH_NAMES, Array
 from casadi_contact.core.quantities import FORCE, of_kind
 from casadi_contact.networks.network import Regression
-from casadi_contact.samples.check_table import check_no_pull
 from casadi_contact.samples.samples import Samples
+from casadi_contact.samples.table import check_no_pull
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.patch.local_pose import local_poses
 from casadi_contact.surrogate.patch.networks import part_components, ratios_name, root_name

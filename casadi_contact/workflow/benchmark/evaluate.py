@@ -14,13 +14,14 @@ from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.settle import settle
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.machine import machine_record
+from casadi_contact.core.workers import one_thread
 from casadi_contact.samples.models import model_name_of, settings_of
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import DOMAINS, TEST, LoadModel, Samples, domain_errors, load_errors, rms_by_kind
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.workflow.benchmark.timing import compare, one_thread, time_batch, time_single_calls
+from casadi_contact.workflow.benchmark.timing import compare, time_batch, time_single_calls
 
 
 def unseen_walking(model: ContactModel, motion: ReferenceMotion, count: int = 5, seed: int = 51) -> Array:

@@ -18,13 +18,13 @@ from casadi_contact.core.compiler import shared_library
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.files.writing import replacing
 from casadi_contact.core.machine import machine_record
+from casadi_contact.core.workers import one_thread
 from casadi_contact.networks.kernel.source import sigmoid_source
 from casadi_contact.networks.network import Network
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.workflow.benchmark.timing import (
     Timing,
     compare,
-    one_thread,
     time_batch,
     time_mapped,
     time_single_calls,

@@ -22,6 +22,7 @@ from casadi_contact.core.conventions import Array, Update
 from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.core.machine import machine_record
 from casadi_contact.core.terminal import new_app, run_app
+from casadi_contact.core.workers import one_thread
 from casadi_contact.samples.samples import load_errors
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
@@ -36,7 +37,7 @@ from casadi_contact.workflow.benchmark.candidates import (
 )
 from casadi_contact.workflow.benchmark.evaluate import converged_elements, unseen_walking
 from casadi_contact.workflow.benchmark.front_file import FILE_NAME, TIMES, Front, Point, write_front
-from casadi_contact.workflow.benchmark.timing import Candidate, Stopwatch, Timing, compare, one_thread
+from casadi_contact.workflow.benchmark.timing import Candidate, Stopwatch, Timing, compare
 from casadi_contact.workflow.project import (
     Project,
     built_in_motion,

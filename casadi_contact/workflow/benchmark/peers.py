@@ -18,12 +18,13 @@ from scipy.interpolate import RBFInterpolator
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.conventions import Array, as_poses
+from casadi_contact.core.workers import one_thread
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import Samples
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.sample_rows import finite, fitted_rows
 from casadi_contact.workflow.benchmark.history_models import HISTORY_MODELS, Cycles
-from casadi_contact.workflow.benchmark.timing import Candidate, one_thread, time_batch, time_calls
+from casadi_contact.workflow.benchmark.timing import Candidate, time_batch, time_calls
 
 
 @dataclass(frozen=True)

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
-import numba
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from casadi_contact.core.conventions import Array
 from casadi_contact.samples.samples import LoadModel
@@ -44,18 +41,6 @@ def time_calls(call: Callable[[Array], object], poses: Array) -> float:
     for pose in poses:
         call(pose)
     return (time.perf_counter() - start) / len(poses)
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """numba and BLAS on one thread, so that times compare models and not their use of cores."""
-    threads = numba.get_num_threads()
-    numba.set_num_threads(1)
-    try:
-        with threadpool_limits(1):
-            yield
-    finally:
-        numba.set_num_threads(threads)
 
 
 def time_single_calls(function: ca.Function, poses: Array, *others: Array) -> float:
