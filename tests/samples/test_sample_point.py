@@ -52,7 +52,7 @@ def test_the_scene_table_overrides_and_keywords_override_it():
     ("setting", "message"),
     [
         ({"liftof_mm": 2.0}, "unknown sampling setting liftof_mm"),
-        ({"scale": 0.0}, "scale = 0.0, expected a number > 0"),
+        ({"scale": 0.0}, "scale = 0.0, expected a number from"),
         ({"seed": 1.5}, "seed = 1.5, expected a whole number"),
         ({"counts": {"D8": 3}}, "expected samples for some of D1"),
         ({"counts": {"D1": -3}}, "counts.D1 = -3"),
