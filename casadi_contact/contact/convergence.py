@@ -10,7 +10,7 @@ import numpy as np
 
 from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.core.conventions import Array, load_unit
-from casadi_contact.core.quantities import beside
+from casadi_contact.core.quantities import format_above_limit
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.tolerance import Tolerance
 
@@ -68,7 +68,7 @@ class Errors:
             values, kind = self.loads[self._judged][n, load], ""
             allowed = values / single[n, load]
         name = self.scene.load_names[load]
-        return f"{beside(values, allowed)} {load_unit(name)} in {name}{kind}, expected {allowed:g} at most"
+        return f"{format_above_limit(values, allowed)} {load_unit(name)} in {name}{kind}, expected {allowed:g} at most"
 
     def record(self, **details: Any) -> dict[str, Any]:
         """What is said of the model, and its errors, in plain values; of poses at the rim, where others are judged,

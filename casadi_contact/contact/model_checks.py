@@ -16,7 +16,7 @@ import numpy as np
 
 from casadi_contact.contact.approach import loading_directions, press_until
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.core.conventions import Array, angular_velocity_map, evenly, pose_text
+from casadi_contact.core.conventions import Array, angular_velocity_map, evenly_spaced_indices, pose_text
 from casadi_contact.core.quantities import FORCE, of_kind, two_digits
 
 TORQUE_REMEDIES: Mapping[tuple[float, bool], str] = {
@@ -43,7 +43,7 @@ def check_contact_model(
     """
     if not len(touching):
         return
-    chosen = evenly(len(touching), most_poses)
+    chosen = evenly_spaced_indices(len(touching), most_poses)
     forces_n = np.linalg.norm([target[name][chosen] for name in of_kind(list(target), FORCE)], axis=0)
     poses = _pressed(model, touching[chosen], loading_directions(model, len(touching), target)[chosen], forces_n)
     forces = model.wrenches(poses)[..., :3]

@@ -37,7 +37,7 @@ REFLECTION = np.array([1.0, 1.0, -1.0, -1.0, -1.0, 1.0])  # of a pose, and of a 
 POSE_IN_MM = np.array([1.0, 1.0, 1.0, LEVER_MM, LEVER_MM, LEVER_MM])  # pose parameters in comparable mm
 
 
-def in_stage(update: Update | None, stage: str) -> Progress | None:
+def stage_progress(update: Update | None, stage: str) -> Progress | None:
     """What tells an `Update` how far a stage is; None where none listens."""
     return None if update is None else lambda done, total: update(stage, done, total, "")
 
@@ -104,10 +104,10 @@ def whole_number(name: str, value: Any, least: int) -> int:
     return int(value)
 
 
-def evenly(count: int, most: int) -> np.ndarray:
+def evenly_spaced_indices(count: int, most: int) -> np.ndarray:
     """Up to `most` of the numbers 0 ... count - 1, spread evenly, both ends among them.
 
-    >>> evenly(101, 5)
+    >>> evenly_spaced_indices(101, 5)
     array([  0,  25,  50,  75, 100])
     """
     return np.unique(np.linspace(0, max(count - 1, 0), min(count, most)).astype(int))

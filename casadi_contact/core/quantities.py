@@ -94,7 +94,7 @@ def of_kind(names: Sequence[str], kind: Kind) -> list[str]:
     return [name for name in names if quantity(name).kind == kind]
 
 
-def beside(value: float, limit: float) -> str:
+def format_above_limit(value: float, limit: float) -> str:
     """A number in three digits, or in as many as tell one above a limit from the limit, which `:g` prints."""
     texts = [three_digits(value), *(f"{value:.{digits}g}" for digits in range(4, 18))]
     told = (text for text in texts if not value > limit or (float(text) > limit and text != f"{limit:g}"))

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.core.conventions import WRENCH_NAMES, Progress, evenly
+from casadi_contact.core.conventions import WRENCH_NAMES, Progress, evenly_spaced_indices
 from casadi_contact.core.workers import cancelled_if_left, one_thread, worker_pool
 from casadi_contact.samples.chunk import (
     Chunk,
@@ -126,7 +126,7 @@ def check_same_model(model: WrenchModel, samples: Samples, where: Path, *, most:
     largest force (torque) of these, RMS.
     """
     loaded = np.flatnonzero((samples.wrenches != 0.0).any(axis=(1, 2)))
-    rows = loaded[evenly(len(loaded), most)]
+    rows = loaded[evenly_spaced_indices(len(loaded), most)]
     if not len(rows):
         return
     before = samples.rows(rows)

@@ -85,7 +85,7 @@ _ROWS = 2000  # whatever the number of threads, so that this does not change a b
 _Arrays = TypeVar("_Arrays", bound=Array | tuple[Array, ...])
 
 
-def in_blocks(function: Callable[[Array], _Arrays], poses: Array) -> _Arrays:
+def map_in_chunks(function: Callable[[Array], _Arrays], poses: Array) -> _Arrays:
     """What a function of poses (n, 6) returns, an array (n, ...) or a tuple of such, from blocks of the poses."""
     if len(poses) <= _ROWS:
         return function(poses)

@@ -21,7 +21,7 @@ from casadi_contact.networks.kernel.source import ExportedModel, Kernel
 from casadi_contact.networks.names import c_name
 from casadi_contact.networks.network import Network, Regression
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.surrogate.arrays import BATCH_FROM, SurrogateArrays, compiled_arrays, in_blocks
+from casadi_contact.surrogate.arrays import BATCH_FROM, SurrogateArrays, compiled_arrays, map_in_chunks
 from casadi_contact.surrogate.confidence import Confidence
 from casadi_contact.surrogate.file import Content, write_file
 from casadi_contact.surrogate.functions import SurrogateFunctions
@@ -136,7 +136,7 @@ class Surrogate(Structure, SurrogateFunctions, ContactModel):
         arrays = self._arrays(poses, names)
         if arrays is not None:
             return arrays.loads(poses, names)
-        return in_blocks(lambda block: self._loads(block, names, derivative=False)[0], poses)
+        return map_in_chunks(lambda block: self._loads(block, names, derivative=False)[0], poses)
 
     @pose_or_poses
     def jacobian(self, poses: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
@@ -145,7 +145,7 @@ class Surrogate(Structure, SurrogateFunctions, ContactModel):
         arrays = self._arrays(poses, names)
         if arrays is not None:
             return arrays.jacobian(poses, names)
-        return in_blocks(lambda block: self._loads(block, names, derivative=True), poses)
+        return map_in_chunks(lambda block: self._loads(block, names, derivative=True), poses)
 
     @pose_or_poses
     def hessian(self, poses: Array, weights: ArrayLike, loads: Iterable[str] | None = None) -> Array:
@@ -169,7 +169,7 @@ class Surrogate(Structure, SurrogateFunctions, ContactModel):
         (P,) and (P, 6) for a pose (6,).
         """
         self.check_roots()
-        return in_blocks(lambda block: self._roots(block, derivative=True), poses)
+        return map_in_chunks(lambda block: self._roots(block, derivative=True), poses)
 
     @pose_or_poses
     def jacobian_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
@@ -178,7 +178,7 @@ class Surrogate(Structure, SurrogateFunctions, ContactModel):
         if arrays is not None:
             return *arrays.jacobian(poses, self.load_names), *self.root_loads(poses)
         self.check_roots()
-        return in_blocks(self._jacobian_and_roots, poses)
+        return map_in_chunks(self._jacobian_and_roots, poses)
 
     @abstractmethod
     def _loads(self, poses: Array, loads: Sequence[str], *, derivative: bool) -> tuple[Array, Array]:
@@ -279,7 +279,7 @@ class Surrogate(Structure, SurrogateFunctions, ContactModel):
     def confidence_roots(self, poses: Array) -> Array:
         """Signed root loads (n, P) that validity and expected error depend on: those of `root_loads`."""
         self.check_roots()
-        return in_blocks(lambda block: self._roots(block, derivative=False)[0], poses)
+        return map_in_chunks(lambda block: self._roots(block, derivative=False)[0], poses)
 
     @pose_or_poses
     def validity(self, poses: Array) -> Array:
@@ -287,7 +287,7 @@ class Surrogate(Structure, SurrogateFunctions, ContactModel):
         confidence, arrays = self.require_confidence(), self._arrays(poses, self.load_names)
         if arrays is not None:
             return arrays.validity(poses)
-        return in_blocks(lambda block: confidence.validity(block, self.confidence_roots(block)), poses)
+        return map_in_chunks(lambda block: confidence.validity(block, self.confidence_roots(block)), poses)
 
     @pose_or_poses
     def expected_error(self, poses: Array) -> Array:
@@ -295,7 +295,7 @@ class Surrogate(Structure, SurrogateFunctions, ContactModel):
         confidence, arrays = self.require_confidence(), self._arrays(poses, self.load_names)
         if arrays is not None:
             return arrays.expected_error(poses)
-        return in_blocks(lambda block: confidence.expected_errors(block, self.confidence_roots(block)), poses)
+        return map_in_chunks(lambda block: confidence.expected_errors(block, self.confidence_roots(block)), poses)
 
     def _export_name(self) -> str:
         """Name of a ready-made surrogate: knee_contact; else with a digest of scene, structure and networks,

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.cluster.vq import kmeans2
 
-from casadi_contact.core.conventions import Array, Progress, Update, in_stage
+from casadi_contact.core.conventions import Array, Progress, Update, stage_progress
 from casadi_contact.networks.network import Network, Regression
 from casadi_contact.networks.training.fit import fit
 from casadi_contact.networks.training.settings import TrainingSettings
@@ -101,7 +101,7 @@ def calibrate(
         if not len(part):
             raise ValueError(f"samples hold no {what} rows, expected some: draw samples with a validation share")
     blank = _distance(surrogate, training, validation, settings)
-    labelling, fitting = (in_stage(update, f"{surrogate.structure}: {w}") for w in ("other poses", "confidence"))
+    labelling, fitting = (stage_progress(update, f"{surrogate.structure}: {w}") for w in ("other poses", "confidence"))
     others: dict[str, Samples] = {}
     if model is not None:
         others = _other_poses(surrogate, blank, samples, model, settings, labelling)

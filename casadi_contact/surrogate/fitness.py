@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from casadi_contact.core.quantities import beside, of_kind, quantity, two_digits
+from casadi_contact.core.quantities import format_above_limit, of_kind, quantity, two_digits
 from casadi_contact.scenes.tolerance import Tolerance
 from casadi_contact.surrogate.base import Surrogate
 
@@ -76,7 +76,7 @@ class Fitness:
         """The load that is most above its tolerance."""
         rms = self.errors[domain]
         load = max(self.failing(domain), key=lambda name: rms[name] / self.tolerances[name])
-        off, tolerance = beside(rms[load], self.tolerances[load]), self.tolerances[load]
+        off, tolerance = format_above_limit(rms[load], self.tolerances[load]), self.tolerances[load]
         return f"{load} is off by {off} {quantity(load).unit}, tolerance {tolerance:g}"
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Protocol
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.core.conventions import Update, in_stage
+from casadi_contact.core.conventions import Update, stage_progress
 from casadi_contact.samples.chunk import WrenchModel
 from casadi_contact.samples.draw import check_rejection_rate, draw_samples
 from casadi_contact.samples.models import ModelPair, elastic_foundations, model_name_of, model_pair, models_identity
@@ -95,7 +95,7 @@ def sample(
     kept = None if drawn is None else kept_motion(project.motion_path, space, origin, drawn)
     if kept is None:
         model = models(project.scene, settings)[0]
-        motion, found = reference_motion(model, cycles, settings, in_stage(update, "reference motion"))
+        motion, found = reference_motion(model, cycles, settings, stage_progress(update, "reference motion"))
         report = str(found)
     else:
         motion, report = kept
@@ -108,7 +108,7 @@ def sample(
         settings=settings,
         executor=executor,
         models=models,
-        progress=in_stage(update, "samples"),
+        progress=stage_progress(update, "samples"),
     )
     if drawn is not None and kept is None:  # what a version before began, or whose motion was lost: it is the same
         write_motion(project.motion_path, motion, names, report, cycle_files, origin)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from casadi_contact.core.conventions import Progress, Update, in_stage
+from casadi_contact.core.conventions import Progress, Update, stage_progress
 from casadi_contact.core.workers import worker_pool
 from casadi_contact.samples.chunk import WrenchModel
 from casadi_contact.samples.draw import draw_samples
@@ -103,7 +103,7 @@ def _active_rounds(
         if name not in chosen.efforts:
             continue
         title = f"{name}, round {number}"
-        progress = in_stage(update, f"{title}: candidates")
+        progress = stage_progress(update, f"{title}: candidates")
         drawn = candidates(project, samples, number, chosen.times, progress, executor)
         learned = learned.join_samples(worst_samples(surrogate, drawn, chosen.worst_share))
         folder, efforts = first.checkpoints / f"active-{number}", chosen.efforts[name]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from casadi_contact.core.conventions import (
     angular_velocity_map,
     as_poses,
-    evenly,
+    evenly_spaced_indices,
     finite_numbers,
     load_selection,
     rotation,
@@ -82,7 +82,7 @@ def test_numbers_keep_their_shape():
 
 @pytest.mark.parametrize(("count", "most"), [(1, 3), (2, 5), (100, 7)])
 def test_rows_are_spread_from_the_first_to_the_last(count, most):
-    rows = evenly(count, most)
+    rows = evenly_spaced_indices(count, most)
     assert len(rows) == min(count, most)
     assert (rows[0], rows[-1]) == (0, count - 1)
     assert len(rows) < 2 or np.ptp(np.diff(rows)) <= 1

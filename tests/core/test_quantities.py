@@ -12,7 +12,7 @@ from casadi_contact.core.quantities import (
     KINDS,
     PRESSURE,
     TORQUE,
-    beside,
+    format_above_limit,
     newton_scales,
     of_kind,
     quantity,
@@ -136,7 +136,7 @@ def test_opensim_tables_hold_pressures_in_pascal_and_areas_in_square_metres():
     (1.50342, 2.0, "1.5"), (1.5, 1.5, "1.5"), (1823.4, 200.0, "1820"), (math.inf, 1.5, "inf"), (math.nan, 1.5, "nan"),
 ])  # fmt: skip
 def test_a_number_above_a_limit_is_told_from_it(value, limit, text):
-    assert beside(value, limit) == text
+    assert format_above_limit(value, limit) == text
 
 
 @pytest.mark.parametrize("value", [1.234e-4, 0.0567, 0.94, 9.96, 27.4, 99.6, 101.0, 184.0, 1260.0, -56789.0, 9.4e5])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from casadi_contact.surrogate.arrays import in_blocks
+from casadi_contact.surrogate.arrays import map_in_chunks
 from tests.support.random_surrogates import IN_PARTS, random_poses, random_surrogate, scene_called
 
 MANY = random_poses(4500)  # more than two blocks
@@ -35,9 +35,9 @@ def test_together_they_are_what_each_alone_is(surrogate):
         np.testing.assert_allclose(surrogate.confidence_roots(MANY), roots, rtol=1e-13, atol=1e-13)
 
 
-def test_an_error_in_a_block_is_that_of_the_function():
+def test_an_error_in_a_chunk_is_that_of_the_function():
     def refuses(block):
         raise ValueError(f"{len(block)} poses")
 
     with pytest.raises(ValueError, match="2000 poses"):
-        in_blocks(refuses, MANY)
+        map_in_chunks(refuses, MANY)

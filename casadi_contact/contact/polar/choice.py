@@ -21,7 +21,7 @@ from casadi_contact.contact.polar.peak import nearest, peak
 from casadi_contact.contact.polar.quadrature import patch_loads
 from casadi_contact.contact.polar.ray_hits import fixed_point
 from casadi_contact.contact.polar.surfaces import SmoothPatch, u_range
-from casadi_contact.core.conventions import Array, evenly, load_selection
+from casadi_contact.core.conventions import Array, evenly_spaced_indices, load_selection
 from casadi_contact.scenes.scene import Scene
 
 
@@ -154,7 +154,7 @@ def _poses_for_elements(
 ) -> tuple[Array, Array, Array]:
     """Rotations, translations and wrenches of up to so many poses to be compared with elements, without those in which
     the body's back meets the patch, which polar quadrature does not cover."""
-    few = evenly(len(t), count)
+    few = evenly_spaced_indices(len(t), count)
     R, t, wrench = R[few], t[few], wrench[few]
     turned, place = patch.turn @ R, t @ patch.turn.T
     local = peak(patch, turned, place).local

@@ -13,7 +13,7 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.symbolic import HasConfidence, SymbolicContact
 from casadi_contact.core.conventions import Array, as_poses, load_unit
-from casadi_contact.core.quantities import beside, three_digits
+from casadi_contact.core.quantities import format_above_limit, three_digits
 from casadi_contact.optimisation.verification.unmodelled_load import unmodelled_fraction
 from casadi_contact.optimisation.verification.verify import as_mask, loads_on, off_finer
 from casadi_contact.scenes.scene import Scene
@@ -181,7 +181,7 @@ class Verdict:
         largest = self.expected[told].max(axis=0)
         load = int((largest / self.allowed).argmax())
         name = self.load_names[load]
-        off, unit = beside(largest[load], self.allowed[load]), load_unit(name)
+        off, unit = format_above_limit(largest[load], self.allowed[load]), load_unit(name)
         return f"; the surrogate itself expects errors up to {off} {unit} ({name}, {self.allowed[load]:g} allowed)"
 
     def _largest(self, errors: Array, rows: np.ndarray | int) -> str:

@@ -12,7 +12,7 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.symbolic import HasConfidence, SymbolicContact
 from casadi_contact.core.conventions import Array, as_poses
-from casadi_contact.core.quantities import beside, quantity
+from casadi_contact.core.quantities import format_above_limit, quantity
 from casadi_contact.scenes.shapes.checks import MOST_ELEMENTS
 from casadi_contact.scenes.tolerance import Tolerance
 
@@ -81,9 +81,8 @@ class Verification:
             self.load_names, self.rms, self.worst, self.tolerance.allowed, strict=True
         ):
             verdict = "" if rms <= tolerance else "  too large"
-            lines.append(
-                f"  {name:<8}{beside(rms, tolerance):>10}{worst:>10.3g}{tolerance:>11g} {quantity(name).unit}{verdict}"
-            )
+            numbers = f"{format_above_limit(rms, tolerance):>10}{worst:>10.3g}{tolerance:>11g}"
+            lines.append(f"  {name:<8}{numbers} {quantity(name).unit}{verdict}")
         lines.append(f"  {_listed(self.outside)} outside the learned region")
         if self.unanswered.any():
             lines.append(f"  {_listed(self.unanswered)} at which the model gives no finite loads")

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from casadi_contact.contact.elements.foundation import grid_text
 from casadi_contact.core.files.reading import MOST_TEXT, checked_size, one_line
-from casadi_contact.core.quantities import FORCE, TORQUE, beside, of_kind, quantity, three_digits
+from casadi_contact.core.quantities import FORCE, TORQUE, format_above_limit, of_kind, quantity, three_digits
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.workflow.benchmark.choose import Choice
 from casadi_contact.workflow.benchmark.kernel_speed import CALL_ALONE
@@ -110,7 +110,7 @@ def fine_grid_remark(content: dict[str, Any], scene: Scene) -> str:
         return ""
     load = max(above, key=lambda name: above[name] / scene.tolerances[name])
     tolerance = scene.tolerances[load]
-    off = f"{beside(above[load], tolerance)} {quantity(load).unit}"
+    off = f"{format_above_limit(above[load], tolerance)} {quantity(load).unit}"
     return (
         f"the scene's fine grid, {grid}, is off by {off} in {load} in D1, "
         f"tolerance {tolerance:g}: for checks of your own take a finer one (grids.fine), or cc.foundation"

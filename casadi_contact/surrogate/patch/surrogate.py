@@ -27,7 +27,7 @@ from casadi_contact.networks.kernel.source import Kernel
 from casadi_contact.networks.network import Network, Regression
 from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.surrogate.arrays import in_blocks
+from casadi_contact.surrogate.arrays import map_in_chunks
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.patch.graph import patch_expressions
 from casadi_contact.surrogate.patch.kernel import patch_kernel
@@ -194,7 +194,7 @@ class PatchSurrogate(Surrogate):
             of_parts = np.stack([self._part(block, p, used, derivative=False)[2] for p in parts], axis=1)
             return np.add.reduceat(of_parts, self.scene.first_parts, axis=1)
 
-        return in_blocks(of_patches, poses)
+        return map_in_chunks(of_patches, poses)
 
     def _part(self, poses: Array, p: int, used: np.ndarray, *, derivative: bool) -> tuple[Array, Array, Array, Array]:
         """Root load s (n,) of part p and its wrench W (n, 6), as s, ds/dpose (n, 6), W, dW/dpose (n, 6, 6).
