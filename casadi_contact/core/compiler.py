@@ -10,6 +10,7 @@ A library is compiled for the instruction set of this processor. ``CASADI_CONTAC
 from __future__ import annotations
 
 import _ctypes
+import atexit
 import ctypes
 import hashlib
 import os
@@ -79,7 +80,7 @@ def cache_folder() -> Path:
 
 @cache
 def _compiler_version(command: tuple[str, ...]) -> str:
-    return _run([*command, "--version"]).stdout
+    return _run([*command, "--version"])
 
 
 @cache
@@ -92,10 +93,11 @@ def _processor() -> str:
     return "".join(sorted({line for line in lines if line.startswith(("model name", "flags", "Features"))}))
 
 
-def _run(command: list[str], folder: Path | None = None) -> subprocess.CompletedProcess[str]:
+def _run(command: list[str], folder: Path | None = None) -> str:
+    """What a command prints; raises CompilerError with its first error."""
     try:
         # A compiler's messages name files as they are called, and need not be text in this locale.
-        return subprocess.run(command, capture_output=True, text=True, errors="replace", check=True, cwd=folder)
+        return subprocess.run(command, capture_output=True, text=True, errors="replace", check=True, cwd=folder).stdout
     except subprocess.CalledProcessError as error:
         said = (error.stderr or error.stdout).strip().splitlines() or [f"exit status {error.returncode}"]
         reason = next((line for line in said if "error" in line.lower()), said[0])  # lines before it say where
@@ -138,33 +140,27 @@ def shared_library(source: str, waited_for: str = "", data: bytes = b"") -> Path
 
 def _compiled(source: str, data: bytes, command: list[str], chosen: tuple[str, ...], folder: Path, key: str) -> Path:
     with tempfile.TemporaryDirectory(dir=folder, prefix=".kernel.") as name:
-        place = Path(name)
-        library, c_file = place / f"kernel{SUFFIX}", place / "kernel.c"
-        c_file.write_text(source, "utf-8")
+        place, library = Path(name), Path(name, f"kernel{SUFFIX}")
+        (place / "kernel.c").write_text(source, "utf-8")
         (place / DATA_FILE).write_bytes(data)
+        last = ["-o", str(library), "kernel.c", "-lm"]
         try:
-            _run([*command, *FLAGS, *chosen, "-o", str(library), str(c_file), "-lm"], place)
+            _run([*command, *FLAGS, *chosen, *last], place)
         except CompilerError:
             if chosen != NATIVE:  # what a user asked for is not replaced
                 raise
-            # Not every compiler knows -march=native.
-            _run([*command, *FLAGS, "-o", str(library), str(c_file), "-lm"], place)
+            _run([*command, *FLAGS, *last], place)  # not every compiler knows -march=native
         library.chmod(0o700)
-        _check_loads(library)
+        try:
+            _ctypes.dlclose(ctypes.CDLL(str(library))._handle)  # closed, since a file that is open may not be changed
+        except OSError as error:
+            raise CompilerError(
+                f"the compiled kernel cannot be loaded ({short(str(error))}), expected a compiler for this machine "
+                f"($CC) and a folder on a disc that may hold programs (not noexec): choose one by ${CACHE_VARIABLE}"
+            ) from None
         path = folder / f"{key}-{_digest(library)}{SUFFIX}"
         os.replace(library, path)
     return path
-
-
-def _check_loads(library: Path) -> None:
-    """Raise CompilerError for a library that this process cannot load."""
-    try:
-        _ctypes.dlclose(ctypes.CDLL(str(library))._handle)  # closed, since a file that is open may not be changed
-    except OSError as error:
-        raise CompilerError(
-            f"the compiled kernel cannot be loaded ({short(str(error))}), expected a compiler for this machine ($CC) "
-            f"and a folder on a disc that may hold programs (not mounted noexec): choose one by ${CACHE_VARIABLE}"
-        ) from None
 
 
 def portable_library(folder: Path, sources: Sequence[str], library: str) -> Path:
@@ -178,12 +174,12 @@ def portable_library(folder: Path, sources: Sequence[str], library: str) -> Path
 
 def check_private(folder: Path) -> None:
     """Raise CompilerError where another user could put a file into the folder, or another folder in its place."""
-    if not hasattr(os, "geteuid"):
-        return
-    _check_owner(folder)
-    if _writable_by_others(folder):
-        raise CompilerError(f"the kernel cache {folder} can be written by other users, expected chmod go-w {folder}")
-    for above in folder.parents:
+    if not is_private(folder):
+        raise CompilerError(
+            f"the kernel cache {folder} belongs to user {folder.stat().st_uid} or can be written by other users, "
+            f"expected your own: chmod go-w {folder}, or choose another folder by ${CACHE_VARIABLE}"
+        )
+    for above in folder.parents if os.name == "posix" else ():
         there = above.stat()
         if there.st_uid not in (0, os.geteuid()) or there.st_mode & (stat.S_IWOTH | stat.S_ISVTX) == stat.S_IWOTH:
             raise CompilerError(
@@ -193,25 +189,11 @@ def check_private(folder: Path) -> None:
 
 
 def is_private(path: Path) -> bool:
-    """Whether the file is this user's, or root's, and nobody else may write to it."""
-    return _owned(path) and not _writable_by_others(path)
-
-
-def _owned(path: Path) -> bool:
-    return not hasattr(os, "geteuid") or path.lstat().st_uid in (0, os.geteuid())
-
-
-def _check_owner(path: Path) -> None:
-    """Raise CompilerError for what another user made: it may be their code."""
-    if not _owned(path):
-        raise CompilerError(
-            f"the kernel cache {path} belongs to user {path.lstat().st_uid}, expected your own: "
-            f"choose another folder by ${CACHE_VARIABLE}"
-        )
-
-
-def _writable_by_others(path: Path) -> bool:
-    return os.name == "posix" and bool(path.lstat().st_mode & (stat.S_IWGRP | stat.S_IWOTH))
+    """Whether a file or folder is this user's, or root's, and nobody else may write to it."""
+    there = path.lstat()
+    if os.name != "posix":
+        return True
+    return there.st_uid in (0, os.geteuid()) and not there.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
 def _digest(path: Path) -> str:
@@ -223,8 +205,7 @@ def _intact(folder: Path, key: str) -> Path | None:
     for path in sorted(folder.glob(f"{key}-*{SUFFIX}")):
         if not stat.S_ISREG(path.lstat().st_mode):
             raise CompilerError(f"{path} is a folder or a link, expected a compiled kernel: remove it")
-        _check_owner(path)
-        if path.stem.partition("-")[2] == _digest(path) and not _writable_by_others(path):
+        if is_private(path) and path.stem.partition("-")[2] == _digest(path):
             return path
         with suppress(OSError):  # not ours to remove: the new one is found first or lies elsewhere
             path.unlink()
@@ -233,12 +214,9 @@ def _intact(folder: Path, key: str) -> Path | None:
 
 @cache
 def _process_folder() -> Path:
-    keep = tempfile.TemporaryDirectory(prefix="casadi_contact-")
-    _KEPT.append(keep)
-    return Path(keep.name)
-
-
-_KEPT: list[tempfile.TemporaryDirectory[str]] = []
+    folder = tempfile.mkdtemp(prefix="casadi_contact-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
 
 
 @cache

@@ -51,12 +51,6 @@ def was_interrupted() -> bool:
     return _interrupted
 
 
-def raise_if_interrupted() -> None:
-    """KeyboardInterrupt where Ctrl-C was pressed: for handlers of errors that C++ may have made of it."""
-    if _interrupted:
-        raise KeyboardInterrupt from None
-
-
 @contextmanager
 def terminated_as_interrupted() -> Iterator[None]:
     """In the block, SIGTERM (`kill`, a batch system's time limit) acts like Ctrl-C, so that workers end before their

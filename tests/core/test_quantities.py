@@ -8,10 +8,7 @@ import pytest
 from casadi_contact.core.conventions import POSE_NAMES, POSE_UNITS, WRENCH_NAMES
 from casadi_contact.core.quantities import (
     AREA,
-    FORCE,
     KINDS,
-    PRESSURE,
-    TORQUE,
     format_above_limit,
     newton_scales,
     of_kind,
@@ -19,11 +16,9 @@ from casadi_contact.core.quantities import (
     three_digits,
     two_digits,
 )
-from casadi_contact.pictures.report.tables import evaluation_tables
 from casadi_contact.samples.samples import load_errors, rms_by_kind
 from casadi_contact.scenes.joint_cycle import column_names
 from casadi_contact.scenes.opensim.mapping import ColumnMap, loads_table
-from casadi_contact.workflow.benchmark.front_file import Front, Point, read_front, write_front
 
 LOADS = ("Fy_med", "Tz", "peak_pressure_med", "contact_area")  # an implant's outputs beyond forces and torques
 
@@ -73,53 +68,10 @@ def test_forces_and_torques_compare_by_a_lever_and_nothing_else_does():
         newton_scales(LOADS, 25.0)
 
 
-def test_error_tables_keep_kinds_apart():
-    reference = np.zeros((2, 4))
+def test_errors_of_different_kinds_are_kept_apart():
     got = np.array([[3.0, 10.0, 0.5, 2.0], [-4.0, 10.0, 0.5, -2.0]])
-    errors = load_errors(LOADS, got, reference)
-    rms = rms_by_kind(errors)
+    rms = rms_by_kind(load_errors(LOADS, got, np.zeros((2, 4))))
     assert rms == pytest.approx({"force": math.sqrt(12.5), "torque": 10.0, "pressure": 0.5, "area": 2.0})
-    assert set(rms_by_kind(load_errors(("Fx",), got[:, :1], reference[:, :1]))) == {"force"}
-    content = {
-        "loads": list(LOADS),
-        "teacher": "320×160",
-        "domain_errors": {"patch": {"D1": errors}},
-        "test_samples": {"D1": 2},
-        "walking": {
-            "poses": 2,
-            "fine": "80×40",
-            "converged": "640×320",
-            "models": {
-                "patch": {
-                    "timing": {"low_us": 1.0, "median_us": 2.0, "high_us": 3.0},
-                    "converged": rms,
-                    "fine": rms,
-                }
-            },
-        },
-    }
-    domains, _, walking = evaluation_tables(content)
-    assert [str(column.header) for column in domains.columns][3:] == [
-        *("Fy_med (N)", "Tz (N·mm)", "peak_pressure_med (MPa)", "contact_area (mm²)")
-    ]
-    assert [str(column.header) for column in walking.columns][3:7] == [
-        *("RMS force (N)", "RMS torque (N·mm)", "RMS pressure (MPa)", "RMS area (mm²)")
-    ]
-    assert list(walking.columns[5].cells) == ["0.5"]
-    assert "against EF 640×320" in str(walking.title)
-
-
-def test_the_measured_front_keeps_a_column_in_each_loads_unit(tmp_path):
-    point = Point("patch", "patch", load_rms={"Fy_med": 3.0, "Tz": 10.0, "peak_pressure_med": 0.5, "contact_area": 2.0})
-    header = {"loads": " ".join(LOADS), "scene": "knee", "scene_digest": "0"}
-    write_front(tmp_path / "front.csv", Front(header, (point,)))
-    text = (tmp_path / "front.csv").read_text("utf-8")
-    for column in ("rms_Fy_med_n", "rms_Tz_nmm", "rms_peak_pressure_med_mpa", "rms_contact_area_mm2"):
-        assert column in text
-    (again,) = read_front(tmp_path / "front.csv").points
-    assert again.load_rms == point.load_rms
-    assert (again.rms(FORCE), again.rms(TORQUE)) == (3.0, 10.0)
-    assert (again.rms(PRESSURE), again.rms(AREA)) == (0.5, 2.0)
     assert of_kind(LOADS, AREA) == ["contact_area"]
 
 

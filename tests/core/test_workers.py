@@ -52,20 +52,6 @@ def test_a_killed_worker_is_one_line():
     assert "\n" not in str(error.value)
 
 
-def test_work_that_is_left_by_an_error_is_not_ended_first(tmp_path):
-    done = tmp_path / "done"
-
-    def leave():
-        with worker_pool() as workers:
-            workers.submit(os.getpid).result()
-            workers.submit(lambda: (time.sleep(120.0), done.touch()))
-            raise RuntimeError("left")
-
-    with pytest.raises(RuntimeError, match="left"):
-        leave()
-    assert not done.exists()
-
-
 @pytest.mark.skipif(os.name != "posix", reason="kills as POSIX does")
 def test_workers_end_when_their_parent_is_killed(script):
     with subprocess.Popen([sys.executable, script, "wait"], stdout=subprocess.PIPE, text=True) as process:
