@@ -10,6 +10,8 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 
+import casadi as ca
+
 from casadi_contact.contact.choice import foundation
 from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.elements.foundation import ElasticFoundation
@@ -17,7 +19,6 @@ from casadi_contact.core.conventions import Update
 from casadi_contact.core.files.writing import folder_lock, writable_folder, write_text
 from casadi_contact.export.c_source import export_c
 from casadi_contact.export.fmu import export_fmu
-from casadi_contact.networks.function_file import save_function
 from casadi_contact.pictures.contact_picture import contact_pose
 from casadi_contact.pictures.report.charts import draw_charts
 from casadi_contact.pictures.report.surrogate_page import write_report
@@ -141,7 +142,9 @@ def export(
             continue
         if isinstance(model, Surrogate) and not kernel_only:
             path = folder / kind / f"{stem}.casadi"
-            save_function(model.function(), path)
+            file = ca.StringSerializer()  # casadi.Function.load reads what it writes
+            file.pack(model.function())
+            write_text(path, file.encode())
             written.append(path)
         written += export_c(model, folder / kind, example_pose=pose)
     return written

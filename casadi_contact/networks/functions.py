@@ -52,7 +52,7 @@ class ContactFunctions(ABC):
 
         Works in ``map`` and in nlpsol. compiled: whether to take a kernel in C where the model has one, compiled once
         and kept in the user's cache folder (None: ``compiled_by_default``); where that fails, one warning and the
-        slower form. A kernel has no third derivatives, and is not for `save_function` (the library lies in the cache).
+        slower form. A kernel has no third derivatives, and no file carries it (the library lies in the cache).
         A function of n poses has CasADi's own name for that, ``mapn_name``.
         Raises ValueError for an unknown load and for a batch that is no whole number of 1 or more.
         """

@@ -19,7 +19,6 @@ from matplotlib.figure import Figure
 import casadi_contact as cc
 from casadi_contact.core.files.containers import write_npz
 from casadi_contact.core.files.writing import write_text
-from casadi_contact.networks.function_file import save_function
 from casadi_contact.networks.training import checkpoint
 from casadi_contact.networks.training.fit import fit
 from casadi_contact.pictures import page as show_figure
@@ -56,7 +55,7 @@ def _picture() -> Figure:
 def writers() -> dict[str, Callable[[Path], object]]:
     """By the name of the file; what takes long is made beforehand."""
     surrogate, samples = random_surrogate(SCENE, "patch"), smooth_samples(60)
-    function, front = surrogate.function(), read_front(FRONT)
+    front = read_front(FRONT)
     return {
         "samples.h5": lambda path: write_samples(path, samples),
         "drawn.h5": drawn,
@@ -68,7 +67,6 @@ def writers() -> dict[str, Callable[[Path], object]]:
         "speed_accuracy.csv": lambda path: write_front(path, front),
         "chart.png": lambda path: report_figure.save(_picture(), path.parent, path.stem),
         "picture.png": lambda path: show_figure.save(_picture(), path),
-        "contact_loads.casadi": lambda path: save_function(function, path),
         "ball.c": lambda path: cc.export_c(surrogate, path.parent, name="ball"),
         "cycle.csv": lambda path: write_cycle(reference_cycle(), path),
         "poses.csv": lambda path: write_poses(np.arange(40.0), POSES, path),
