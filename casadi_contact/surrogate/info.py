@@ -16,7 +16,7 @@ all others are kept and printed as they are:
                                                                     expected error (see `calibration`)
     model_errors     {"Fy": 0.9, ...}                               RMS of the contact model's own loads, which no error
                                                                     above includes; model_errors_against: "EF 320×320"
-    stop_reasons     {"root_med": "stalled", ...}                   why each fit ended (see `training.stopping`)
+    stop_reasons     {"root_med": "stalled", ...}                   why each fit ended (see `training.settings`)
     gflop, seconds   {"root_med": 1000.0, ...}                      its work [10⁹ operations] and its CPU time [s]
     active           [33000, 34000]                                 samples that each active round added (see `active`)
     convergence      {"root_med": {"gflop": [...], "rms": [...]}}   how its fit fell with the work done; drawn by report
@@ -209,7 +209,7 @@ def describe(
 
 def budget_line(record: Mapping[str, Any]) -> str:
     """Which fits ended because their budget was used up and not because they were done; empty if none did."""
-    from casadi_contact.networks.training.stopping import LIMITS
+    from casadi_contact.networks.training.settings import LIMITS
 
     reasons = record.get("stop_reasons", {})
     ended = [name for name, reason in reasons.items() if reason in LIMITS]

@@ -83,8 +83,9 @@ def test_networks_of_parts_give_the_loads_of_their_patches(tmp_path):
     samples = Samples(scene, poses, model.part_wrenches(poses), model.part_gaps(poses), domain, role)
     np.testing.assert_allclose(samples.loads(), model(poses), rtol=1e-10, atol=1e-8)
     regressions = PatchSurrogate.regressions(samples)
-    assert {"root_med_1", "root_med_2", "root_lat", "ratios_med_2"} <= {r.name for r in regressions}
-    fits = fit_all(regressions, lambda _: TrainingSettings(sizes=((8, 8),), max_iterations=60))
+    names = [regression.name for regression in regressions]
+    assert {"root_med_1", "root_med_2", "root_lat", "ratios_med_2"} <= set(names)
+    fits = fit_all(regressions, dict.fromkeys(names, TrainingSettings(sizes=((8, 8),), max_iterations=60)))
     surrogate = PatchSurrogate(scene, {name: fit.network for name, fit in fits.items()})
     test = samples.select(role=TEST)
     error = np.sqrt(np.mean((surrogate(test.poses) - test.loads()) ** 2, axis=0))

@@ -50,7 +50,7 @@ def failed(request):
 
 def test_every_writer_says_one_line(failed):
     folder, said, stderr = failed
-    assert len(said) == 15
+    assert len(said) == 13
     for name, (kind, text) in said.items():
         assert kind == "OSError", f"{name}: {kind} {text}"
         assert len(text.splitlines()) == 1, f"{name}: {text}"

@@ -19,7 +19,6 @@ from matplotlib.figure import Figure
 import casadi_contact as cc
 from casadi_contact.core.files.containers import write_npz
 from casadi_contact.core.files.writing import write_text
-from casadi_contact.networks.training import checkpoint
 from casadi_contact.networks.training.fit import fit
 from casadi_contact.pictures import page as show_figure
 from casadi_contact.pictures.report import charts as report_figure
@@ -37,7 +36,6 @@ from tests.support.two_spheres import draw
 
 POSES = random_poses(40)
 FRONT = Path(cc.__file__).parent / "workflow" / "benchmark" / "ready" / "knee.csv"
-FIT = checkpoint.Identity("id", np.ones(2))
 LIMIT = 900  # bytes a file may have, as on a disc that is all but full
 
 
@@ -60,7 +58,6 @@ def writers() -> dict[str, Callable[[Path], object]]:
         "samples.h5": lambda path: write_samples(path, samples),
         "drawn.h5": drawn,
         "surrogate.h5": surrogate.save,
-        "checkpoint.npz": lambda path: checkpoint.write(path, FIT, {"weights": POSES}),
         "fit.npz": lambda path: fit(smooth(), FIXED, path),
         "motion.npz": lambda path: write_npz(path, poses=POSES),
         "evaluation.json": lambda path: write_text(path, json.dumps(POSES.tolist())),

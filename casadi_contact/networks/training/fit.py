@@ -1,9 +1,17 @@
-"""Fit one network to one regression: grow, restart, stop, and go on from where an earlier run ended."""
+"""Fit one network to one regression: grow, restart, stop, and go on from where an earlier run ended.
+
+Its state lies in one .npz file, the checkpoint. A damaged one is not worth stopping for: the fit starts again, with one
+logged warning. One that belongs to other data or settings is refused, because it may be hours of somebody's work that
+must not be overwritten.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import json
+import logging
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +19,13 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from casadi_contact.core.conventions import Array, Update
+from casadi_contact.core.files.containers import read_npz, write_npz
+from casadi_contact.core.files.reading import one_line
 from casadi_contact.networks.network import Network, Regression, size_text
-from casadi_contact.networks.training import checkpoint as checkpoint_file
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.networks.training.trainer import Trainer
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -23,7 +34,7 @@ class Fit:
 
     rms, validation_rms: root-mean-square weighted residual on training and validation rows, in the unit of the
     tolerance, the latter NaN without validation rows. history: training_rms, validation_rms, gflop and size (index
-    into the settings' sizes), one entry an iteration. stop_reason: see `stopping`. gflop: work done. cpu_s: CPU
+    into the settings' sizes), one entry an iteration. stop_reason: see `settings`. gflop: work done. cpu_s: CPU
     seconds of the thread that fitted; both count interrupted runs too.
     """
 
@@ -34,11 +45,6 @@ class Fit:
     validation_rms: float
     gflop: float
     cpu_s: float
-
-    @property
-    def parameter_count(self) -> int:
-        """Number of weights and biases."""
-        return self.network.parameter_count
 
     @property
     def hidden(self) -> tuple[int, ...]:
@@ -58,39 +64,34 @@ def progress_text(hidden: tuple[int, ...], rms: float) -> str:
 
 def check(regression: Regression) -> None:
     """Raises ValueError, naming the regression, for data that cannot be fitted."""
-    name, rows = regression.name, len(regression.inputs)
-    if regression.inputs.ndim != 2 or regression.inputs.shape[1] < 1:
-        raise ValueError(f"regression {name}: inputs has shape {regression.inputs.shape}, expected (n, k)")
-    if np.ndim(regression.targets) > 1 and regression.outputs < 2:
-        raise ValueError(
-            f"regression {name}: targets have shape {np.shape(regression.targets)}, expected (n,) for one output"
-        )
-    per_row = (rows,) if np.ndim(regression.targets) == 1 else (rows, regression.outputs)
+
+    def expect(holds: object, said: str) -> None:
+        if not holds:
+            raise ValueError(f"regression {regression.name}: {said}")
+
+    inputs, targets, rows = regression.inputs, regression.targets, len(regression.inputs)
+    expect(inputs.ndim == 2 and inputs.shape[1], f"inputs has shape {inputs.shape}, expected (n, k)")
+    expect(
+        np.ndim(targets) == 1 or regression.outputs > 1,
+        f"targets have shape {np.shape(targets)}, expected (n,) for one output",
+    )
+    per_row = (rows,) if np.ndim(targets) == 1 else (rows, regression.outputs)
     shapes = {"targets": per_row, "weights": per_row, "validation": (rows,)}
-    if regression.domain is not None:
-        shapes["domain"] = (rows,)
-    for column, expected in shapes.items():
-        shape = np.shape(getattr(regression, column))
-        if shape != expected:
-            raise ValueError(f"regression {name}: {column} has shape {shape}, expected {expected} like the inputs")
+    for column, shape in (shapes if regression.domain is None else shapes | {"domain": (rows,)}).items():
+        found = np.shape(getattr(regression, column))
+        expect(found == shape, f"{column} has shape {found}, expected {shape} like the inputs")
     false_load = np.asarray(regression.false_load, dtype=float)
-    if false_load.shape not in ((), per_row) or not (np.isfinite(false_load) & (false_load >= 0.0)).all():
-        raise ValueError(f"regression {name}: expected false_load of 0 or more, one number or {per_row}")
+    sound = false_load.shape in ((), per_row) and (np.isfinite(false_load) & (false_load >= 0.0)).all()
+    expect(sound, f"expected false_load of 0 or more, one number or {per_row}")
     for column in ("inputs", "targets", "weights"):
         values = np.asarray(getattr(regression, column), dtype=float)
-        bad = ~np.isfinite(values)
-        if bad.any():
-            raise ValueError(
-                f"regression {name}: {column} holds {values[bad][0]} at row {np.argwhere(bad)[0][0]}, "
-                "expected finite numbers"
-            )
+        bad = np.argwhere(~np.isfinite(values))[:3, 0].tolist()
+        expect(not bad, f"{column} holds NaN or infinity at rows {bad}, expected finite numbers")
     kind = getattr(regression.validation, "dtype", type(regression.validation).__name__)
-    if str(kind) != "bool":
-        raise ValueError(f"regression {name}: validation is {kind}, expected an array of True and False")
-    if (regression.weights < 0.0).any() or not (regression.weights[~regression.validation] > 0.0).any():
-        raise ValueError(f"regression {name}: expected weights of 0 or more, and above 0 in some training row")
-    if not regression.tolerance >= 0.0:
-        raise ValueError(f"regression {name}: tolerance is {regression.tolerance!r}, expected 0 or more")
+    expect(str(kind) == "bool", f"validation is {kind}, expected an array of True and False")
+    sound = (regression.weights >= 0.0).all() and (regression.weights[~regression.validation] > 0.0).any()
+    expect(sound, "expected weights of 0 or more, and above 0 in some training row")
+    expect(regression.tolerance >= 0.0, f"tolerance is {regression.tolerance!r}, expected 0 or more")
 
 
 def fit(
@@ -118,39 +119,83 @@ def fit(
     if start is not None:
         _check_start(regression, settings, start)
     identity = _identity(regression, settings, start)
-
-    def make(saved: dict[str, Any] | None) -> tuple[Trainer, float]:
-        return Trainer(regression, settings, saved, start), float(saved["cpu_s"]) if saved else 0.0
-
     with threadpool_limits(settings.threads):
-        trainer, cpu_s = checkpoint_file.resume(checkpoint, identity, make)
+        trainer, cpu_s = _begun(regression, settings, start, checkpoint, identity)
         snapshot, written = trainer.snapshot(), time.monotonic()
+
+        def write() -> None:
+            if checkpoint:
+                checkpoint.parent.mkdir(parents=True, exist_ok=True)
+                write_npz(checkpoint, **identity, **trainer.content(snapshot), cpu_s=cpu_s)
+
         try:
             while not trainer.stop_reason:
                 began = time.thread_time()
                 trainer.iterate()
                 cpu_s += time.thread_time() - began
                 snapshot = trainer.snapshot()
-                if checkpoint and time.monotonic() - written >= settings.checkpoint_every_s:
-                    checkpoint_file.write(checkpoint, identity, {**trainer.content(snapshot), "cpu_s": cpu_s})
+                if time.monotonic() - written >= settings.checkpoint_every_s:
+                    write()
                     written = time.monotonic()
                 if progress:
                     remark = progress_text(settings.sizes[trainer.level], trainer.training_rms)
                     progress(regression.name, trainer.gflop, settings.max_gflop, remark)
         finally:  # the last whole iteration, on Ctrl-C too
-            if checkpoint:
-                checkpoint_file.write(checkpoint, identity, {**trainer.content(snapshot), "cpu_s": cpu_s})
+            write()
         return _result(regression, trainer, cpu_s)
 
 
-def _identity(r: Regression, settings: TrainingSettings, start: Network | None) -> checkpoint_file.Identity:
-    arrays = [r.inputs, r.targets, r.weights, r.validation, np.asarray(r.false_load, float), np.asarray(r.tolerance)]
+def _identity(r: Regression, settings: TrainingSettings, start: Network | None) -> dict[str, Any]:
+    """What a checkpoint is of. digest: SHA-256 of the settings, name and all data but floating-point numbers; sums
+    (2·arrays,) of these, which processors round differently: Σ|a| of each array, and Σw·a with irregular weights
+    |w| ≤ 1/2. More work or iterations continue a fit; chunks, threads and saving do not change what is fitted.
+    """
+    chosen = asdict(settings)
+    for key in ("max_gflop", "max_iterations", "chunk_rows", "checkpoint_every_s", "threads"):
+        del chosen[key]
+    digest = hashlib.sha256(json.dumps([r.name, chosen], sort_keys=True).encode())
+    arrays: list[Any] = [r.inputs, r.targets, r.weights, r.validation, np.asarray(r.false_load, float), r.tolerance]
     if r.domain is not None:
         arrays.append(r.domain)
     if start is not None:
-        arrays += [start.input_shift, start.input_scale, np.asarray(start.output_scale)]
-        arrays += [*start.weights, *start.biases]
-    return checkpoint_file.Identity.of(settings, r.name, arrays)
+        arrays += [start.input_shift, start.input_scale, start.output_scale, *start.weights, *start.biases]
+    sums: list[float] = []
+    for array in map(np.ascontiguousarray, arrays):
+        digest.update(f"{array.dtype.str}{array.shape}".encode())
+        if array.dtype.kind == "f":
+            weights = np.arange(array.size) * (0.5 * (np.sqrt(5.0) - 1.0)) % 1.0 - 0.5
+            sums += float(np.abs(array).sum()), float(array.ravel() @ weights)
+        else:
+            digest.update(array.data)
+    return {"digest": digest.hexdigest(), "sums": np.array(sums)}
+
+
+def _begun(
+    regression: Regression,
+    settings: TrainingSettings,
+    start: Network | None,
+    checkpoint: Path | None,
+    identity: dict[str, Any],
+) -> tuple[Trainer, float]:
+    """The fit as its checkpoint left it and the CPU seconds used; a new one where there is none or it is damaged."""
+    try:
+        saved = read_npz(checkpoint) if checkpoint is not None and checkpoint.exists() else None
+    except (OSError, ValueError) as error:
+        _log.warning("checkpoint %s; the fit starts again", error)
+        saved = None
+    if saved is None:
+        return Trainer(regression, settings, None, start), 0.0
+    digest, sums, expected = str(saved.get("digest")), saved.get("sums", np.empty(0)), identity["sums"]
+    same = digest == identity["digest"] and (sums.shape, sums.dtype) == (expected.shape, expected.dtype)
+    if not same or not (np.abs(sums - expected) <= 1e-9 * np.repeat(expected[::2], 2)).all():  # up to rounding
+        raise ValueError(
+            f"checkpoint {checkpoint} belongs to other data or settings: delete it, or choose another folder"
+        )
+    try:
+        return Trainer(regression, settings, saved, start), float(saved["cpu_s"])
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        _log.warning("checkpoint %s is damaged (%s); the fit starts again", checkpoint, one_line(error))
+        return Trainer(regression, settings, None, start), 0.0
 
 
 def _check_start(regression: Regression, settings: TrainingSettings, start: Network) -> None:

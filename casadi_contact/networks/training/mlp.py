@@ -8,6 +8,13 @@ row of the data. With the residual r(y) of each row (see `rows`) and δ_l = ∂r
 JᵀJ·v therefore costs two small matrix products per layer, about a hundredth of JᵀJ itself. On many rows it is computed
 in single precision: steps need it to a few digits, and it takes half the time. Losses and gradients are in double.
 
+Of a network of several outputs, with residuals r_k = w_k·(y_k - target_k) for every row and output k, ∂r/∂z_l would be
+many. Its products go through the layers forwards and backwards instead, at about the price of one output; with W_l the
+matrix V_l without its bias column,
+
+    J·v:   ȧ_0 = 0,   ż_l = V̇_l·ã_{l-1} + W_l·ȧ_{l-1},   ȧ_l = σ'(z_l) * ż_l,   (J·v)_k = w_k·ẏ_k
+    Jᵀ·u:  δ_L = w * u,   δ_{l-1} = (W_lᵀ·δ_l) * σ'(z_{l-1}),   ∂/∂V_l = δ_l·ã_{l-1}ᵀ
+
 `Mlp.flop` counts the floating-point operations of all matrix products, two for each row and parameter: the cost of a
 fit, the same on any machine.
 """
@@ -39,12 +46,12 @@ def cholesky(gram: Array, shift: float) -> Any | None:
 
 
 class Mlp:
-    """Residuals of one network on one set of rows, and their Jacobian at the accepted parameters.
+    """Residuals of one network of one output on one set of rows, and their Jacobian at the accepted parameters.
 
-    `evaluate` tries parameters; `accept` makes the last tried ones current, to which `jvp`, `vjp`, `gram_product` and
-    `gram` refer. single_from: number of rows from which on JᵀJ·v is computed in single precision. rows_per_parameter:
-    rows that JᵀJ of the preconditioner is assembled from. output_ridge: relative ridge of the least-squares problem of
-    the output layer.
+    `evaluate` tries parameters; `accept` makes the last tried ones current, to which products and `gram` refer.
+    single_from: number of rows from which on JᵀJ·v is computed in single precision. rows_per_parameter: rows that JᵀJ
+    of the preconditioner is assembled from. output_ridge: relative ridge of the least-squares problem of the output
+    layer.
     """
 
     def __init__(
@@ -76,7 +83,6 @@ class Mlp:
         self._chunk_rows, self._rows_per_parameter, self._output_ridge = chunk_rows, rows_per_parameter, output_ridge
         self._outputs = self._tried_outputs = np.zeros(targets.shape)
         self._weight, self.residuals = self._rows.weight_and_residual(self._outputs)  # at the current parameters
-        self._jacobian_rows: Array | None = None
         self._single = self.rows >= single_from
         self.flop = 0
 
@@ -88,14 +94,9 @@ class Mlp:
             yield Block(activation, scaled[:, c], self.like.hidden, c)
 
     @property
-    def per_row(self) -> int:
-        """Number of residuals of a row."""
-        return 1
-
-    @property
     def rows_to_draw(self) -> int:
         """Rows that a preconditioner is assembled from, about."""
-        return int(self._rows_per_parameter * self.parameter_count / self.per_row)
+        return int(self._rows_per_parameter * self.parameter_count / self.outputs)
 
     def _count(self, products: int) -> None:
         """Count products of one operation pair for each row and parameter."""
@@ -149,7 +150,10 @@ class Mlp:
 
     def _output_step(self, weight: Array, residuals: Array) -> Array | None:
         """Newton step of the output layer (outputs, width) at the tried activations; None where undetermined."""
-        return self._least_squares(weight, residuals)
+        columns = (array.reshape(self.rows, self.outputs).T for array in (weight, residuals))
+        steps = [self._least_squares(*of_output) for of_output in zip(*columns, strict=True)]
+        found = [step for step in steps if step is not None]
+        return np.stack(found) if len(found) == self.outputs else None
 
     def _least_squares(self, weight: Array, residuals: Array) -> Array | None:
         """v that minimises Σ(w·v·ã - r)² over rows with the tried activations ã of the last hidden layer."""
@@ -200,14 +204,6 @@ class Mlp:
         deltas = [(delta * (1.0 / self._unit)).astype(np.float32) for delta in exact.derivatives]
         return Factors([a.astype(np.float32) for a in exact.inputs], deltas, ())
 
-    def jvp(self, direction: Array) -> Array:
-        """J·v (rows,), or (rows, outputs)."""
-        layers, product = split(direction, self.shapes), np.zeros(self._outputs.shape)
-        for block in self._blocks:
-            product[block.rows] = self._forward_product(block.exact, layers)
-        self._count(1)
-        return product
-
     def vjp(self, rows: Array) -> Array:
         """Jᵀ·u (parameters,)."""
         total = np.zeros(self.parameter_count)
@@ -241,16 +237,13 @@ class Mlp:
 
     # --- J and JᵀJ
 
-    def jacobian(self, rows: Any, out: Array | None = None) -> Array:
-        """Rows of J (len(rows), parameters), ``rows`` a slice or ascending indices; written to ``out`` if given."""
-        index = np.arange(self.rows)[rows]
-        out = np.empty((len(index), self.parameter_count)) if out is None else out[: len(index)]
-        start = 0
-        for level, (neurons, width) in enumerate(self.shapes):
-            delta, a = (self._columns(index, of, level) for of in ("derivatives", "inputs"))
-            out[:, start : start + neurons * width] = np.einsum("in,jn->nij", delta, a).reshape(len(index), -1)
-            start += neurons * width
-        return out
+    def jacobian(self, rows: np.ndarray) -> Array:
+        """J (len(rows)·outputs, parameters) of these ascending rows."""
+        layers = []
+        for level in range(len(self.shapes)):
+            delta, a = (self._columns(rows, of, level) for of in ("derivatives", "inputs"))
+            layers.append(np.einsum("in,jn->nij", delta, a).reshape(len(rows), -1))
+        return np.hstack(layers)
 
     def _columns(self, rows: np.ndarray, of: str, level: int) -> Array:
         """The exact factors "inputs" or "derivatives" of a layer at these ascending rows, side by side."""
@@ -261,20 +254,16 @@ class Mlp:
             parts.append(getattr(block.exact, of)[level][:, rows[first:last] - block.rows.start])
         return np.concatenate(parts, 1)
 
-    def gram(self, rows: np.ndarray | None = None, row_scales: Array | None = None) -> Array:
-        """JᵀJ (upper triangle), of all rows or of chosen ascending ones, each multiplied by its scale."""
-        count = self.rows if rows is None else len(rows)
-        at_once = min(500 // self.per_row, self.rows)
-        if self._jacobian_rows is None:
-            self._jacobian_rows = np.empty((at_once * self.per_row, self.parameter_count))
+    def gram(self, rows: np.ndarray, scales: Array) -> Array:
+        """JᵀJ (upper triangle) of these ascending rows, each multiplied by its scale."""
+        at_once = max(500 // self.outputs, 1)
         gram = np.zeros((self.parameter_count, self.parameter_count), order="F")
-        for start in range(0, count, at_once):
-            c = slice(start, min(start + at_once, count))
-            part = self.jacobian(c if rows is None else rows[c], out=self._jacobian_rows)
-            if row_scales is not None:
-                part *= np.repeat(row_scales[c], self.per_row)[:, None]
+        for start in range(0, len(rows), at_once):
+            c = slice(start, start + at_once)
+            part = self.jacobian(rows[c])
+            part *= np.repeat(scales[c], self.outputs)[:, None]
             gram = dsyrk(1.0, part.T, beta=1.0, c=gram, overwrite_c=1)  # the transpose is in Fortran order: no copy
-        self.flop += count * self.per_row * self.parameter_count**2  # half of the products: JᵀJ is symmetric
+        self.flop += len(rows) * self.outputs * self.parameter_count**2  # half of the products: JᵀJ is symmetric
         return gram
 
     def drawn_gram(self, seed: Sequence[int]) -> Array:
@@ -282,3 +271,49 @@ class Mlp:
         heads = [block.exact.derivatives[-1] for block in self._blocks]
         weights = np.concatenate([np.linalg.norm(head, axis=0) for head in heads])
         return self.gram(*draw_rows(weights, self.rows_to_draw, seed))
+
+
+class SeveralOutputsMlp(Mlp):
+    """Residuals of one network of m outputs, targets and weights (rows, m); otherwise as `Mlp`."""
+
+    def _output(self, a: Array, layer: Array) -> Array:
+        return (layer @ a).T
+
+    def _derivatives(self, block: Block, layers: list[Array]) -> list[Array]:
+        """σ' of hidden layers, and w (outputs, rows)."""
+        slopes = [block.activation_slope(level) for level in range(len(layers) - 1)]
+        return [*slopes, self._weight[block.rows].T]
+
+    def _rough(self, exact: Factors) -> Factors:
+        *slopes, weight = exact.derivatives
+        derivatives = [*slopes, weight * (1.0 / self._unit)]
+        all_arrays = exact.inputs, derivatives, exact.layers
+        return Factors(*([array.astype(np.float32) for array in arrays] for arrays in all_arrays))
+
+    def _forward_product(self, of: Factors, layers: list[Array]) -> Array:
+        *slopes, weight = of.derivatives
+        tangent = layers[0] @ of.inputs[0]
+        for level, slope in enumerate(slopes, start=1):
+            tangent *= slope
+            tangent = layers[level] @ of.inputs[level] + of.layers[level][:, :-1] @ tangent
+        return (tangent * weight).T
+
+    def _add_reverse_product(self, total: Array, of: Factors, rows: Array) -> None:
+        *slopes, weight = of.derivatives
+        layers, delta = split(total, self.shapes), rows.T * weight
+        for level in range(len(layers) - 1, -1, -1):
+            layers[level] += delta @ of.inputs[level].T
+            if level:
+                delta = (of.layers[level][:, :-1].T @ delta) * slopes[level - 1]
+
+    def jacobian(self, rows: np.ndarray) -> Array:
+        """The residuals of each row below each other."""
+        delta = self._weight[rows][:, :, None] * np.eye(self.outputs)  # ∂r/∂y (rows, residuals of a row, outputs)
+        layers: list[Array] = []
+        for level in range(len(self.shapes) - 1, -1, -1):
+            a = self._columns(rows, "inputs", level)
+            layers.insert(0, np.einsum("nkj,in->nkji", delta, a).reshape(len(rows) * self.outputs, -1))
+            if level:
+                slope = self._columns(rows, "derivatives", level - 1)
+                delta = (delta @ self._blocks[0].exact.layers[level][:, :-1]) * slope.T[:, None]
+        return np.hstack(layers)

@@ -1,11 +1,20 @@
-"""What a fit may use and how it grows."""
+"""What a fit may use and how it grows; when it stops: the three criteria of [EF15 §2.6], a fit that stands still, and a
+trend that will miss the tolerance.
+
+Histories are the root-mean-square weighted residuals of the training and validation rows, one entry an iteration, in
+the unit of the tolerance (N or N·mm).
+"""
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite, isinf
 
-from casadi_contact.core.conventions import whole_number
+import numpy as np
+from numpy.typing import ArrayLike
+
+from casadi_contact.core.conventions import Array, whole_number
 from casadi_contact.networks.activations import activation_of
 from casadi_contact.networks.training.weights import check_sizes
 
@@ -50,7 +59,7 @@ class TrainingSettings:
         activation_of(self.activation)
         if not self.max_gflop > 0.0:
             raise ValueError(f"max_gflop is {self.max_gflop!r}, expected 10⁹ operations, above 0")
-        if self.max_iterations is None and math.isinf(self.max_gflop):
+        if self.max_iterations is None and isinf(self.max_gflop):
             raise ValueError("max_gflop is infinite and max_iterations None, expected an end to the fit")
         for name, least in (
             ("max_iterations", 1), ("max_validation_rises", 1), ("seed", 0), ("restarts", 0), ("stall_window", 1),
@@ -64,3 +73,69 @@ class TrainingSettings:
                 raise ValueError(f"{name} is {getattr(self, name)!r}, expected a share from 0 to below 1")
         if not self.checkpoint_every_s >= 0.0:
             raise ValueError(f"checkpoint_every_s is {self.checkpoint_every_s!r}, expected seconds of 0 or more")
+
+
+ERROR_REACHED = "error reached"
+BUDGET_USED = "budget used"
+ITERATION_LIMIT = "iteration limit"
+VALIDATION_RISING = "validation error rising"
+STALLED = "stalled"
+LIMITS = (BUDGET_USED, ITERATION_LIMIT)
+"""Reasons after which the error might have fallen further."""
+
+
+def error_reached(training_rms: float, validation_rms: float, tolerance: float) -> bool:
+    """Criterion 1: training and validation error are at most the tolerance (validation NaN without such rows)."""
+    return training_rms <= tolerance and not validation_rms > tolerance
+
+
+def reached_in_every_domain(
+    residuals: Array, validation: np.ndarray, domain: np.ndarray | None, tolerance: float
+) -> bool:
+    """Criterion 1 for the validation rows of each domain by itself, so that many easy rows do not hide a few that are
+    far off. residuals (n,) or (n, m); True without domains."""
+    if domain is None:
+        return True
+    squares = np.reshape(residuals**2, (len(residuals), -1)).sum(axis=1)
+    rows = [validation & (domain == number) for number in np.unique(domain[validation])]
+    return all(bool(squares[chosen].mean() <= tolerance**2) for chosen in rows)
+
+
+def validation_rising(validation_rms: Sequence[float], rises: int) -> bool:
+    """Criterion 3: the validation error rose ``rises`` times in a row.
+
+    Iterations without an accepted step repeat the last value; they neither rise nor break a row.
+    """
+    in_a_row = 0
+    for before, after in zip(validation_rms[-2::-1], validation_rms[:0:-1], strict=False):
+        if after == before:
+            continue
+        if not after > before:
+            return False
+        in_a_row += 1
+        if in_a_row >= rises:
+            return True
+    return False
+
+
+def stalled(training_rms: Sequence[float], window: int, least_improvement: float) -> bool:
+    """True if the error fell by less than a share ``least_improvement`` over the last ``window`` iterations."""
+    if len(training_rms) <= window:
+        return False
+    before, now = training_rms[-1 - window], training_rms[-1]
+    return isfinite(before) and before - now < least_improvement * before
+
+
+def extrapolated_error(effort: ArrayLike, rms: ArrayLike, end: float) -> float:
+    """The error to expect at ``end``: log(rms) as a line in log(effort) through the latter half of the entries.
+
+    Effort is the work (or iterations) since this size began, all > 0: errors of these fits fall like a power of it.
+    The line never rises: a trend upwards counts as standing still.
+    """
+    effort, rms = np.asarray(effort, dtype=float), np.asarray(rms, dtype=float)
+    half = len(rms) // 2
+    x, y = np.log(effort[half:]), np.log(np.maximum(rms[half:], 1e-300))
+    if len(x) < 2 or np.ptp(x) == 0.0:
+        return float(rms[-1])
+    power = min(float(np.polyfit(x, y, 1)[0]), 0.0)
+    return float(rms[-1]) * (end / float(effort[-1])) ** power if end > effort[-1] else float(rms[-1])

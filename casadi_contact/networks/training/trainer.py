@@ -8,11 +8,22 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.networks.network import Network, Regression
-from casadi_contact.networks.training import stopping
 from casadi_contact.networks.training.levenberg_marquardt import LevenbergMarquardt, State
-from casadi_contact.networks.training.mlp import Mlp
-from casadi_contact.networks.training.settings import TrainingSettings
-from casadi_contact.networks.training.several_outputs import SeveralOutputsMlp
+from casadi_contact.networks.training.mlp import Mlp, SeveralOutputsMlp
+from casadi_contact.networks.training.settings import (
+    BUDGET_USED,
+    ERROR_REACHED,
+    ITERATION_LIMIT,
+    LIMITS,
+    STALLED,
+    VALIDATION_RISING,
+    TrainingSettings,
+    error_reached,
+    extrapolated_error,
+    reached_in_every_domain,
+    stalled,
+    validation_rising,
+)
 from casadi_contact.networks.training.weights import flatten, initial_network, unflatten, widen
 
 HISTORY = ("training_rms", "validation_rms", "gflop", "size")
@@ -91,7 +102,7 @@ class Trainer:
         lm = {k[3:]: v if v.ndim else v.item() for k, v in saved.items() if k.startswith("lm_")}
         self.stop_reason = str(saved["stop_reason"])
         self._start(self._fresh(), State(**lm))
-        if self.stop_reason in stopping.LIMITS:
+        if self.stop_reason in LIMITS:
             self.stop_reason = self._limit_reached()
 
     # --- one iteration
@@ -112,11 +123,11 @@ class Trainer:
     def update_stopping(self, reached: bool) -> None:
         """Set ``stop_reason``, or begin a larger or another network, after a step; reached: the tolerance is met."""
         if reached:
-            self.stop_reason = stopping.ERROR_REACHED
+            self.stop_reason = ERROR_REACHED
         elif reason := self._limit_reached():
             self.stop_reason = reason
-        elif stopping.validation_rising(self._phase("validation_rms"), self.settings.max_validation_rises):
-            self.stop_reason = stopping.VALIDATION_RISING
+        elif validation_rising(self._phase("validation_rms"), self.settings.max_validation_rises):
+            self.stop_reason = VALIDATION_RISING
         elif self._stalled():
             if self._can_begin_another() and self._can_grow():
                 self._grow()
@@ -125,22 +136,22 @@ class Trainer:
                 self._began = len(self.history["gflop"])
                 self._start(self._fresh())
             else:
-                self.stop_reason = stopping.STALLED
+                self.stop_reason = STALLED
         elif self._can_begin_another() and self._can_grow() and self._trend_misses():
             self._grow()
 
     def _error_reached(self, validation_rms: float) -> bool:
         of = self.regression
-        if not stopping.error_reached(self._lm.rms, validation_rms, of.tolerance):
+        if not error_reached(self._lm.rms, validation_rms, of.tolerance):
             return False
         residuals = of.residuals(unflatten(self._lm.parameters, self._fresh()))
-        return stopping.reached_in_every_domain(residuals, of.validation, of.domain, of.tolerance)
+        return reached_in_every_domain(residuals, of.validation, of.domain, of.tolerance)
 
     def _limit_reached(self) -> str:
         most = self.settings.max_iterations
         if most is not None and len(self.history["gflop"]) >= most:
-            return stopping.ITERATION_LIMIT
-        return stopping.BUDGET_USED if self.gflop >= self.settings.max_gflop else ""
+            return ITERATION_LIMIT
+        return BUDGET_USED if self.gflop >= self.settings.max_gflop else ""
 
     def _count(self) -> None:
         """Count the work of the present network since it was counted last."""
@@ -153,7 +164,7 @@ class Trainer:
 
     def _stalled(self) -> bool:
         settings = self.settings
-        return self._lm.exhausted or stopping.stalled(
+        return self._lm.exhausted or stalled(
             self._phase("training_rms"), settings.stall_window, settings.stall_improvement
         )
 
@@ -180,7 +191,7 @@ class Trainer:
         own = effort[self._began :] - before
         if len(own) < self.settings.growth_iterations or own[-1] < self.settings.growth_share * end:
             return False
-        expected = stopping.extrapolated_error(own, self._phase("training_rms"), end - before)
+        expected = extrapolated_error(own, self._phase("training_rms"), end - before)
         return not expected <= self.regression.tolerance
 
     # --- networks

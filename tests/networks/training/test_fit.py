@@ -27,7 +27,7 @@ def test_the_error_reached_ends_a_fit():
     assert len(result.history["gflop"]) < 40
     weighted = data.weights * (result.network.value(data.inputs) - data.targets)
     assert result.rms == pytest.approx(np.sqrt(np.mean(weighted[~data.validation] ** 2)))
-    assert result.parameter_count == result.network.parameter_count == (4 * 6) + (7 * 5) + 6
+    assert result.network.parameter_count == (4 * 6) + (7 * 5) + 6
 
 
 def test_a_domain_of_few_rows_that_is_off_does_not_hide_behind_the_many_that_are_not():
@@ -48,18 +48,6 @@ def test_a_domain_of_few_rows_that_is_off_does_not_hide_behind_the_many_that_are
     result = fit(by_domain, FIXED)
     assert result.stop_reason == "error reached"
     assert rare_rms(result.network) <= 0.1
-
-
-def test_iterations_end_a_fit():
-    result = fit(smooth(), FIXED)
-    assert result.stop_reason == "iteration limit"
-    assert len(result.history["training_rms"]) == 40
-
-
-def test_the_budget_ends_a_fit():
-    result = fit(smooth(), replace(FIXED, max_gflop=1e-9, max_iterations=None))
-    assert result.stop_reason == "budget used"
-    assert len(result.history["training_rms"]) == 1
 
 
 def test_a_budget_counts_operations_so_that_a_busy_machine_gives_the_same_weights():
@@ -144,21 +132,6 @@ def test_a_stalled_fit_restarts_from_other_seeds_and_the_best_is_kept():
     assert result.validation_rms == pytest.approx(result.history["validation_rms"].min(), rel=1e-9)
 
 
-def test_a_stalled_fit_grows_while_it_can():
-    result = fit(smooth(), replace(stalling(restarts=0), sizes=((2,), (6, 5))))
-    assert sizes_in_order(result, replace(FIXED, sizes=((2,), (6, 5)))) == [(2,), (6, 5)]
-
-
-@pytest.mark.parametrize("column", ["inputs", "targets", "weights"])
-@pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_numbers_that_are_none_are_refused_by_name(column, bad):
-    data = smooth()
-    spoilt = getattr(data, column).copy()
-    spoilt[17] = bad
-    with pytest.raises(ValueError, match=f"regression smooth: {column} holds {bad} at row 17"):
-        fit(replace(data, **{column: spoilt}), FIXED)
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -171,6 +144,10 @@ def test_numbers_that_are_none_are_refused_by_name(column, bad):
         ({"domain": np.ones(3)}, "domain has shape"),
         ({"targets": np.ones((400, 1)), "weights": np.ones((400, 1))}, "one output"),
         ({"tolerance": np.nan}, "tolerance"),
+        ({"false_load": -1.0}, "false_load"),
+        ({"false_load": np.ones(3)}, "false_load"),
+        ({"inputs": np.where(np.arange(400) == 17, np.nan, smooth().inputs.T).T}, r"inputs holds .*\[17"),
+        ({"targets": np.where(np.arange(400) == 17, np.inf, 0.0)}, r"targets holds .*\[17"),
     ],
 )
 def test_regressions_that_cannot_be_fitted_are_refused(change, message):
@@ -184,15 +161,6 @@ def test_a_constant_target_is_fitted_at_once(value):
     result = fit(data, FIXED)
     assert result.stop_reason == "error reached"
     np.testing.assert_allclose(result.network.value(data.inputs), value, rtol=1e-9, atol=1e-30)
-
-
-def test_duplicated_rows_and_constant_inputs_are_fitted():
-    data = smooth(60)
-    columns = {name: np.tile(getattr(data, name), 5) for name in ("targets", "weights", "validation")}
-    inputs = np.tile(np.column_stack([data.inputs, np.full(60, 4.0)]), (5, 1))
-    result = fit(Regression("twins", inputs, tolerance=0.5, **columns), replace(FIXED, max_iterations=100))
-    assert np.isfinite(flatten(result.network)).all()
-    assert result.history["training_rms"][-1] < 1.0
 
 
 @pytest.mark.parametrize(
@@ -227,14 +195,10 @@ def test_a_start_is_gone_on_from():
     assert same.rms <= first.rms * (1.0 + 1e-9)
 
 
-def test_a_start_of_another_size_or_with_another_checkpoint_is_refused(tmp_path):
-    data = smooth()
-    network = fit(data, replace(FIXED, max_iterations=2)).network
+def test_a_start_of_another_size_is_refused():
+    network = fit(smooth(), replace(FIXED, max_iterations=2)).network
     with pytest.raises(ValueError, match=r"start has .*\(6, 5\).* expected .*\(4, 4\)"):
-        fit(data, replace(FIXED, sizes=((4, 4),)), start=network)
-    fit(data, replace(FIXED, max_iterations=2), tmp_path / "c.npz", start=network)
-    with pytest.raises(ValueError, match="other data or settings"):
-        fit(data, replace(FIXED, max_iterations=2), tmp_path / "c.npz")
+        fit(smooth(), replace(FIXED, sizes=((4, 4),)), start=network)
 
 
 def test_a_load_predicted_where_there_is_none_counts_as_the_load_that_it_is():
@@ -255,12 +219,6 @@ def test_a_load_predicted_where_there_is_none_counts_as_the_load_that_it_is():
     assert falsely[0] > 1.0, "√(N/N0) of a load of 1,000 N and more"
     assert rightly[0] < 0.0
     assert np.sqrt(np.mean((weights * (rightly - roots))[1:] ** 2)) < 2.0
-
-
-def test_wrong_false_loads_are_refused():
-    for wrong in (-1.0, np.nan, np.ones(3)):
-        with pytest.raises(ValueError, match="regression smooth: expected false_load of 0 or more, one number or"):
-            fit(replace(smooth(), false_load=wrong), FIXED)
 
 
 def test_several_outputs_are_fitted_by_neurons_they_share():

@@ -3,8 +3,13 @@
 import numpy as np
 import pytest
 
-from casadi_contact.networks.training.settings import TrainingSettings
-from casadi_contact.networks.training.stopping import error_reached, extrapolated_error, stalled, validation_rising
+from casadi_contact.networks.training.settings import (
+    TrainingSettings,
+    error_reached,
+    extrapolated_error,
+    stalled,
+    validation_rising,
+)
 
 NAN = float("nan")
 
