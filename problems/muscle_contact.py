@@ -26,7 +26,7 @@ from casadi_contact.optimisation.verification.verdict import check_solution, ref
 from casadi_contact.pictures.page import SURROGATE, TARGET, frame, new_page, save_page
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.load_cycle import read_cycle
-from casadi_contact.scenes.opensim.mapping import ColumnMap
+from casadi_contact.scenes.opensim import ColumnMap
 from casadi_contact.workflow.contact_source import load_contact
 
 

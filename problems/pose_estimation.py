@@ -32,8 +32,7 @@ from casadi_contact.pictures.page import FAILED, FOUNDATION, SURROGATE, TARGET, 
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.joint_cycle import JointCycle
 from casadi_contact.scenes.load_cycle import LoadCycle
-from casadi_contact.scenes.opensim.mapping import poses_table
-from casadi_contact.scenes.opensim.table import write_table
+from casadi_contact.scenes.opensim import poses_table, write_table
 from casadi_contact.workflow.contact_source import load_contact, load_cycle
 
 

@@ -19,8 +19,7 @@ from casadi_contact.samples.models import model_pair
 from casadi_contact.scenes.joint_cycle import joint_cycle_from_curves, write_joint_cycle
 from casadi_contact.scenes.load_cycle import cycle_from_curves, write_cycle
 from casadi_contact.scenes.loading import load_scene
-from casadi_contact.scenes.opensim.mapping import ColumnMap, mapped_curves
-from casadi_contact.scenes.opensim.table import TIME, read_opensim_table
+from casadi_contact.scenes.opensim import TIME, ColumnMap, mapped_curves, read_opensim_table
 from casadi_contact.scenes.pose_file import poses_from_curves, write_poses
 from casadi_contact.scenes.shapes.checks import scene_name
 from casadi_contact.workflow import samples as sampling

@@ -18,8 +18,7 @@ from casadi_contact.optimisation.muscle import MuscleParameters
 from casadi_contact.scenes.checks import check_radians, check_rising
 from casadi_contact.scenes.columns import TextColumns, read_columns
 from casadi_contact.scenes.load_cycle import OverTime
-from casadi_contact.scenes.opensim.mapping import ColumnMap, mapped_curves
-from casadi_contact.scenes.opensim.table import Table, read_opensim_table
+from casadi_contact.scenes.opensim import ColumnMap, Table, mapped_curves, read_opensim_table
 from casadi_contact.scenes.walking import reference_cycle
 
 # How the rotations stand in the measured cycles' files (`casadi_contact.scenes.load_cycle`).

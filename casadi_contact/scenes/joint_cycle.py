@@ -25,7 +25,7 @@ from casadi_contact.core.quantities import quantity
 from casadi_contact.scenes.checks import check_lengths, check_radians, checked_curves
 from casadi_contact.scenes.columns import TextColumns, write_columns
 from casadi_contact.scenes.load_cycle import OverTime
-from casadi_contact.scenes.opensim.mapping import UNITS
+from casadi_contact.scenes.opensim import UNITS
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.checks import fail, number
 

@@ -11,8 +11,7 @@ from casadi_contact.core.conventions import POSE_NAMES, Array, as_poses
 from casadi_contact.core.quantities import quantity
 from casadi_contact.scenes.checks import check_lengths, check_radians, check_rising
 from casadi_contact.scenes.columns import TextColumns, write_columns
-from casadi_contact.scenes.opensim.mapping import ColumnMap, mapped_curves
-from casadi_contact.scenes.opensim.table import TIME, read_opensim_table
+from casadi_contact.scenes.opensim import TIME, ColumnMap, mapped_curves, read_opensim_table
 
 OPENSIM_ENDINGS = (".mot", ".sto")
 _TIME = "time_s"

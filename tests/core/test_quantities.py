@@ -18,7 +18,7 @@ from casadi_contact.core.quantities import (
 )
 from casadi_contact.samples.samples import load_errors, rms_by_kind
 from casadi_contact.scenes.joint_cycle import column_names
-from casadi_contact.scenes.opensim.mapping import ColumnMap, loads_table
+from casadi_contact.scenes.opensim import ColumnMap, renamed_table
 
 LOADS = ("Fy_med", "Tz", "peak_pressure_med", "contact_area")  # an implant's outputs beyond forces and torques
 
@@ -76,7 +76,8 @@ def test_errors_of_different_kinds_are_kept_apart():
 
 
 def test_opensim_tables_hold_pressures_in_pascal_and_areas_in_square_metres():
-    table = loads_table([0.0, 1.0], np.array([[1.0, 1000.0, 2.0, 50.0]] * 2), LOADS, "contact")
+    curves = dict(zip(("time", *LOADS), np.array([[0.0, 1.0, 1000.0, 2.0, 50.0]]).T, strict=True))
+    table = renamed_table(curves, [ColumnMap(name, name) for name in LOADS], "contact")
     assert [float(table.column(name)[0]) for name in LOADS] == pytest.approx([1.0, 1.0, 2e6, 5e-5])
     assert ColumnMap("peak_pressure_med", "peak_pressure_med").curve(table)[0] == pytest.approx(2.0)
     with pytest.raises(ValueError, match="contact_area"):

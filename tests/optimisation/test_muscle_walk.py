@@ -7,8 +7,7 @@ import pytest
 
 from casadi_contact.optimisation.muscle_walk import at_times, example_walk, read_walk
 from casadi_contact.scenes.columns import write_columns
-from casadi_contact.scenes.opensim.mapping import ColumnMap
-from casadi_contact.scenes.opensim.table import Table, write_table
+from casadi_contact.scenes.opensim import ColumnMap, Table, write_table
 from tests.support.muscle_files import write_walk
 from tests.support.shared_data import shared_file
 

@@ -13,7 +13,7 @@ from casadi_contact.core.conventions import pose_index
 from casadi_contact.pictures.live.contact_model import page_contact
 from casadi_contact.pictures.live.drawn_bodies import fixed_surfaces
 from casadi_contact.pictures.live.joint_page import write_joint_page
-from casadi_contact.scenes.opensim.table import read_opensim_table
+from casadi_contact.scenes.opensim import read_opensim_table
 from casadi_contact.scenes.pose_file import read_poses, write_poses
 from tests.support.agreement import agree
 from tests.support.browser import opened, require_browser, until

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from casadi_contact.core.conventions import POSE_NAMES
-from casadi_contact.scenes.opensim.mapping import ColumnMap, mapped_curves, renamed_table
-from casadi_contact.scenes.opensim.table import read_opensim_table, write_table
+from casadi_contact.scenes.opensim import ColumnMap, mapped_curves, read_opensim_table, renamed_table, write_table
 from casadi_contact.scenes.pose_file import poses_from_curves
 
 KNEE = "/jointset/knee_r"

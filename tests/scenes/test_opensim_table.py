@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from casadi_contact.scenes.opensim.table import Table, read_opensim_table, write_table
+from casadi_contact.scenes.opensim import Table, read_opensim_table, write_table
 from tests.support.shared_data import shared_file
 
 _TEXT = st.text(st.characters(min_codepoint=32, max_codepoint=126, exclude_characters="="), max_size=12).map(str.strip)
@@ -83,7 +83,7 @@ def test_a_fault_is_named_by_file_and_line(tmp_path, text, word):
     [
         ({"a": [1.0]}, "time"),
         ({"time": [0.0], "a\tb": [1.0]}, "tabs"),
-        ({"time": [0.0], "a": [1.0, 2.0]}, "lengths"),
+        ({"time": [0.0], "a": [1.0, 2.0]}, "times"),
         ({"time": [0.0], "a": [np.nan]}, "finite"),
     ],
 )

@@ -24,8 +24,7 @@ from casadi_contact.pictures import page as show_figure
 from casadi_contact.pictures.report import charts as report_figure
 from casadi_contact.samples.samples import write_samples
 from casadi_contact.scenes.load_cycle import write_cycle
-from casadi_contact.scenes.opensim.mapping import poses_table
-from casadi_contact.scenes.opensim.table import write_table
+from casadi_contact.scenes.opensim import poses_table, write_table
 from casadi_contact.scenes.pose_file import write_poses
 from casadi_contact.scenes.walking import reference_cycle
 from casadi_contact.workflow.benchmark.front_file import read_front, write_front

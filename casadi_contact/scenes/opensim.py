@@ -1,4 +1,4 @@
-"""OpenSim's .mot and .sto files: a header, a line of labels, and rows of numbers that begin with time.
+"""OpenSim's .mot and .sto files, and their columns as curves in this library's names and units, there and back.
 
 name                    the first line, where it is not key=value
 version=1               nRows, nColumns and inDegrees=yes|no are read, other keys and comments skipped
@@ -10,16 +10,17 @@ time  label  label ...  tabs or spaces
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.core.conventions import Array
+from casadi_contact.core.conventions import POSE_NAMES, Array, as_poses
 from casadi_contact.core.files.reading import MOST_TEXT, checked_size, existing_file, finite_number
 from casadi_contact.core.files.writing import write_text
+from casadi_contact.core.quantities import ANGLE, AREA, FORCE, LENGTH, PRESSURE, TORQUE, Kind, quantity
 
 TIME = "time"
 _PAIR = re.compile(r"([A-Za-z]\w*)(?:\s*=|(?<=\bdatarows)\s|(?<=\bdatacolumns)\s)\s*(.*)")
@@ -41,12 +42,14 @@ class Table:
     def __post_init__(self) -> None:
         if next(iter(self.columns), None) != TIME:
             raise ValueError(f"the first column is {next(iter(self.columns), None)!r}, expected {TIME!r}")
-        for label in self.columns:
+        checked = {label: np.asarray(curve, dtype=np.float64) for label, curve in self.columns.items()}
+        for label, curve in checked.items():
             if not label or label != label.strip() or "\t" in label or len(label.splitlines()) > 1:
                 raise ValueError(f"column label {label!r} is empty or holds tabs, line ends or outer spaces")
-        checked = {label: _checked_column(label, curve) for label, curve in self.columns.items()}
-        if len({len(curve) for curve in checked.values()}) != 1:
-            raise ValueError(f"columns have different lengths: { {k: len(v) for k, v in checked.items()} }")
+            if curve.shape != checked[TIME].shape or curve.ndim != 1 or not np.isfinite(curve).all():
+                raise ValueError(
+                    f"column {label!r} of shape {curve.shape}, expected finite numbers for {checked[TIME].shape} times"
+                )
         object.__setattr__(self, "columns", checked)
 
     def __len__(self) -> int:
@@ -57,13 +60,6 @@ class Table:
         if label not in self.columns:
             raise ValueError(f"table {self.name!r} has no column {label!r}; it has {', '.join(self.columns)}")
         return self.columns[label]
-
-
-def _checked_column(label: str, curve: ArrayLike) -> Array:
-    array = np.asarray(curve, dtype=np.float64)
-    if array.ndim != 1 or not np.isfinite(array).all():
-        raise ValueError(f"column {label!r} of shape {array.shape} is not a row of finite numbers")
-    return array
 
 
 def read_opensim_table(path: str | Path) -> Table:
@@ -91,11 +87,8 @@ def read_opensim_table(path: str | Path) -> Table:
         raise ValueError(f"{path} ends after its header, expected a line of labels and rows of numbers")
     labels = _labels(path, *body[0])
     rows = [_row(path, number, line, labels) for number, line in body[1:]]
-    for keys, got, line in (
-        (("nrows", "datarows"), len(rows), body[-1][0]),
-        (("ncolumns", "datacolumns"), len(labels), body[0][0]),
-    ):
-        for key in keys:
+    for what, got, line in (("rows", len(rows), body[-1][0]), ("columns", len(labels), body[0][0])):
+        for key in (f"n{what}", f"data{what}"):
             if header.get(key, str(got)) != str(got):
                 raise ValueError(f"{path} line {line}: {key} is {header[key]}, but there are {got}: truncated?")
     values = np.array(rows, dtype=np.float64).reshape(len(rows), len(labels))
@@ -135,3 +128,96 @@ def _row(path: Path, number: int, line: str, labels: list[str]) -> list[float]:
     if len(words) != len(labels):
         raise ValueError(f"{path} line {number}: got {len(words)} values, expected {len(labels)}")
     return [finite_number(word, f"{path} line {number}, {label}") for label, word in zip(labels, words, strict=True)]
+
+
+# Size of a file's unit in the library's, OpenSim's own first.
+UNITS: dict[Kind, dict[str, float]] = {
+    LENGTH: {"m": 1000.0, "cm": 10.0, "mm": 1.0},
+    ANGLE: {"rad": 1.0, "deg": float(np.pi / 180.0)},
+    FORCE: {"N": 1.0, "kN": 1000.0},
+    TORQUE: {"Nm": 1000.0, "Nmm": 1.0},
+    PRESSURE: {"Pa": 1e-6, "MPa": 1.0},
+    AREA: {"m2": 1e6, "mm2": 1.0},
+}
+_FORM = "expected COLUMN=NAME, COLUMN=-NAME or COLUMN=NAME:UNIT, such as knee_angle_r=-rz:deg"
+
+
+@dataclass(frozen=True)
+class ColumnMap:
+    """A table's column that becomes the curve `name`: sign · value, in `unit`.
+
+    unit None is the file's own: m, N, N·m, and rad or degrees as inDegrees says.
+    """
+
+    column: str
+    name: str
+    sign: float = 1.0
+    unit: str | None = None
+
+    def __post_init__(self) -> None:
+        known = UNITS[quantity(self.name).kind]
+        if self.unit is not None and self.unit not in known:
+            raise ValueError(f"unit {self.unit!r} does not suit {self.name}, expected one of {', '.join(known)}")
+
+    @classmethod
+    def parse(cls, text: str) -> ColumnMap:
+        """From ``COLUMN=[-]NAME[:UNIT]``; raises ValueError for another form, an unknown name or unit."""
+        column, equals, target = text.rpartition("=")
+        name, _, unit = target.strip().partition(":")
+        bare = name[1:] if name.startswith(("-", "+")) else name
+        if not equals or not column.strip() or not bare or bare[0] in "+-" or (":" in target and not unit):
+            raise ValueError(f"map {text!r} is not understood, {_FORM}")
+        return cls(column.strip(), bare, -1.0 if name.startswith("-") else 1.0, unit or None)
+
+    def curve(self, table: Table) -> Array:
+        """The curve (n,) in mm, rad, N or N·mm; raises ValueError where the table lacks the column."""
+        kind = quantity(self.name).kind
+        own = "deg" if kind == ANGLE and table.in_degrees else _own_unit(kind)
+        return self.sign * UNITS[kind][self.unit or own] * table.column(self.column)
+
+    def values(self, curve: Array) -> Array:
+        """What a column (n,) in ``unit``, OpenSim's own if None, says of a curve in mm, rad, N or N·mm: `curve`'s
+        reverse."""
+        kind = quantity(self.name).kind
+        return np.asarray(self.sign * curve / UNITS[kind][self.unit or _own_unit(kind)])
+
+
+def mapped_curves(table: Table, maps: Iterable[ColumnMap]) -> dict[str, Array]:
+    """Curves (n,) by name in mm, rad, N, N·mm, and ``time`` [s]; raises ValueError for a name mapped twice."""
+    curves = {TIME: table.column(TIME)}
+    for item in maps:
+        if item.name in curves:
+            raise ValueError(f"{item.name} is mapped twice, expected one column for each curve")
+        curves[item.name] = item.curve(table)
+    return curves
+
+
+def renamed_table(curves: Mapping[str, Array], maps: Iterable[ColumnMap], name: str) -> Table:
+    """Curves (n,) by name in mm, rad, N, N·mm, with their ``time`` [s], as a table of another program's columns: the
+    reverse of `mapped_curves`. Its rotations are all in rad or, as the header then says, all in degrees.
+
+    Raises ValueError for a curve that is not there, a column that two maps write, and rotations in both units.
+    """
+    maps = list(maps)
+    missing = [item.name for item in maps if item.name not in curves]
+    if missing or TIME not in curves:
+        raise ValueError(f"there are no curves {', '.join(missing) or TIME}, expected some of {', '.join(curves)}")
+    twice = [item.column for k, item in enumerate(maps) if item.column in {before.column for before in maps[:k]}]
+    if twice:
+        raise ValueError(f"column {twice[0]} is written twice, expected one curve for each column")
+    angles = {item.unit or "rad" for item in maps if quantity(item.name).kind == ANGLE}
+    if len(angles) > 1:
+        raise ValueError("rotations are mapped to rad and to deg, expected one of them: a file has one inDegrees")
+    columns = {item.column: item.values(curves[item.name]) for item in maps}
+    return Table(name, {TIME: curves[TIME], **columns}, in_degrees="deg" in angles)
+
+
+def poses_table(time_s: ArrayLike, poses: ArrayLike, name: str) -> Table:
+    """Poses (n, 6) [mm, rad] as an OpenSim table: translations in m, rotations in rad."""
+    curves = {TIME: np.asarray(time_s, dtype=float), **dict(zip(POSE_NAMES, as_poses(poses).T, strict=True))}
+    return renamed_table(curves, [ColumnMap(each, each) for each in POSE_NAMES], name)
+
+
+def _own_unit(kind: Kind) -> str:
+    """The unit that OpenSim's files have for a kind; angles are in degrees where the file says so."""
+    return next(iter(UNITS[kind]))
