@@ -32,8 +32,7 @@ from casadi_contact.optimisation.muscle_walk import example_walk
 from casadi_contact.optimisation.pose_estimation import PoseEstimation
 from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
 from casadi_contact.pictures.page import new_page, save_page
-from casadi_contact.scenes.checks import check_radians, check_rising
-from casadi_contact.scenes.columns import TextColumns, write_columns
+from casadi_contact.scenes.columns import TextColumns, check_radians, check_rising, write_columns
 from casadi_contact.scenes.load_cycle import OverTime
 from casadi_contact.scenes.walking import reference_cycle
 

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.export.model import DifferentiableModel, all_hessians, check_gives, check_last_axis
+from casadi_contact.export import DifferentiableModel, check_gives, check_last_axis
 
 
 def contact_loads(model: DifferentiableModel) -> Callable[[jax.Array], jax.Array]:
@@ -42,7 +42,12 @@ def contact_loads(model: DifferentiableModel) -> Callable[[jax.Array], jax.Array
 
     values = jax.custom_jvp(called_back(model, count))
     jacobians = jax.custom_jvp(called_back(lambda poses: model.jacobian(poses)[1], count, 6))
-    hessians = called_back(lambda poses: all_hessians(model, poses), count, 6, 6)
+
+    def of_each_load(poses: Array) -> Array:
+        """Second derivatives (n, L, 6, 6) of each load."""
+        return np.stack([model.hessian(poses, np.tile(row, (len(poses), 1))) for row in np.eye(count)], axis=1)
+
+    hessians = called_back(of_each_load, count, 6, 6)
 
     @values.defjvp
     def _(primals: Any, tangents: Any) -> Any:

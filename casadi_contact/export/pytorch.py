@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.export.model import DifferentiableModel, check_gives, check_last_axis
+from casadi_contact.export import DifferentiableModel, check_gives, check_last_axis
 
 
 def contact_loads(model: DifferentiableModel) -> Callable[[torch.Tensor], torch.Tensor]:

@@ -32,7 +32,7 @@ from casadi_contact.optimisation.starts import (
     settle_in_range,
     touching,
 )
-from casadi_contact.scenes.checks import check_radians
+from casadi_contact.scenes.columns import check_radians
 from casadi_contact.scenes.normal_load import NormalLoad, centre_of_pressure
 from casadi_contact.scenes.pose_space import PoseSpace
 

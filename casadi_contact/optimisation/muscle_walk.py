@@ -15,8 +15,7 @@ from scipy.interpolate import CubicSpline
 from casadi_contact.core.conventions import Array
 from casadi_contact.optimisation.knee import COORDINATES, coordinate_unit, is_translation
 from casadi_contact.optimisation.muscle import MuscleParameters
-from casadi_contact.scenes.checks import check_radians, check_rising
-from casadi_contact.scenes.columns import TextColumns, read_columns
+from casadi_contact.scenes.columns import TextColumns, check_radians, check_rising, read_columns
 from casadi_contact.scenes.load_cycle import OverTime
 from casadi_contact.scenes.opensim import ColumnMap, Table, mapped_curves, read_opensim_table
 from casadi_contact.scenes.walking import reference_cycle

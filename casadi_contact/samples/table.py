@@ -23,8 +23,7 @@ from casadi_contact.core.files.containers import open_hdf5
 from casadi_contact.core.files.reading import existing_file, sha256_of, short
 from casadi_contact.core.quantities import quantity, three_digits
 from casadi_contact.samples.samples import DOMAINS, ROLES, TEST, TRAIN, VALIDATION, Samples
-from casadi_contact.scenes.checks import check_size
-from casadi_contact.scenes.columns import read_columns
+from casadi_contact.scenes.columns import check_size, read_columns
 from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.scenes.scene import Scene
 

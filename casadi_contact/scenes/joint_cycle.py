@@ -22,8 +22,7 @@ import numpy as np
 from casadi_contact.core.conventions import POSE_NAMES, Array, possible_loads
 from casadi_contact.core.files.reading import short
 from casadi_contact.core.quantities import quantity
-from casadi_contact.scenes.checks import check_lengths, check_radians, checked_curves
-from casadi_contact.scenes.columns import TextColumns, write_columns
+from casadi_contact.scenes.columns import TextColumns, check_lengths, check_radians, checked_curves, write_columns
 from casadi_contact.scenes.load_cycle import OverTime
 from casadi_contact.scenes.opensim import UNITS
 from casadi_contact.scenes.scene import Scene

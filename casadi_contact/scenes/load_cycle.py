@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.scenes.checks import check_lengths, check_radians, checked_curves
-from casadi_contact.scenes.columns import read_columns, write_columns
+from casadi_contact.scenes.columns import check_lengths, check_radians, checked_curves, read_columns, write_columns
 
 # Column of the file for each curve of a cycle; other columns are ignored.
 COLUMNS = {

@@ -19,8 +19,7 @@ from casadi_contact.core.files.reading import toml_tables
 from casadi_contact.geometry.elements import EVERYWHERE, ElementGrid
 from casadi_contact.geometry.moving_surface import MovingSurface
 from casadi_contact.scenes.material import Material
-from casadi_contact.scenes.normal_load import LoadsTable, NormalLoad, in_sum
-from casadi_contact.scenes.parts import Part, parts_of, tables_by_parts
+from casadi_contact.scenes.normal_load import LoadsTable, NormalLoad, Part, in_sum, parts_of, tables_by_parts
 from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.scenes.shapes.checks import (
     distinct_names,

@@ -4,7 +4,6 @@ import pytest
 
 jax = pytest.importorskip("jax", reason="the bridge needs casadi_contact[jax]")
 
-import casadi_contact as cc  # noqa: E402
 from casadi_contact.export.jax import contact_loads  # noqa: E402
 from tests.export.oracle import ON_PLANE, POSES, SURROGATE, graph_derivatives, sphere_elements  # noqa: E402
 from tests.support.agreement import close  # noqa: E402
@@ -66,8 +65,3 @@ def test_elements_give_a_slope_and_refuse_a_second_derivative_in_one_line():
     with pytest.raises(ValueError, match="ElasticFoundation gives no hessian, expected a surrogate or") as refused:
         jax.jit(jax.hessian(lambda pose: loads(pose)[1]))(ON_PLANE)
     assert "\n" not in str(refused.value)
-
-
-def test_what_gives_no_loads_of_poses_is_refused_before_a_compiled_program_calls_it():
-    with pytest.raises(ValueError, match="Assembly gives no __call__ and no jacobian, expected a surrogate or"):
-        contact_loads(cc.load_assembly("knee_with_patella"))

@@ -78,5 +78,5 @@ def test_elements_give_a_slope_and_refuse_a_second_derivative():
 
 
 def test_what_gives_no_loads_of_poses_is_refused():
-    with pytest.raises(ValueError, match="Assembly gives no __call__ and no jacobian, expected a surrogate or"):
-        contact_loads(cc.load_assembly("knee_with_patella"))
+    with pytest.raises(ValueError, match="Scene gives no __call__ and no jacobian, expected a surrogate or"):
+        contact_loads(SURROGATE.scene)

@@ -8,8 +8,8 @@ so that loads vanish exactly out of contact and nothing ever pulls. All six comp
 load is the magnitude of the force (`scenes.normal_load`). Networks are named ``root_med`` and ``ratios_med``; the
 second gives all ratios of a patch that the scene's loads need, from shared hidden neurons.
 
-A patch that a scene cuts into parts (`scenes.parts`) has these networks for each part (``root_med_1``); its wrench is
-the sum over its parts. Its root load is the smooth union of theirs (`structures.patch.roots`).
+A patch that a scene cuts into parts (`scenes.normal_load`) has these networks for each part (``root_med_1``); its
+wrench is the sum over its parts. Its root load is the smooth union of theirs (`structures.patch.roots`).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Where to cut the patches of a mesh into parts (`scenes.parts`), from samples and short fits of small networks.
+"""Where to cut the patches of a mesh into parts (`scenes.normal_load`), from samples and short fits of small networks.
 
 A patch is divided into narrow strips along z. For every run of strips from i to j, a small network learns the root load
 with a fixed effort; its mean square error on validation rows, e²(i, j) [N²], measures how complicated the contact of
