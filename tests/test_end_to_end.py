@@ -15,8 +15,8 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.cli import pipeline
+from casadi_contact.cli.tables import evaluation_tables, read_evaluation
 from casadi_contact.optimisation.pose_estimation import PoseEstimation
-from casadi_contact.pictures.report.tables import evaluation_tables, read_evaluation
 from casadi_contact.scenes.walking import reference_cycle
 from casadi_contact.surrogate.fitness import fitness
 from casadi_contact.workflow import samples as sampling

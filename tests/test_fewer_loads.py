@@ -5,13 +5,12 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.cli import pipeline
-from casadi_contact.pictures.report.tables import evaluation_tables, read_evaluation
+from casadi_contact.cli.tables import evaluation_tables, read_evaluation
 from casadi_contact.scenes.load_cycle import write_cycle
 from casadi_contact.scenes.loading import scene_from_text
-from casadi_contact.scenes.walking import reference_cycle
+from casadi_contact.scenes.walking import has_gait, reference_cycle
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from casadi_contact.workflow.presets import PRESETS, Effort, Preset
-from casadi_contact.workflow.project import has_gait
 from tests.support.two_spheres import TwoSpheres
 
 TINY = Preset(0.02, {"patch": {"": Effort(((8, 8),), 3.0)}})

@@ -16,7 +16,7 @@ PACKAGE = Path(__file__).parents[1] / "casadi_contact"
 PROBLEMS = PACKAGE.parent / "problems"
 ROOMS = [
     *("core", "geometry", "networks", "scenes", "contact", "samples", "surrogate", "optimisation"),
-    *("workflow", "export", "pictures", "cli", "__main__"),
+    *("export", "pictures", "workflow", "cli", "__main__"),
 ]
 
 

@@ -27,10 +27,10 @@ from casadi_contact.cli.options import (
     say,
     say_shipped,
 )
+from casadi_contact.cli.tables import evaluation_tables, fine_grid_remark, read_evaluation
 from casadi_contact.core.files.writing import folder_lock
 from casadi_contact.core.terminal import progress_bars
 from casadi_contact.core.workers import cluster_workers
-from casadi_contact.pictures.report.tables import evaluation_tables, fine_grid_remark, read_evaluation
 from casadi_contact.samples.models import model_pair
 from casadi_contact.surrogate.fitness import fitness
 from casadi_contact.workflow import samples as sampling

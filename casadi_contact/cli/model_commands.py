@@ -22,6 +22,7 @@ from casadi_contact.cli.options import (
     say,
     say_shipped,
 )
+from casadi_contact.cli.tables import choice_table, kernel_speed_tables, read_kernel_speed
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.core.terminal import numbers, progress_bars
@@ -35,8 +36,6 @@ from casadi_contact.pictures.contact_picture import (
     surface_fits,
 )
 from casadi_contact.pictures.live.joint_page import write_joint_page
-from casadi_contact.pictures.report.surrogate_page import write_report
-from casadi_contact.pictures.report.tables import choice_table, kernel_speed_tables, read_kernel_speed
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.pose_file import read_poses
 from casadi_contact.surrogate.fitness import fitness
@@ -61,7 +60,7 @@ def report(
     path = folder / "report.html" if out is None else out
     check_html(path)
     writable_folder(path.parent)
-    write_report({loaded.title: loaded}, folder, path)
+    pipeline.write_report({loaded.title: loaded}, folder, path)
     say(fitness(loaded), f"report in {path}")
 
 

@@ -6,7 +6,7 @@ cycles -> motion.npz, samples.h5 -> training/ -> patch.h5, two_stage.h5 -> evalu
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 
@@ -21,13 +21,14 @@ from casadi_contact.export.c_source import export_c
 from casadi_contact.export.fmu import export_fmu
 from casadi_contact.pictures.contact_picture import contact_pose
 from casadi_contact.pictures.report.charts import draw_charts
-from casadi_contact.pictures.report.surrogate_page import write_report
+from casadi_contact.pictures.report.surrogate_page import surrogate_page
 from casadi_contact.samples.models import teacher_of
+from casadi_contact.samples.samples import read_samples
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import calibrate as calibrated
 from casadi_contact.workflow.benchmark.evaluate import evaluate as evaluate_models
-from casadi_contact.workflow.benchmark.front_file import read_front
+from casadi_contact.workflow.benchmark.front_file import FILE_NAME, read_front, shipped_front
 from casadi_contact.workflow.benchmark.measure import measure_project
 from casadi_contact.workflow.project import (
     Project,
@@ -153,6 +154,21 @@ def export(
 def report(project: Project) -> Path:
     """Write ``report.html``: what the project's surrogates are fit for, and how wrong they are; return its path."""
     return write_report(project_surrogates(project), project.folder, project.folder / "report.html")
+
+
+def write_report(surrogates: Mapping[str, Surrogate], folder: Path, path: Path) -> Path:
+    """Write `surrogate_page` of surrogates, with the samples and the chart of their scene that lie in a folder, or the
+    chart shipped for it; return the page's path. Raises ValueError for a damaged file of samples or chart."""
+    scene = next(iter(surrogates.values())).scene
+    samples = read_samples(folder / "samples.h5") if (folder / "samples.h5").is_file() else None
+    if samples is not None and samples.scene.digest != scene.digest:
+        samples = None
+    chart, shipped = folder / FILE_NAME, shipped_front(scene)
+    front = read_front(chart) if chart.is_file() else (shipped[1] if shipped else None)
+    if front is not None and front.header["scene_digest"] != scene.digest:
+        front = None
+    write_text(path, surrogate_page(surrogates, samples, front))
+    return path
 
 
 @exclusive

@@ -22,8 +22,9 @@ from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.opensim import TIME, ColumnMap, mapped_curves, read_opensim_table
 from casadi_contact.scenes.pose_file import poses_from_curves, write_poses
 from casadi_contact.scenes.shapes.checks import scene_name
+from casadi_contact.scenes.walking import has_gait
 from casadi_contact.workflow import samples as sampling
-from casadi_contact.workflow.project import Project, has_gait
+from casadi_contact.workflow.project import Project
 from casadi_contact.workflow.proposal.cuts import CutSettings, cut_scene, find_cuts
 from casadi_contact.workflow.proposal.joint_geometry import JOINTS
 from casadi_contact.workflow.proposal.propose import propose

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -41,43 +41,6 @@ def new_page(width: float, height: float, **padding: Any) -> Any:
     page = Figure(figsize=(width, height), dpi=_DOTS_PER_INCH, layout=ConstrainedLayoutEngine(**padding))
     FigureCanvasAgg(page)  # knows how large a text comes out
     return page
-
-
-class Panel(NamedTuple):
-    """Curves above, and below them the difference of curves that coincide to the eye, where there is one."""
-
-    curves: Any
-    differences: Any  # an axis, or None
-
-    def difference(self, x: Any, values: Any, label: str, **look: Any) -> None:
-        """Draw a difference over x."""
-        assert self.differences is not None
-        self.differences.plot(x, values, label=label, **look)
-
-    @property
-    def lowest(self) -> Any:
-        """The axes that carry the abscissa."""
-        return self.curves if self.differences is None else self.differences
-
-
-def panels(page: Any, rows: int, columns: int, differences: Container[tuple[int, int]]) -> dict[tuple[int, int], Panel]:
-    """Panels by (row, column); those named have a lower part, a quarter high, for differences."""
-    grid = page.add_gridspec(4 * rows, columns)
-    found = {}
-    for row in range(rows):
-        for column in range(columns):
-            split = (row, column) in differences
-            upper = page.add_subplot(grid[4 * row : 4 * row + (3 if split else 4), column])
-            lower = None
-            if split:
-                lower = page.add_subplot(grid[4 * row + 3, column], sharex=upper)
-                lower.tick_params(labelsize=7)
-                lower.axhline(0.0, color="0.6", lw=0.8)
-                lower.grid(alpha=0.3)
-                upper.tick_params(labelbottom=False)
-                upper.grid(alpha=0.3)
-            found[row, column] = Panel(upper, lower)
-    return found
 
 
 def frame(axes: Iterable[Any], xlabel: str) -> None:

@@ -10,14 +10,18 @@ all cycles [EF15 §3.3]. The figures and their source stand in ``walking.toml``.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from casadi_contact.core.conventions import Array
-from casadi_contact.scenes.load_cycle import LoadCycle
+from casadi_contact.core.conventions import POSE_NAMES, Array
+from casadi_contact.scenes.columns import TextColumns
+from casadi_contact.scenes.joint_cycle import JointCycle, column_names, driving_loads, read_joint_cycle, scene_cycles
+from casadi_contact.scenes.load_cycle import COLUMNS, KNEE_POSE_COLUMNS, LoadCycle, read_cycle
+from casadi_contact.scenes.scene import Scene
 
 CONDYLE_OFFSET_MM = 22.0
 ORDERS = {"rz": 6, "ry": 6, "log_fy_med": 10, "log_fy_lat": 10, "cop_ap_mm": 8, "cop_shift_mm": 4}
@@ -74,3 +78,31 @@ def _cycle(figures: Mapping[str, Any], name: str, frames: int, rng: np.random.Ge
         cop_ap_mm=curves["cop_ap_mm"],
         cop_ml_mm=curves["cop_shift_mm"] + _split_point(fy_med, fy_lat),
     )
+
+
+def has_gait(scene: Scene) -> bool:
+    """True for a knee without a motion of its own: its cycles are a knee's, and the built-in ones walking."""
+    return not scene.motion and {"Fy_med", "Fy_lat"} <= set(driving_loads(scene))
+
+
+def reference_motion_cycles(scene: Scene, cycle_files: Sequence[Path]) -> list[LoadCycle | JointCycle]:
+    """The cycles in the files, or the built-in ones: the scene's own [motion], for a knee without one its walking.
+
+    A knee's file may have the columns of any joint instead of a knee's own. Raises ValueError as the readers do, and
+    for pose parameters beside a knee's own columns, which have no place for them.
+    """
+    if has_gait(scene):
+        return [_knee_cycle(path, scene) for path in cycle_files] or [*reference_cycles()]
+    return [read_joint_cycle(path, scene) for path in cycle_files] or [*scene_cycles(scene)]
+
+
+def _knee_cycle(path: Path, scene: Scene) -> LoadCycle | JointCycle:
+    header, of_any_joint = TextColumns.read(path, "cycle file").header, column_names(()).values()
+    if KNEE_POSE_COLUMNS.isdisjoint(header) and not set(of_any_joint).isdisjoint(header):
+        return read_joint_cycle(path, scene)
+    if beside := [column for column in header if (column.rpartition("_")[0] or column) in POSE_NAMES]:
+        raise ValueError(
+            f"{path} has {', '.join(beside)} beside a knee's own columns, which would not be held: rename "
+            f"{COLUMNS['rz']} and {COLUMNS['ry']} to rz_rad and ry_rad, or leave out {', '.join(beside)}"
+        )
+    return read_cycle(path)

@@ -15,9 +15,8 @@ from casadi_contact.scenes.joint_cycle import JointCycle
 from casadi_contact.scenes.load_cycle import LoadCycle
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.scenes.walking import reference_cycle
+from casadi_contact.scenes.walking import has_gait, reference_cycle, reference_motion_cycles
 from casadi_contact.surrogate.load import load_surrogate
-from casadi_contact.workflow.project import has_gait, reference_motion_cycles
 
 
 def load_contact(surrogate: str | None = None, scene: str | None = None, *, whole: bool = False) -> SymbolicContact:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import wraps
 from hashlib import sha256
@@ -14,19 +14,16 @@ from typing import Concatenate, ParamSpec, TypeVar
 import numpy as np
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation
-from casadi_contact.core.conventions import POSE_NAMES, Array
+from casadi_contact.core.conventions import Array
 from casadi_contact.core.files.containers import read_npz
 from casadi_contact.core.files.writing import folder_lock, writable_folder, write_text
 from casadi_contact.samples.reference import ReferenceMotion, found_sensitive_pose, reference_motion
 from casadi_contact.samples.resume import motion_in
 from casadi_contact.samples.samples import Samples, partial_folder, read_samples
 from casadi_contact.samples.settings import SamplingSettings
-from casadi_contact.scenes.columns import TextColumns
-from casadi_contact.scenes.joint_cycle import JointCycle, column_names, driving_loads, read_joint_cycle, scene_cycles
-from casadi_contact.scenes.load_cycle import COLUMNS, KNEE_POSE_COLUMNS, LoadCycle, read_cycle
 from casadi_contact.scenes.loading import load_scene, ready_scenes
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.scenes.walking import reference_cycles
+from casadi_contact.scenes.walking import reference_motion_cycles
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.load import STRUCTURES, load_surrogate, ready_surrogates
 from casadi_contact.workflow.presets import PRESETS, Preset
@@ -161,34 +158,6 @@ def _completed(scene: Scene, path: Path) -> Scene:
     return completed
 
 
-def has_gait(scene: Scene) -> bool:
-    """True for a knee without a motion of its own: its cycles are a knee's, and the built-in ones walking."""
-    return not scene.motion and {"Fy_med", "Fy_lat"} <= set(driving_loads(scene))
-
-
-def reference_motion_cycles(scene: Scene, cycle_files: Sequence[Path]) -> list[LoadCycle | JointCycle]:
-    """The cycles in the files, or the built-in ones: the scene's own [motion], for a knee without one its walking.
-
-    A knee's file may have the columns of any joint instead of a knee's own. Raises ValueError as the readers do, and
-    for pose parameters beside a knee's own columns, which have no place for them.
-    """
-    if has_gait(scene):
-        return [_knee_cycle(path, scene) for path in cycle_files] or [*reference_cycles()]
-    return [read_joint_cycle(path, scene) for path in cycle_files] or [*scene_cycles(scene)]
-
-
-def _knee_cycle(path: Path, scene: Scene) -> LoadCycle | JointCycle:
-    header, of_any_joint = TextColumns.read(path, "cycle file").header, column_names(()).values()
-    if KNEE_POSE_COLUMNS.isdisjoint(header) and not set(of_any_joint).isdisjoint(header):
-        return read_joint_cycle(path, scene)
-    if beside := [column for column in header if (column.rpartition("_")[0] or column) in POSE_NAMES]:
-        raise ValueError(
-            f"{path} has {', '.join(beside)} beside a knee's own columns, which would not be held: rename "
-            f"{COLUMNS['rz']} and {COLUMNS['ry']} to rz_rad and ry_rad, or leave out {', '.join(beside)}"
-        )
-    return read_cycle(path)
-
-
 def read_motion(project: Project) -> tuple[ReferenceMotion, list[str]]:
     """The reference motion that the samples were drawn around, and the names of its cycles.
 
@@ -244,12 +213,6 @@ def shipped_surrogates(scene: Scene) -> dict[str, Surrogate]:
     """The surrogates of this very scene that come with the library, by name."""
     ready = ((name, load_surrogate(name)) for name in ready_surrogates())
     return {name: surrogate for name, surrogate in ready if surrogate.scene.digest == scene.digest}
-
-
-def shipped_surrogate(scene: Scene) -> Surrogate | None:
-    """The surrogate of this very scene that comes with the library under its name; None if there is none."""
-    found = load_surrogate(scene.name) if scene.name in ready_surrogates() else None
-    return found if found is not None and found.scene.digest == scene.digest else None
 
 
 def available_surrogates(project: Project) -> dict[str, Surrogate]:

@@ -20,7 +20,8 @@ from casadi_contact.samples.samples import Samples, write_samples
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.samples.table import check_gaps, conflicting_rows, read_sample_table
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.workflow.project import Project, exclusive, reference_motion_cycles, trained_surrogates
+from casadi_contact.scenes.walking import reference_motion_cycles
+from casadi_contact.workflow.project import Project, exclusive, trained_surrogates
 
 _log = logging.getLogger(__name__)
 

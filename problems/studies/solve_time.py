@@ -30,11 +30,12 @@ from casadi_contact.scenes.joint_cycle import JointCycle
 from casadi_contact.scenes.load_cycle import LoadCycle
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.walking import reference_motion_cycles
 from casadi_contact.workflow.benchmark.candidates import surrogate_candidates, untrained_candidates
 from casadi_contact.workflow.benchmark.evaluate import converged_elements
 from casadi_contact.workflow.benchmark.front_file import Front, Point, write_front
 from casadi_contact.workflow.benchmark.timing import Candidate, compare
-from casadi_contact.workflow.project import reference_motion_cycles, shipped_surrogates
+from casadi_contact.workflow.project import shipped_surrogates
 
 NAME = "solve_time"
 

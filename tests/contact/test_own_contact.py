@@ -8,7 +8,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.cli import pipeline
-from casadi_contact.pictures.report.tables import evaluation_tables, read_evaluation
+from casadi_contact.cli.tables import evaluation_tables, read_evaluation
 from casadi_contact.samples.models import model_name_of
 from casadi_contact.workflow.benchmark.choose import choose
 from casadi_contact.workflow.benchmark.kernel_speed import speed

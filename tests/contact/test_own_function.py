@@ -8,7 +8,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.settings import SamplingSettings
-from casadi_contact.workflow.project import reference_motion_cycles
+from casadi_contact.scenes.walking import reference_motion_cycles
 from tests.support import own_contact
 
 KNEE = cc.load_scene("knee")

@@ -6,7 +6,8 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.samples.reference import found_sensitive_pose
 from casadi_contact.samples.settings import SamplePoint
-from casadi_contact.workflow.project import Project, reference_motion_cycles
+from casadi_contact.scenes.walking import reference_motion_cycles
+from casadi_contact.workflow.project import Project
 from tests.support.ready_poses import at
 
 

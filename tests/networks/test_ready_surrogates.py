@@ -11,8 +11,8 @@ from casadi_contact.samples.chunk import draw_chunk, plan_chunks
 from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.samples import DOMAINS, load_errors, rms_by_kind
 from casadi_contact.samples.settings import SamplingSettings
+from casadi_contact.scenes.walking import reference_motion_cycles
 from casadi_contact.surrogate.load import ready_surrogates
-from casadi_contact.workflow.project import reference_motion_cycles
 from tests.support.agreement import CANCELLED, agree, evaluated
 
 torch_oracle = pytest.importorskip("tests.support.torch_oracle", reason="torch is not installed", exc_type=ImportError)

@@ -15,7 +15,7 @@ from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.samples import read_samples
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.loading import load_scene
-from casadi_contact.workflow.project import reference_motion_cycles
+from casadi_contact.scenes.walking import reference_motion_cycles
 from tests.support import two_spheres
 from tests.support.two_spheres import knee
 

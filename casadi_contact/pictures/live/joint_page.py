@@ -37,9 +37,9 @@ from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.scenes.pose_file import read_poses_over_time
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.walking import has_gait, reference_motion_cycles
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.load import load_surrogate
-from casadi_contact.workflow.project import has_gait, reference_motion_cycles, shipped_surrogate
+from casadi_contact.surrogate.load import load_surrogate, ready_surrogates
 
 _LEAST_REACH = np.array([3.0, 3.0, 3.0, 0.1, 0.1, 0.1])  # of a slider to either side of the cycle's poses [mm, rad]
 _GAP_MM = 0.25  # of a lifted side: a ball in its cup has no more
@@ -178,17 +178,18 @@ def _text(*path: str) -> str:
     return resources.files(__package__).joinpath(*path).read_text("utf-8")
 
 
-def _surrogate(contact: CompiledFoundation, name: str | None) -> tuple[Surrogate | None, str]:
+def _surrogate(contact: CompiledFoundation, given: str | None) -> tuple[Surrogate | None, str]:
     """The surrogate and the Python that loads it; none and no text where the scene has none."""
-    if name is None:
-        shipped = shipped_surrogate(contact.scene)
-        return (shipped, f"cc.load_surrogate({contact.scene.name!r})") if shipped else (None, "")
-    surrogate = load_surrogate(name)
-    if surrogate.scene.digest != contact.scene.digest:
+    scene = contact.scene
+    name = given or (scene.name if scene.name in ready_surrogates() else None)
+    surrogate = load_surrogate(name) if name else None
+    if given and surrogate and surrogate.scene.digest != scene.digest:
         raise ValueError(
-            f"the surrogate {name} was trained for another scene ({surrogate.scene.name}) than {contact.scene.name}: "
+            f"the surrogate {name} was trained for another scene ({surrogate.scene.name}) than {scene.name}: "
             "name the scene file that it was built from"
         )
+    if surrogate is None or surrogate.scene.digest != scene.digest:
+        return None, ""
     return surrogate, f"cc.load_surrogate({name!r})"
 
 

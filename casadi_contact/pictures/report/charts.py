@@ -7,15 +7,17 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from casadi_contact.core.quantities import FORCE, TORQUE, Kind, of_kind
 from casadi_contact.pictures.page import COLOURS, new_page, save_page
 from casadi_contact.surrogate.load import STRUCTURES
-from casadi_contact.workflow.benchmark.front_file import Front, Point, pareto
-from casadi_contact.workflow.benchmark.timing import Timing
+
+if TYPE_CHECKING:
+    from casadi_contact.workflow.benchmark.front_file import Front, Point
+    from casadi_contact.workflow.benchmark.timing import Timing
 
 MARKERS = ("s", "o", "^", "D", "v", "P", "X", "*")
 _FIRST = ("patch", "EF", "two_stage", "foundation")
@@ -137,7 +139,7 @@ def families(points: Sequence[Point]) -> list[str]:
     return list(dict.fromkeys(point.family for point in points))
 
 
-Measured = tuple[Point, Timing, float]
+Measured: TypeAlias = "tuple[Point, Timing, float]"
 
 
 def draw_speed_accuracy(front: Front, title: str = "time per pose against error", measured: str | None = None) -> Any:
@@ -183,6 +185,16 @@ def _scatter(axis: Any, front: Front, what: str, error: str) -> list[Measured]:
     log_scale(axis)
     axis.margins(0.08)
     return shown
+
+
+def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
+    """Indices of the (cost, error) pairs that no other equals or beats in both, cheapest first."""
+    best, front = math.inf, []
+    for index in sorted(range(len(points)), key=lambda i: points[i]):
+        if points[index][1] < best:
+            best = points[index][1]
+            front.append(index)
+    return front
 
 
 def _labelled(figure: Any, axes: Any, shown: list[list[Measured]], front: Front) -> Any:

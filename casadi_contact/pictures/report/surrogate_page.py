@@ -7,23 +7,24 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.files.reading import one_line
-from casadi_contact.core.files.writing import write_text
 from casadi_contact.core.quantities import quantity, three_digits
 from casadi_contact.pictures.contact_picture import contact_pose, draw_contact
 from casadi_contact.pictures.page import COLOURS, frame, new_page, save_page
 from casadi_contact.pictures.report.charts import draw_speed_accuracy
-from casadi_contact.samples.samples import Samples, read_samples
+from casadi_contact.samples.samples import Samples
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.fitness import fitness
 from casadi_contact.surrogate.info import model_line, other_rows
-from casadi_contact.workflow.benchmark.front_file import FILE_NAME, Front, read_front, shipped_front
+
+if TYPE_CHECKING:
+    from casadi_contact.workflow.benchmark.front_file import Front
 
 _STYLE = """\
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
@@ -142,24 +143,6 @@ def surrogate_page(
     parts += [heading("Dropped samples"), *_dropped(samples)]
     parts += [heading("Speed and accuracy"), _chart(front)]
     return page(f"casadi_contact: {scene.name}", parts)
-
-
-def write_report(surrogates: Mapping[str, Surrogate], folder: Path, path: Path) -> Path:
-    """Write `surrogate_page` of surrogates, with the samples and the chart that lie in a folder; return its path.
-
-    Where the folder holds no chart, that shipped for the scene. Raises ValueError for a damaged file of samples or
-    chart, OSError where the page cannot be written.
-    """
-    scene = next(iter(surrogates.values())).scene
-    samples = read_samples(folder / "samples.h5") if (folder / "samples.h5").is_file() else None
-    if samples is not None and samples.scene.digest != scene.digest:
-        samples = None
-    chart, shipped = folder / FILE_NAME, shipped_front(scene)
-    front = read_front(chart) if chart.is_file() else (shipped[1] if shipped else None)
-    if front is not None and front.header["scene_digest"] != scene.digest:
-        front = None
-    write_text(path, surrogate_page(surrogates, samples, front))
-    return path
 
 
 def _scene_picture(scene: Scene) -> str:

@@ -82,16 +82,6 @@ class Front:
         return tuple(point for point in self.points if not point.failure)
 
 
-def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Indices of the (cost, error) pairs that no other equals or beats in both, cheapest first."""
-    best, front = math.inf, []
-    for index in sorted(range(len(points)), key=lambda i: points[i]):
-        if points[index][1] < best:
-            best = points[index][1]
-            front.append(index)
-    return front
-
-
 def _rms_column(load: str) -> str:
     return f"rms_{load}_{quantity(load).kind.plain_unit.lower()}"
 

@@ -19,7 +19,7 @@ from casadi_contact.samples.reference import ReferenceReport, reference_poses
 from casadi_contact.samples.settings import ALONE_COUNTS
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.mesh_bodies import MOST_BOTH_SIDES, THIN_MM, body_mesh, outer_side, shell_thickness
-from casadi_contact.workflow.project import reference_motion_cycles
+from casadi_contact.scenes.walking import reference_motion_cycles
 from casadi_contact.workflow.proposal.convergence import (
     REST_SHARE,
     converged_grids,

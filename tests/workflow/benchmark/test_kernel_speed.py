@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from casadi_contact.pictures.report.tables import kernel_speed_tables, read_kernel_speed
+from casadi_contact.cli.tables import kernel_speed_tables, read_kernel_speed
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.workflow.benchmark import kernel_speed as speed
 from casadi_contact.workflow.benchmark.kernel_speed import kernel_speed

@@ -12,7 +12,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.cli import pipeline
-from casadi_contact.pictures.report.tables import read_kernel_speed
+from casadi_contact.cli.tables import read_kernel_speed
 from casadi_contact.samples.samples import load_errors, rms_by_kind
 from casadi_contact.workflow.benchmark import measure as measuring
 from casadi_contact.workflow.benchmark.evaluate import unseen_walking

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from casadi_contact.pictures.report.tables import evaluation_tables, fine_grid_remark
+from casadi_contact.cli.tables import evaluation_tables, fine_grid_remark
 from casadi_contact.samples.models import model_pair, models_identity
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.workflow.benchmark.evaluate import evaluate
