@@ -17,7 +17,9 @@ def test_its_example_carries_the_loads_it_asks_for():
     names: dict = {}
     exec(example, names)
     assert names["jacobian"].shape == (1, 7, 6)
-    np.testing.assert_allclose(np.asarray(names["f"](names["pose"])).ravel(), names["loads"][0], rtol=1e-9)
+    np.testing.assert_allclose(
+        np.asarray(names["f"](names["poses"][0])).ravel(), names["loads"][0], rtol=1e-9, atol=1e-6
+    )
     np.testing.assert_allclose(names["model"](names["poses"])[0, :2], [-600.0, -400.0], atol=1e-3)
     np.testing.assert_allclose(names["elements"](names["settled"])[0, :2], [-600.0, -400.0], atol=1e-6)
 

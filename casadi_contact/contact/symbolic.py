@@ -163,7 +163,10 @@ class SymbolicContact(ContactModel, Protocol):
         compiled: bool | None = None,
         batch: int | None = None,
     ) -> ca.Function:
-        """casadi.Function pose (6) -> loads (L); batch: (6 x batch) -> (L x batch)."""
+        """casadi.Function pose (6) -> loads (L); batch: (6 x batch) -> (L x batch).
+
+        Zero load has zero slope: an optimiser that lost contact stays there. Use `ContactInOpti`.
+        """
 
     def load_and_root_function(
         self,

@@ -50,6 +50,7 @@ class ContactFunctions(ABC):
     ) -> ca.Function:
         """casadi.Function pose (6) -> loads (L) with derivatives; batch: (6 x batch) -> (L x batch), in one call.
 
+        Zero load has zero slope: an optimiser that lost contact stays there. Use `ContactInOpti`.
         Works in ``map`` and in nlpsol. compiled: whether to take a kernel in C where the model has one, compiled once
         and kept in the user's cache folder (None: ``compiled_by_default``); where that fails, one warning and the
         slower form. A kernel has no third derivatives, and no file carries it (the library lies in the cache).

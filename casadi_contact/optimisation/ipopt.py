@@ -34,25 +34,26 @@ def ipopt_options(
     *, tolerance: float = 1e-8, max_iterations: int = 300, print_level: int = 0, **more: Any
 ) -> dict[str, Any]:
     """Options of ``casadi.nlpsol`` or ``Opti.solver("ipopt", ...)``: quiet, with the exact Hessian that a contact
-    model's function gives; more: any other option of IPOPT by its name."""
+    model's function gives; more: any other option of IPOPT by its name.
+
+    Variables and misfits are scaled already. IPOPT would scale by the gradient at the start: far out of contact, where
+    there is none, or at the solution, where its tolerance then asks for the impossible.
+    """
     ipopt = {
         "print_level": print_level,
         "sb": "yes",
         "max_iter": max_iterations,
         "tol": tolerance,
         "hessian_approximation": "exact",
+        "nlp_scaling_method": "none",
         **more,
     }
     return {"ipopt": ipopt, "print_time": False}
 
 
 def least_squares_options(**settings: Any) -> dict[str, Any]:
-    """`ipopt_options` for least squares of residuals in N.
-
-    IPOPT scales by the gradient at the start: begun at the solution, it then asks for the impossible. With this fixed
-    scale gradients end below 1e-5 N², residuals below about 1e-7 N.
-    """
-    return ipopt_options(nlp_scaling_method="none", obj_scaling_factor=1e-3, **settings)
+    """`ipopt_options` for ½|r|², r in N: gradients end below 1e-5 N², residuals below about 1e-7 N."""
+    return ipopt_options(obj_scaling_factor=1e-3, **settings)
 
 
 @dataclass(frozen=True)

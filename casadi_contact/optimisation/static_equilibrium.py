@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
 from casadi_contact.optimisation.contact_frames import ContactFrames
-from casadi_contact.optimisation.ipopt import FrameOutcome, IpoptOutcome, frame_outcomes, ipopt_options
+from casadi_contact.optimisation.ipopt import FrameOutcome, IpoptOutcome, frame_outcomes, least_squares_options
 from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection
 from casadi_contact.optimisation.starts import middle_pose, press_together, start_or_default
 
@@ -194,7 +194,7 @@ class StaticEquilibrium:
 
     def _optimum(self, start: Array, max_iterations: int, print_level: int) -> tuple[Array, IpoptOutcome]:
         pressed = press_together(self.model, start, self.rest, self.loads, self.free)
-        options = ipopt_options(max_iterations=max_iterations, print_level=print_level)
+        options = least_squares_options(max_iterations=max_iterations, print_level=print_level)
         solver = ca.nlpsol("static_equilibrium", "ipopt", self.nlp, options)
         contact = self.contact
         answer = solver(x0=contact.variables(pressed), lbx=contact.lower, ubx=contact.upper)

@@ -60,35 +60,39 @@ def test_a_bounded_solution_follows_its_wanted_load_by_the_inverse_of_the_stiffn
     np.testing.assert_allclose(np.asarray(compliance).ravel(), np.linalg.solve(stiffness, [1.0, 0.0]), rtol=1e-3)
 
 
-def test_starts_that_nothing_settles_still_find_their_way_by_root_loads(knee):
-    """Lifted clear of contact, where every load and its slope are zero."""
-    opti, contact = in_opti(knee, FORCES)
-    opti.minimize(1e-3 * ca.sumsqr(contact.q[[0, 2], :]))
-    opti.solver("ipopt", contact.options())
-    near = contact.start_poses(FORCES)
-    for lift_mm in (0.5, 2.0, 5.0):
-        lifted = near + np.array([0.0, lift_mm, 0.0, 0.0, 0.0, 0.0])
-        assert not knee(lifted).any()
-        contact.begin_at(lifted)
-        got = values(knee, contact.poses(opti.solve()))
-        np.testing.assert_allclose([got["Fy_med"][0], got["Fy_lat"][0]], [-600.0, -400.0], atol=1e-3)
-
-
 @pytest.fixture(scope="module")
 def planar():
-    return cc.foundation("planar_knee")
+    return cc.PolarFoundation(cc.load_scene("planar_knee"), cc.Rays(8, 2))
 
 
-@pytest.mark.parametrize("total", [-2.0, -600.0])
-def test_a_total_that_one_parameter_sets_finds_its_way_back_as_a_single_side_does(planar, total):
-    """Out of contact the total and its slope are zero; pressed deep, a step towards a light load leads there."""
-    opti, contact = in_opti(planar, {"Fy": total}, locked={"rz": -0.9})
-    opti.minimize(ca.sumsqr(contact.pose[0, :]))
+@needs_compiler
+@pytest.mark.parametrize(
+    ("name", "wanted", "locked"),
+    [
+        ("knee", FORCES, LOCKED),
+        ("planar", {"Fy": -600.0}, {"rz": -0.5}),
+        ("planar", {"Fy": -2.0}, {"rz": -0.9}),
+    ],
+)
+def test_from_far_starts_that_nothing_settles_no_solution_is_claimed_that_misses_its_loads(
+    request, name, wanted, locked
+):
+    """10 mm clear of contact, where every load and its slope are zero, to 10 mm too deep."""
+    model = request.getfixturevalue(name)
+    opti, contact = in_opti(model, wanted, locked=locked)
+    opti.minimize(ca.sumsqr(contact.pose[[0, 2], :]))
     opti.solver("ipopt", contact.options())
-    for lift_mm in (-0.8, 5.0):
-        contact.begin_at(contact.start_poses({"Fy": total}) + np.array([0.0, lift_mm, 0.0, 0.0, 0.0, 0.0]))
-        got = values(planar, contact.poses(opti.solve()))
-        np.testing.assert_allclose(got["Fy"], total, atol=1e-3)
+    rng, near, solved = np.random.default_rng(0), contact.start_poses(wanted), 0
+    assert not model(near + np.array([0.0, 10.0, 0.0, 0.0, 0.0, 0.0])).any()
+    for move in rng.uniform(-1.0, 1.0, (50, 6)) * [6.0, 10.0, 6.0, 0.1, 0.1, 0.1]:
+        contact.begin_at(near + move)
+        try:
+            pose = contact.poses(opti.solve())
+        except RuntimeError:
+            continue
+        solved += 1
+        np.testing.assert_allclose(model(pose, wanted)[0], list(wanted.values()), atol=0.1)
+    assert solved >= 40
 
 
 def test_a_misfit_of_a_total_is_its_error_in_newtons_near_the_solution(planar):
