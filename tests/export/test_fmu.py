@@ -19,19 +19,14 @@ import casadi_contact as cc  # noqa: E402
 from casadi_contact.core.conventions import POSE_NAMES  # noqa: E402
 from tests.support.agreement import close  # noqa: E402
 from tests.support.compiler import flags_of_the_library, needs_compiler  # noqa: E402
-from tests.support.random_surrogates import (  # noqa: E402
-    random_confidence,
-    random_poses,
-    random_surrogate,
-    scene_called,
-)
+from tests.support.random_surrogates import random_confidence, random_poses, random_surrogate  # noqa: E402
 
 pytestmark = needs_compiler
 
 
 @pytest.fixture(scope="module")
 def knee():
-    made = random_surrogate(scene_called("knee"), "patch", seed=3)
+    made = random_surrogate(cc.load_scene("knee"), "patch", seed=3)
     return type(made)(made.scene, made.networks, {}, random_confidence(2, 7))
 
 
@@ -41,16 +36,16 @@ def path(knee, tmp_path_factory):
         return cc.export_fmu(knee, tmp_path_factory.mktemp("fmu") / "knee.fmu")
 
 
+def unpacked(path, folder, token):
+    name = fmpy.read_model_description(path).modelExchange.modelIdentifier
+    return FMU3Model(guid=token, unzipDirectory=fmpy.extract(path, folder), modelIdentifier=name, instanceName="knee")
+
+
 @pytest.fixture
 def instance(path, tmp_path):
     """An instance for model exchange, and the references of its variables by name."""
     described = fmpy.read_model_description(path)
-    fmu = FMU3Model(
-        guid=described.instantiationToken,
-        unzipDirectory=fmpy.extract(path, tmp_path),
-        modelIdentifier=described.modelExchange.modelIdentifier,
-        instanceName="knee",
-    )
+    fmu = unpacked(path, tmp_path, described.instantiationToken)
     fmu.instantiate(loggingOn=True)
     fmu.enterInitializationMode()
     fmu.exitInitializationMode()
@@ -141,19 +136,9 @@ def test_an_fmu_of_the_foundation_is_valid_and_gives_its_loads(tmp_path):
     close(np.array([result[name][-1] for name in model.load_names]), model(np.array(start)), 9)
 
 
-def test_another_model_s_token_is_refused(path, tmp_path):
-    described = fmpy.read_model_description(path)
-    fmu = FMU3Model(
-        guid="another",
-        unzipDirectory=fmpy.extract(path, tmp_path),
-        modelIdentifier=described.modelExchange.modelIdentifier,
-        instanceName="knee",
-    )
+def test_another_model_s_token_and_the_interface_s_own_name_are_refused(path, knee, tmp_path):
     with pytest.raises(Exception, match="instantiate"):
-        fmu.instantiate()
-
-
-def test_a_name_that_is_the_interface_s_own_is_refused(knee, tmp_path):
+        unpacked(path, tmp_path, "another").instantiate()
     with pytest.raises(ValueError, match=r"'fmi3' is not usable, fmi3\.c is FMI's own interface"):
         cc.export_fmu(knee, tmp_path / "knee.fmu", name="fmi3")
 
