@@ -102,7 +102,7 @@ def calibrate(project: Project, update: Update | None = None) -> list[Path]:
 @exclusive
 def evaluate(project: Project) -> Path:
     """Write ``evaluation.json`` (Tables 2 to 4) and ``evaluation.csv`` (the domain errors); return the first's path."""
-    motion = read_motion(project)[0] if has_motion(project) else None
+    motion = read_motion(project).motion if has_motion(project) else None
     content = evaluate_models(project_surrogates(project), project.samples(), motion)
     path = project.folder / "evaluation.json"
     rows = [

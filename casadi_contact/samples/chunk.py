@@ -91,37 +91,35 @@ def plan_digest(chunks: list[Chunk]) -> str:
 
 
 @dataclass
-class _Poses:
-    """Poses (n, 6) not yet evaluated, their domain and role (n,), and the rejected ones, counted by reason."""
+class _Drawn:
+    """Poses (n, 6) not yet evaluated with their role (n,), and the rejected ones, counted by reason."""
 
     poses: Array
-    domain: np.ndarray
     role: np.ndarray
     lost: list[Array] = field(default_factory=list)
     dropped: Counter[str] = field(default_factory=Counter)
-
-    def become(self, poses: Array) -> None:
-        """Replace the poses by poses (n·k, 6), k made from each."""
-        each = len(poses) // max(len(self.role), 1)
-        self.poses, self.domain, self.role = poses, np.repeat(self.domain, each), np.repeat(self.role, each)
 
     def drop(self, reasons: np.ndarray) -> None:
         """Reject poses with a reason (n,), "" for none."""
         good = np.asarray(reasons == "")
         self.dropped.update(map(str, reasons[~good]))
         self.lost.append(self.poses[~good])
-        self.poses, self.domain, self.role = self.poses[good], self.domain[good], self.role[good]
+        self.poses, self.role = self.poses[good], self.role[good]
+
+    def replace(self, poses: Array) -> None:
+        """Take poses (n, k, 6), k made from each, in place of the n."""
+        self.poses, self.role = poses.reshape(-1, 6), np.repeat(self.role, poses.shape[1])
 
 
 def draw_chunk(
     settle_model: ContactModel, teacher: WrenchModel, chunk: Chunk, settings: SamplingSettings
 ) -> DrawnChunk:
     """Settle, lift off (D4, D5), evaluate and check the samples of one chunk."""
-    drawn, scene, parts = _settled(settle_model, chunk, settings), settle_model.scene, len(settle_model.scene.parts)
+    drawn, scene = _settled(settle_model, chunk, settings), settle_model.scene
     if hasattr(teacher, "at_edge") and len(drawn.poses):  # first: ten times faster than loads and gaps
         edge = np.asarray(teacher.at_edge(drawn.poses).any(axis=1))
         drawn.drop(np.where(edge, "contact reaches the edge of the elements", ""))
-    wrenches, gaps = part_wrenches(teacher, drawn.poses, parts), part_gaps(teacher, drawn.poses, parts)
+    wrenches, gaps = (of(teacher, drawn.poses, len(scene.parts)) for of in (part_wrenches, part_gaps))
     lifted = {"D4": [chunk.lifted], "D5": list(range(len(scene.first_parts)))}.get(DOMAINS[chunk.domain - 1], [])
     touching = np.logical_or.reduceat((wrenches != 0.0).any(axis=2), scene.first_parts, axis=1)[:, lifted].any(axis=1)
     pulls = (normal_forces([part.normal for part in scene.parts], wrenches) < -_PULL_N).any(axis=1)
@@ -129,39 +127,29 @@ def draw_chunk(
     reasons = np.select([~finite, pulls, touching], [NOT_FINITE, "pulls", "touches though lifted off"], "")
     good = reasons == ""
     drawn.drop(reasons)
-    return DrawnChunk(
-        drawn.poses, wrenches[good], gaps[good], drawn.domain, drawn.role, np.concatenate(drawn.lost), drawn.dropped
-    )
+    domain, lost = np.full(len(drawn.poses), chunk.domain, dtype=np.uint8), np.concatenate(drawn.lost)
+    return DrawnChunk(drawn.poses, wrenches[good], gaps[good], domain, drawn.role, lost, drawn.dropped)
 
 
-def _settled(model: ContactModel, chunk: Chunk, settings: SamplingSettings) -> _Poses:
+def _settled(model: ContactModel, chunk: Chunk, settings: SamplingSettings) -> _Drawn:
     """The chunk's poses settled under their loads; those of D4 and D5 then lifted off in several steps."""
     # The whole reach has no reference pose nearby to start from.
     starts = advance_to_contact(model, chunk.starts, chunk.loads) if settings.reach else chunk.starts
     poses, report = settle(model, starts, chunk.free, chunk.loads, tolerance=settings.settle_tolerance_n)
-    drawn = _Poses(poses, np.full(len(poses), chunk.domain, dtype=np.uint8), chunk.role)
+    drawn = _Drawn(poses, chunk.role)
     drawn.drop(_at_stage("not settled", report.reason))
     domain = DOMAINS[chunk.domain - 1]
     if domain == "D4":
         lifted_loads = model.scene.normal_loads[chunk.lifted].loads
         held = {name: load[report.converged] for name, load in chunk.loads.items() if name not in lifted_loads}
-        lifted, reason = lift_one(
-            model,
-            drawn.poses,
-            chunk.lifted,
-            chunk.free,
-            held,
-            liftoff_mm=settings.liftoff_mm,
-            steps=settings.liftoff_steps,
-            tolerance_n=settings.settle_tolerance_n,
-        )
-        drawn.become(lifted.reshape(-1, 6))
+        lifted, reason = lift_one(model, drawn.poses, chunk.lifted, chunk.free, held, settings)
+        drawn.replace(lifted)
         drawn.drop(_at_stage("not settled after liftoff", reason.ravel()))
     elif domain == "D5":
         raised = _raised(model, drawn.poses, settings)
         known = np.asarray(np.isfinite(raised).all(axis=(1, 2)))
         drawn.drop(np.where(known, "", f"not lifted off: {NOT_FINITE}"))
-        drawn.become(raised[known].reshape(-1, 6))
+        drawn.replace(raised[known])
     return drawn
 
 
@@ -172,12 +160,11 @@ def _at_stage(stage: str, reasons: np.ndarray) -> np.ndarray:
 
 def _raised(model: ContactModel, poses: Array, settings: SamplingSettings) -> Array:
     """Poses (n, steps, 6) of D5: all patches lifted alike [EF15 §3.3], in the plan `reach` each by a random gap."""
-    most, steps = settings.liftoff_mm, settings.liftoff_steps
-    scene = model.scene
+    steps, scene = settings.liftoff_steps, model.scene
     if not settings.reach or len(scene.sensitive_pose) != len(scene.normal_loads):
-        return lift_all(model, poses, liftoff_mm=most, steps=steps)
-    shape = (len(poses) * steps, len(scene.normal_loads))
-    gaps = np.random.default_rng([settings.seed, DOMAINS.index("D5")]).uniform(0.0, most, shape)
+        return lift_all(model, poses, settings)
+    rng = np.random.default_rng([settings.seed, DOMAINS.index("D5")])
+    gaps = rng.uniform(0.0, settings.liftoff_mm, (len(poses) * steps, len(scene.normal_loads)))
     return lift_each(model, np.repeat(poses, steps, axis=0), gaps).reshape(len(poses), steps, 6)
 
 

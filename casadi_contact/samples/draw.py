@@ -90,29 +90,27 @@ def draw_samples(
     if motion.point != expected:
         raise ValueError(f"the reference motion has inputs {motion.point.inputs}, the settings {expected.inputs}")
     chunks = plan_chunks(scene, motion, settings)
-    identity: dict[str, Any] = {
-        "scene": scene.digest,
-        "settings": settings.to_table(),
-        **models_identity(models),
-        "plan_digest": plan_digest(chunks),
-    }
+    identity = {"scene": scene.digest, "settings": settings.to_table(), **models_identity(models)}
+    identity["plan_digest"] = plan_digest(chunks)
     if models is foundations:  # chosen for the scene's tolerances
         identity["tolerances"] = dict(scene.tolerances)
-    job = partial(_draw, scene.to_toml(), json.dumps(settings.to_table(), sort_keys=True), models)
-    own = model_name(models) not in MODELS  # the library's are known by name, version and settings
+    worker = (scene.to_toml(), json.dumps(settings.to_table(), sort_keys=True), models)
+
+    def check(before: Samples, where: Path) -> None:
+        if model_name(models) not in MODELS:  # the library's are known by name, version and settings
+            check_same_model(_worker_models(*worker)[1], before, where)
+
     if path.exists():
         samples = read_samples(path)
-        there = {**samples.provenance, "scene": samples.scene.digest}
-        check_same_plan(there, identity, path)
-        if own:
-            check_same_model(_worker_models(*job.args)[1], replace(samples, scene=scene), path)
+        check_same_plan({**samples.provenance, "scene": samples.scene.digest}, identity, path)
+        check(replace(samples, scene=scene), path)
         shutil.rmtree(partial_folder(path), ignore_errors=True)  # left where a kill came just before the clearing up
         return samples
     folder = ChunkFolder(path, identity)
     drawn = {number: chunk for number in range(len(chunks)) if (chunk := folder.read(number)) is not None}
-    if own and drawn:
-        check_same_model(_worker_models(*job.args)[1], _joined(scene, drawn.values()), folder.folder)
-    _draw_missing(job, chunks, drawn, folder, executor, progress)
+    if drawn:
+        check(_joined(scene, drawn.values()), folder.folder)
+    _draw_missing(partial(_draw, *worker), chunks, drawn, folder, executor, progress)
     samples = _gather(scene, chunks, [drawn[number] for number in range(len(chunks))], identity)
     write_samples(path, samples)
     folder.remove()

@@ -13,6 +13,7 @@ import numpy as np
 from casadi_contact.contact.model import ContactModel, with_loads
 from casadi_contact.contact.settle import NOT_FINITE, settle
 from casadi_contact.core.conventions import Array, pose_index
+from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.scene import Scene
 
 _NEWTON_STEPS = 5
@@ -34,24 +35,20 @@ def lift_one(
     lifted: int,
     free: tuple[str, ...],
     held: Mapping[str, Array],
-    *,
-    liftoff_mm: float,
-    steps: int,
-    tolerance_n: float,
+    settings: SamplingSettings,
 ) -> tuple[Array, np.ndarray]:
     """Lift one patch off in equal increments of the second sensitive pose parameter (knee: r_x); other loads stay.
 
     poses (n, 6): the patch `lifted` at the contact boundary, the loads held (n,) elsewhere. It changes by k/steps·Δ
     for k = 1..steps; the other free parameters (knee: t_y) are settled anew for each k so that the held loads stay.
-    Δ is such that the patch is liftoff_mm away in the end: predicted from the slopes of its root load at the boundary
+    Δ is such that the patch is `liftoff_mm` away in the end: predicted from the slopes of its root load at the boundary
     (by r_x, against by t_y), then corrected once by the gap that the prediction gives; the paper asks for
     "approximately", and a model without gaps keeps the prediction. Raises ValueError as `check_liftable` does.
 
     Returns the poses (n, steps, 6) and why each failed (n, steps), "" where it did not.
     """
-    scene, space = model.scene, model.scene.pose_space
-    check_liftable(scene)
-    rise, turn = scene.sensitive_pose
+    check_liftable(model.scene)
+    (rise, turn), space, steps = model.scene.sensitive_pose, model.scene.pose_space, settings.liftoff_steps
     tilt, rest = pose_index(turn), tuple(name for name in free if name != turn)
     others = [pose_index(name) for name in rest]
     s, ds = model.root_loads(poses)
@@ -61,30 +58,25 @@ def lift_one(
     along = np.asarray(-np.linalg.solve(by_pose[:, :, others], by_pose[:, :, tilt, None])[..., 0])
     slope = ds[:, lifted, tilt] + np.einsum("no,no->n", ds[:, lifted][:, others], along)
     per_mm = np.abs(ds[:, lifted, pose_index(rise)])
-    total: Array = -(per_mm * liftoff_mm + np.maximum(s[:, lifted], 0.0)) / slope
+    total: Array = -(per_mm * settings.liftoff_mm + np.maximum(s[:, lifted], 0.0)) / slope
     known = np.isfinite(total) & np.isfinite(along).all(axis=1)
     total, along = np.where(known, total, 0.0), np.where(known[:, None], along, 0.0)
 
-    def tilt_poses(rows: Array, change: Array, drift: Array, loads: Mapping[str, Array]) -> tuple[Array, np.ndarray]:
-        start = rows.copy()
+    def tilted(change: Array, each: int = 1) -> tuple[Array, np.ndarray]:
+        """Poses (n·each, 6) tilted by change (n·each,) and settled under the held loads, and why each failed."""
+        start = np.repeat(poses, each, axis=0)
         start[:, tilt] += change
-        start[:, others] += drift * change[:, None]
-        settled, report = settle(model, start, rest, loads, tolerance=tolerance_n)
+        start[:, others] += np.repeat(along, each, axis=0) * change[:, None]
+        loads = {name: np.repeat(load, each) for name, load in held.items()}
+        settled, report = settle(model, start, rest, loads, tolerance=settings.settle_tolerance_n)
         return settled, report.reason
 
     if model.has_gaps:
-        trial, _ = tilt_poses(poses, total, along, held)
         before = model.gaps(poses)[:, lifted]
-        reached = model.gaps(trial)[:, lifted] - before
-        total = np.where(reached > 0.0, total * (liftoff_mm - before) / np.where(reached > 0.0, reached, 1.0), total)
-    fractions: Array = np.tile(np.arange(1, steps + 1) / steps, len(poses))
-    repeated = {name: np.repeat(load, steps) for name, load in held.items()}
-    lifted_poses, reason = tilt_poses(
-        np.repeat(poses, steps, axis=0),
-        np.repeat(total, steps) * fractions,
-        np.repeat(along, steps, axis=0),
-        repeated,
-    )
+        reached = model.gaps(tilted(total)[0])[:, lifted] - before
+        opened = reached > 0.0
+        total[opened] *= (settings.liftoff_mm - before[opened]) / reached[opened]
+    lifted_poses, reason = tilted(np.outer(total, np.arange(1, steps + 1) / steps).ravel(), steps)
     reasons = np.where(known[:, None], reason.reshape(-1, steps), NOT_FINITE)
     return lifted_poses.reshape(-1, steps, 6), reasons
 
@@ -98,8 +90,8 @@ def _slope(model: ContactModel, name: str, poses: Array, root_slopes: Array) -> 
     return model.scene.pose_space.pull_back(model.jacobian(poses)[1][:, model.load_names.index(name)])
 
 
-def lift_all(model: ContactModel, poses: Array, *, liftoff_mm: float, steps: int) -> Array:
-    """Move poses at the contact boundary apart in equal steps to liftoff_mm, along the sensitive translations.
+def lift_all(model: ContactModel, poses: Array, settings: SamplingSettings) -> Array:
+    """Move poses at the contact boundary apart in equal steps to `liftoff_mm`, along the sensitive translations.
 
     Apart is where the sum of the root loads falls: straight up for the knee, whose one sensitive translation is t_y;
     away from the contact for a hip. Returns poses (n, steps, 6), NaN where the model gives no finite loads; raises
@@ -111,8 +103,9 @@ def lift_all(model: ContactModel, poses: Array, *, liftoff_mm: float, steps: int
     space, ds = model.scene.pose_space, model.root_loads(poses)[1]
     apart = -space.pull_back(ds)[..., columns].sum(axis=1)
     apart /= np.maximum(np.linalg.norm(apart, axis=1, keepdims=True), 1e-300)
-    raised = np.repeat(poses[:, None, :], steps, axis=1)
-    raised[..., columns] += apart[:, None, :] * (liftoff_mm * np.arange(1, steps + 1) / steps)[:, None]
+    raised = np.repeat(poses[:, None, :], settings.liftoff_steps, axis=1)
+    share = np.arange(1, settings.liftoff_steps + 1) / settings.liftoff_steps
+    raised[..., columns] += apart[:, None, :] * (settings.liftoff_mm * share)[:, None]
     return space.project(raised)
 
 

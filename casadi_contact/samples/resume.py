@@ -10,6 +10,7 @@ import hashlib
 import json
 import shutil
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -43,19 +44,18 @@ class ChunkFolder:
     def __init__(self, path: Path, identity: Mapping[str, Any]) -> None:
         self.folder = partial_folder(path)
         record = self.folder / "plan.json"
-        text = json.dumps(identity, indent=1)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OSError(f"cannot write samples to {path}: {error.strerror or error}") from None
         if not record.exists() or begun(path) is None:
-            write_text(record, text)
+            write_text(record, json.dumps(identity, indent=1))
         checked_size(record, MOST_TEXT)
         try:
             before = dict(json.loads(record.read_text("utf-8")))
         except (ValueError, TypeError):
             raise ValueError(f"{record} is damaged: delete {self.folder} and draw again") from None
-        check_same_plan(before, json.loads(text), self.folder)
+        check_same_plan(before, identity, self.folder)
 
     def _file(self, number: int) -> Path:
         return self.folder / f"chunk-{number:06d}.npz"
@@ -80,19 +80,14 @@ class ChunkFolder:
 
 
 def check_same_plan(before: Mapping[str, Any], now: Mapping[str, Any], where: Path) -> None:
-    """Raise ValueError, naming the first difference, where samples come from another plan."""
-    cure = f"use the same, another file, or delete {where}"
-    for key in now:
-        old, new = before.get(key), now[key]
-        if old == new:
-            continue
-        if key == "settings" and isinstance(old, dict):
-            name = next(n for n in sorted({*old, *new}) if old.get(n) != new.get(n))
-            raise ValueError(f"{where} was drawn with {name} = {old.get(name)}, now {new.get(name)}: {cure}")
-        named = {"scene": "scene", "plan_digest": "reference motion", "cycles": "cycles"}
-        if key in named:
-            raise ValueError(f"{where} was drawn with another {named[key]}: {cure}")
-        raise ValueError(f"{where} was drawn with {key} {old}, now {new}: {cure}")
+    """Raise ValueError, naming the first difference, where samples come from another plan; both as JSON stores them."""
+    old, new = ({**dict(plan.get("settings", {})), **plan} for plan in (before, json.loads(json.dumps(now))))
+    for name in (name for name in new if name != "settings" and old.get(name) != new[name]):
+        if name in (named := {"scene": "scene", "plan_digest": "reference motion", "cycles": "cycles"}):
+            what = f"another {named[name]}"
+        else:
+            what = f"{name} = {old.get(name)}, now {new[name]}"
+        raise ValueError(f"{where} was drawn with {what}: use the same, another file, or delete {where}")
 
 
 def motion_origin(
@@ -109,50 +104,38 @@ def motion_origin(
     return {"scene": scene.digest, "settings": of_settings, "cycles": digest.hexdigest(), **models}
 
 
-def write_motion(
-    path: Path,
-    motion: ReferenceMotion,
-    cycles: Sequence[str],
-    report: str,
-    files: Sequence[Path],
-    origin: Mapping[str, Any],
-) -> None:
-    """Write a reference motion, the names of its cycles, and the report of its estimation; files: where the cycles were
-    read, none for built-in ones."""
-    write_npz(
-        path,
-        inputs=np.array(motion.point.inputs),
-        cycles=np.array(cycles),
-        files=np.array([str(file) for file in files], dtype=str),
-        curves=motion.curves,
-        poses=motion.poses,
-        report=np.array(report),
-        origin=np.array(json.dumps(origin)),
-    )
+@dataclass(frozen=True)
+class KeptMotion:
+    """A reference motion, the names of its cycles, the report of its estimation, the files that the cycles were read
+    from (none for built-in ones), and its `motion_origin`."""
 
+    motion: ReferenceMotion
+    cycles: tuple[str, ...]
+    report: str
+    files: tuple[str, ...]
+    origin: Mapping[str, Any]
 
-def motion_in(content: Mapping[str, np.ndarray], space: PoseSpace) -> ReferenceMotion:
-    """The motion in a file's arrays; raises ValueError or KeyError where they are damaged."""
-    if not all(np.isfinite(content[name]).all() for name in ("curves", "poses")):
-        raise ValueError("curves or poses are not finite")
-    point = SamplePoint.of_inputs([str(name) for name in content["inputs"]], space)
-    return ReferenceMotion(point, content["curves"], content["poses"])
+    def write(self, path: Path) -> None:
+        """Write ``motion.npz``."""
+        texts = {name: np.array(getattr(self, name), dtype=str) for name in ("cycles", "report", "files")}
+        inputs, origin = np.array(self.motion.point.inputs), np.array(json.dumps(self.origin))
+        write_npz(path, inputs=inputs, curves=self.motion.curves, poses=self.motion.poses, origin=origin, **texts)
 
-
-def kept_motion(
-    path: Path, space: PoseSpace, origin: Mapping[str, Any], drawn: Path
-) -> tuple[ReferenceMotion, str] | None:
-    """The reference motion that the samples in `drawn` were begun with, and its report; None without a file.
-
-    Raises ValueError for a motion estimated from something else than `origin`, and for a damaged file.
-    """
-    if not path.is_file():
-        return None
-    content = read_npz(path)
-    try:
-        before, report = dict(json.loads(str(content["origin"]))), str(content["report"])
-        motion = motion_in(content, space)
-    except (ValueError, KeyError, IndexError, TypeError) as error:
-        raise ValueError(f"{path} is damaged ({error}): remove it and sample again") from None
-    check_same_plan(before, origin, drawn)
-    return motion, report
+    @classmethod
+    def read(cls, path: Path, space: PoseSpace) -> KeptMotion:
+        """Read ``motion.npz``; raises FileNotFoundError, and ValueError for a damaged file."""
+        try:
+            content = read_npz(path)
+            motion = ReferenceMotion(
+                SamplePoint.of_inputs([str(name) for name in content["inputs"]], space),
+                content["curves"],
+                content["poses"],
+            )
+            if not (np.isfinite(motion.curves).all() and np.isfinite(motion.poses).all()):
+                raise ValueError("curves or poses are not finite")
+            cycles, files = (tuple(map(str, content[name])) for name in ("cycles", "files"))
+            return cls(motion, cycles, str(content["report"]), files, dict(json.loads(str(content["origin"]))))
+        except FileNotFoundError:
+            raise
+        except (ValueError, KeyError, IndexError, TypeError, OSError) as error:
+            raise ValueError(f"{path} is damaged ({error}): remove it and sample again") from None

@@ -141,7 +141,7 @@ def training_record(
         **fits_record(fits),
         "test_errors": domain_errors(surrogate, samples),
         "command": command,
-        "reference_cycles": read_motion(project)[1] if has_motion(project) else [],
+        "reference_cycles": list(read_motion(project).cycles) if has_motion(project) else [],
         "machine": machine_record(),
     }
 

@@ -11,14 +11,11 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Concatenate, ParamSpec, TypeVar
 
-import numpy as np
-
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.conventions import Array
-from casadi_contact.core.files.containers import read_npz
 from casadi_contact.core.files.writing import folder_lock, writable_folder, write_text
 from casadi_contact.samples.reference import ReferenceMotion, found_sensitive_pose, reference_motion
-from casadi_contact.samples.resume import motion_in
+from casadi_contact.samples.resume import KeptMotion
 from casadi_contact.samples.samples import Samples, partial_folder, read_samples
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.loading import load_scene, ready_scenes
@@ -158,29 +155,16 @@ def _completed(scene: Scene, path: Path) -> Scene:
     return completed
 
 
-def read_motion(project: Project) -> tuple[ReferenceMotion, list[str]]:
-    """The reference motion that the samples were drawn around, and the names of its cycles.
+def read_motion(project: Project) -> KeptMotion:
+    """The reference motion that the samples were drawn around.
 
     Raises FileNotFoundError before samples are drawn, and ValueError for a damaged file and samples of a table.
     """
     if project.samples_path.is_file() and not has_motion(project):
         raise ValueError(f"{project.samples_path} was made from a table, which has no motion: sample in another --out")
-    try:
-        content = read_npz(project.motion_path)
-        motion = motion_in(content, project.scene.pose_space)
-        return motion, [str(name) for name in content["cycles"]]
-    except FileNotFoundError:
-        raise FileNotFoundError(
-            f"{project.motion_path} does not exist: run {project.command('sample')} first"
-        ) from None
-    except (ValueError, KeyError, IndexError, TypeError, OSError) as error:
-        raise ValueError(f"{project.motion_path} is damaged ({error}): remove it and sample again") from None
-
-
-def cycle_files(project: Project) -> list[str]:
-    """The files of the cycles that the samples were drawn around; none for the built-in cycles."""
-    content = read_npz(project.motion_path) if project.motion_path.is_file() else {}
-    return [str(path) for path in np.ravel(content.get("files", ()))]
+    if not project.motion_path.is_file():
+        raise FileNotFoundError(f"{project.motion_path} does not exist: run {project.command('sample')} first")
+    return KeptMotion.read(project.motion_path, project.scene.pose_space)
 
 
 def has_motion(project: Project) -> bool:
@@ -234,7 +218,7 @@ def available_poses(project: Project) -> Array:
 def available_motion(project: Project) -> ReferenceMotion:
     """The reference motion that the samples were drawn around, or that of the built-in cycles, estimated anew (seconds)
     where nothing has been built."""
-    return read_motion(project)[0] if project.has_results else built_in_motion(project.scene)
+    return read_motion(project).motion if project.has_results else built_in_motion(project.scene)
 
 
 def built_in_motion(scene: Scene) -> ReferenceMotion:

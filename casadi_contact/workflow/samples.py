@@ -15,7 +15,7 @@ from casadi_contact.samples.chunk import WrenchModel
 from casadi_contact.samples.draw import check_rejection_rate, draw_samples
 from casadi_contact.samples.models import ModelPair, elastic_foundations, model_name_of, model_pair, models_identity
 from casadi_contact.samples.reference import reference_motion
-from casadi_contact.samples.resume import begun, kept_motion, motion_origin, write_motion
+from casadi_contact.samples.resume import KeptMotion, begun, check_same_plan, motion_origin
 from casadi_contact.samples.samples import Samples, write_samples
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.samples.table import check_gaps, conflicting_rows, read_sample_table
@@ -91,32 +91,29 @@ def sample(
     cycles = reference_motion_cycles(project.scene, cycle_files)
     settings = SamplingSettings.from_scene(project.scene, scale=project.preset.sampling_scale)
     origin = motion_origin(project.scene, cycles, settings, models_identity(models))
-    names = [cycle.name for cycle in cycles]
-    drawn, space = begun(project.samples_path), project.scene.pose_space
-    kept = None if drawn is None else kept_motion(project.motion_path, space, origin, drawn)
-    if kept is None:
-        model = models(project.scene, settings)[0]
-        motion, found = reference_motion(model, cycles, settings, stage_progress(update, "reference motion"))
-        report = str(found)
+    drawn = begun(project.samples_path)
+    if drawn is not None and project.motion_path.is_file():
+        kept = KeptMotion.read(project.motion_path, project.scene.pose_space)
+        check_same_plan(kept.origin, origin, drawn)
     else:
-        motion, report = kept
-    if drawn is None:
-        write_motion(project.motion_path, motion, names, report, cycle_files, origin)
+        model, progress = models(project.scene, settings)[0], stage_progress(update, "reference motion")
+        motion, report = reference_motion(model, cycles, settings, progress)
+        names, files = (tuple(map(str, each)) for each in ([cycle.name for cycle in cycles], cycle_files))
+        kept = KeptMotion(motion, names, str(report), files, origin)
+        kept.write(project.motion_path)
     samples = draw_samples(
         project.scene,
-        motion,
+        kept.motion,
         project.samples_path,
         settings=settings,
         executor=executor,
         models=models,
         progress=stage_progress(update, "samples"),
     )
-    if drawn is not None and kept is None:  # what a version before began, or whose motion was lost: it is the same
-        write_motion(project.motion_path, motion, names, report, cycle_files, origin)
     check_rejection_rate(samples, settings.most_dropped)
     if model_name_of(samples) is None:
         check_gaps(samples, str(project.samples_path))
-    return samples, report
+    return samples, kept.report
 
 
 @exclusive

@@ -25,7 +25,7 @@ from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import calibrate
 from casadi_contact.surrogate.load import STRUCTURES
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
-from casadi_contact.workflow.project import Project, cycle_files, exclusive, read_motion, trained_surrogates
+from casadi_contact.workflow.project import Project, exclusive, has_motion, read_motion, trained_surrogates
 
 
 def structures_for_scene(project: Project) -> list[str]:
@@ -58,7 +58,8 @@ def train(
     if project.preset.active:
         known_models(project, samples)  # refused here, not after hours of training
     model = teacher_of(samples) if teacher is None else teacher
-    command = build_command(project, samples, cycle_files(project))
+    cycles = read_motion(project).files if has_motion(project) else ()
+    command = build_command(project, samples, cycles)
     samples = replace(samples, scene=project.scene)  # its tolerances are those of now
     trained_surrogates(project)  # refuses those of another scene, which would be replaced
     paths = []
@@ -137,7 +138,7 @@ def candidates(
     settings = settings_of(samples)
     settings = replace(settings, scale=times * settings.scale, seed=settings.seed + number)
     path = project.folder / f"candidates-{number}.h5"
-    motion = read_motion(project)[0]
+    motion = read_motion(project).motion
     return draw_samples(
         project.scene, motion, path, settings=settings, executor=executor, models=models, progress=progress
     )

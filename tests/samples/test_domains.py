@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from tests.support.two_spheres import TwoSpheres, knee
 
 INPUTS = ("tx", "Fy_med", "tz", "Fy_lat", "ry", "rz")
 SENSITIVE = ("Fy_med", "Fy_lat")
+LIFTED = SamplingSettings(liftoff_mm=2.0, liftoff_steps=3, settle_tolerance_n=1e-4)
 NORMALS = normal_loads(SENSITIVE, ("med", "lat"))
 
 
@@ -164,7 +167,7 @@ def boundary_poses(model, lifted, count=6):
 def test_d4_lifts_one_side_in_three_equal_steps_and_keeps_the_other_load(lifted):
     model = TwoSpheres(knee())
     poses, held = boundary_poses(model, lifted)
-    got, reason = lift_one(model, poses, lifted, ("ty", "rx"), held, liftoff_mm=2.0, steps=3, tolerance_n=1e-4)
+    got, reason = lift_one(model, poses, lifted, ("ty", "rx"), held, LIFTED)
     assert (reason == "").all()
     rx = np.concatenate([poses[:, None, 3], got[..., 3]], axis=1)
     steps = np.diff(rx, axis=1)
@@ -184,7 +187,7 @@ def test_d5_raises_everything_in_three_equal_steps():
     model = TwoSpheres(knee())
     start = np.tile([0.0, 27.0, 0.0, 0.0, 0.0, -0.6], (4, 1))
     poses, _ = settle(model, start, ("ty", "rx"), {"Fy_med": -5.0, "Fy_lat": -5.0})
-    raised = lift_all(model, poses, liftoff_mm=2.0, steps=3)
+    raised = lift_all(model, poses, LIFTED)
     np.testing.assert_allclose(raised[..., 1] - poses[:, None, 1], np.tile([2 / 3, 4 / 3, 2.0], (4, 1)))
     assert (model.wrenches(raised.reshape(-1, 6)) == 0.0).all()
     np.testing.assert_allclose(model.gaps(raised[:, 2]), 2.0, atol=0.01)
@@ -214,14 +217,13 @@ def test_a_pose_at_which_the_model_fails_is_not_lifted_and_all_others_are(lifted
     model = TwoSpheres(knee())
     poses, held = boundary_poses(model, lifted)
     fails = FailsAt(knee(), poses[2, 0])
-    options = {"liftoff_mm": 2.0, "steps": 3}
-    want, _ = lift_one(model, poses, lifted, ("ty", "rx"), held, tolerance_n=1e-4, **options)
-    got, reason = lift_one(fails, poses, lifted, ("ty", "rx"), held, tolerance_n=1e-4, **options)
+    want, _ = lift_one(model, poses, lifted, ("ty", "rx"), held, LIFTED)
+    got, reason = lift_one(fails, poses, lifted, ("ty", "rx"), held, LIFTED)
     others = np.arange(len(poses)) != 2
     np.testing.assert_array_equal(reason == "", np.repeat(others[:, None], 3, axis=1))
     assert set(reason[2]) == {"the contact model's loads are not finite"}
     np.testing.assert_allclose(got[others], want[others], rtol=0.0, atol=1e-12)
-    raised = lift_all(fails, poses, **options)
+    raised = lift_all(fails, poses, LIFTED)
     np.testing.assert_array_equal(np.isfinite(raised).all(axis=(1, 2)), others)
 
 
@@ -234,7 +236,7 @@ def test_d4_with_another_sample_point_keeps_every_held_load():
     poses, report = settle(model, start, free, loads, tolerance=1e-5)
     assert report.converged.all()
     held = {name: loads[name] for name in ("Fy_lat", "Tz")}
-    got, reason = lift_one(model, poses, 0, free, held, liftoff_mm=2.0, steps=3, tolerance_n=1e-5)
+    got, reason = lift_one(model, poses, 0, free, held, replace(LIFTED, settle_tolerance_n=1e-5))
     assert (reason == "").all()
     lifted = got.reshape(-1, 6)
     np.testing.assert_allclose(model.gaps(got[:, 2])[:, 0], 2.0, atol=0.02)

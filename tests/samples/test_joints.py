@@ -99,7 +99,7 @@ def test_a_patella_is_lifted_off_to_the_front():
     model = ElasticFoundation(scene, (60, 40))
     poses, report = settle(model, [[-49.85, 2.0, 0.0, 0.0, 0.0, -0.5]], ("tx", "tz"), {"Fx_med": 5.0, "Fx_lat": 5.0})
     assert report.converged.all()
-    raised = lift_all(model, poses, liftoff_mm=0.6, steps=3)[0]
+    raised = lift_all(model, poses, SamplingSettings(liftoff_mm=0.6))[0]
     moved = raised[:, :3] - poses[0, :3]
     np.testing.assert_allclose(np.linalg.norm(moved, axis=1), [0.2, 0.4, 0.6])
     assert (moved[:, 0] < -0.9 * np.array([0.2, 0.4, 0.6])).all()
@@ -109,7 +109,7 @@ def test_lifting_one_patch_needs_two_sensitive_parameters():
     scene = load_scene("hip")
     model = ElasticFoundation(scene, (20, 20))
     with pytest.raises(ValueError, match=r"sampling\.counts\.D4 = 0"):
-        lift_one(model, np.zeros((1, 6)), 0, ("tx",), {}, liftoff_mm=1.0, steps=1, tolerance_n=1e-3)
+        lift_one(model, np.zeros((1, 6)), 0, ("tx",), {}, SamplingSettings())
 
 
 def test_a_hip_settles_from_out_of_contact_and_from_too_deep():

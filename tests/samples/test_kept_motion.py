@@ -47,9 +47,9 @@ def stopped(project, model, chunks=4):
 
 def test_a_model_that_no_two_runs_give_alike_goes_on_around_the_motion_it_began_with(project):
     stopped(project, model(project, 1.0005))
-    before = read_motion(project)[0]
+    before = read_motion(project).motion
     samples = drawn(project, model(project, 0.9995))
-    np.testing.assert_array_equal(read_motion(project)[0].poses, before.poses)
+    np.testing.assert_array_equal(read_motion(project).motion.poses, before.poses)
     assert len(samples) == sum(COUNTS.values())
     np.testing.assert_array_equal(drawn(project, model(project, 1.0)).poses, samples.poses)
 

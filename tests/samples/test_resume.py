@@ -105,7 +105,7 @@ def begun_with_other_things():
         "liftoff_mm = 2.0, now 1.0": {"settings": replace(SETTINGS, liftoff_mm=1.0)},
         "another scene": {"scene": knee().with_overrides(frontal_radius=23.0)},
         "another reference motion": {"motion": moved},
-        "models tests.support.two_spheres.models": {"models": other_models},
+        "models = tests.support.two_spheres.models": {"models": other_models},
     }
 
 

@@ -219,7 +219,7 @@ def project_peers(project: Project) -> Iterator[Candidate]:
     """The peers, fitted on the project's samples within the preset's budget."""
     from casadi_contact.workflow.benchmark.peers import peer_candidates
 
-    gflop, motion = project.preset.chart.peer_gflop, read_motion(project)[0]
+    gflop, motion = project.preset.chart.peer_gflop, read_motion(project).motion
     return peer_candidates(project.samples(), gflop=gflop, motion=motion)
 
 

@@ -73,7 +73,7 @@ def measure_project(
     # Before an hour of training, not after it:
     refuse_without_elements(project)
     project.samples()
-    motion = read_motion(project)[0]
+    motion = read_motion(project).motion
     own = project_surrogates(project)
     train_sizes(project, update=update, executor=executor)
     candidates = list(untrained_candidates(project.scene))

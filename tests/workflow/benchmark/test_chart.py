@@ -112,7 +112,7 @@ def test_the_foundation_stands_beside_networks_coarser_and_finer(project, measur
 @pytest.fixture(scope="module")
 def walking(project):
     """The unseen walking poses and the converged EF's loads there, made anew."""
-    poses = unseen_walking(ElasticFoundation(project.scene, (40, 20)), pipeline.read_motion(project)[0])
+    poses = unseen_walking(ElasticFoundation(project.scene, (40, 20)), pipeline.read_motion(project).motion)
     return poses, ElasticFoundation(project.scene, (160, 80))(poses)
 
 
@@ -177,7 +177,7 @@ def test_a_candidate_that_fails_stays_in_the_table(project):
             raise RuntimeError("out of\nluck")
 
     candidates = [Candidate("none", "A", None, failure="did not fit"), Candidate("broken", "B", Broken())]
-    poses = pipeline.read_motion(project)[0].poses[0][:10]
+    poses = pipeline.read_motion(project).motion.poses[0][:10]
     points = measure(candidates, project.scene, poses).points
     assert [point.failure for point in points] == ["did not fit", "out of luck"]
 
