@@ -60,7 +60,6 @@ def plan_domains(
         box = envelopes.extremes(settings.d3_fraction, settings.d2_offset, fixed[1])
         box = box.at_least(settings.d3_minimum_widths)
     box = box.without_pull(normals, boundary_load)
-    patches = len(normals)
     missing = [name for normal in normals for name in normal.loads if name not in envelopes.names]
     skipped = left_out(normals, settings)
     blocks = []
@@ -76,14 +75,12 @@ def plan_domains(
             parts = [(-1, _cluster(boxes, domain, count, settings))]
         elif domain == 3:
             parts = [(-1, _fill(box, [], count, None))]
-        elif domain in (4, 6):
-            parts = []
-            for p, n in enumerate(_shares(count, patches)):
-                shift = _rng(settings, domain, _FILLING, p).random(len(envelopes.names))
-                parts.append((p, _at_boundary(box, [normals[p]], int(n), shift, boundary_load)))
         else:
-            shift = _rng(settings, domain, _FILLING, 0).random(len(envelopes.names))
-            parts = [(-1, _at_boundary(box, normals, count, shift, boundary_load))]
+            groups = [(p, [normal]) for p, normal in enumerate(normals)] if domain in (4, 6) else [(-1, [*normals])]
+            parts = []
+            for (lifted, held), n in zip(groups, _shares(count, len(groups)), strict=True):
+                shift = _rng(settings, domain, _FILLING, max(lifted, 0)).random(len(envelopes.names))
+                parts.append((lifted, _at_boundary(box, held, int(n), shift, boundary_load)))
         if settings.reach:
             parts = [(lifted, _rooted(inputs, box, normals)) for lifted, inputs in parts]
         roles = _roles(sum(len(inputs) for _, inputs in parts), domain, settings)
@@ -136,13 +133,6 @@ def _shares(total: int, parts: int) -> np.ndarray:
     return np.diff(np.arange(parts + 1) * total // parts)
 
 
-def _vertices(lower: Array, upper: Array) -> Array:
-    """The 2^k vertices of a box with bounds (k,)."""
-    k = len(lower)
-    bits = (np.arange(2**k)[:, None] >> np.arange(k)) & 1
-    return np.where(bits == 1, upper, lower)
-
-
 def _cluster(boxes: Envelopes, domain: int, count: int, settings: SamplingSettings) -> Array:
     """D1, D2: the vertices of each frame's box and a filling, each frame with another Cranley-Patterson shift.
 
@@ -156,7 +146,7 @@ def _cluster(boxes: Envelopes, domain: int, count: int, settings: SamplingSettin
     of_filling = _shares(count - vertex_count, frames)
     rows = []
     for f in range(frames):
-        corners = _vertices(boxes.lower[f], boxes.upper[f])
+        corners = np.where(np.arange(2**k)[:, None] >> np.arange(k) & 1, boxes.upper[f], boxes.lower[f])
         chosen = _rng(settings, domain, _VERTICES, f).permutation(len(corners))[: of_vertices[f]]
         rows.append(corners[np.sort(chosen)])
         shift = np.asarray(_rng(settings, domain, _FILLING, f).random(k))
@@ -178,12 +168,10 @@ def _rooted(inputs: Array, box: Envelopes, normals: Sequence[NormalLoad]) -> Arr
     """Inputs whose directed normal loads are spread evenly in √N over their range instead of in N."""
     spread = inputs.copy()
     for normal in normals:
-        if normal.component is None or normal.loads[0] not in box.names:
-            continue
-        column = box.names.index(normal.loads[0])
-        low, high = np.sort(normal.sign * np.array([box.lower[0, column], box.upper[0, column]]))
-        share = (normal.sign * inputs[:, column] - low) / (high - low)
-        spread[:, column] = normal.sign * (np.sqrt(low) + share * (np.sqrt(high) - np.sqrt(low))) ** 2
+        if normal.component is not None and normal.loads[0] in box.names:
+            column, sign = box.names.index(normal.loads[0]), normal.sign
+            ends = np.sort(sign * np.array([box.lower[0, column], box.upper[0, column]]))
+            spread[:, column] = sign * np.interp(sign * inputs[:, column], ends, np.sqrt(ends)) ** 2
     return spread
 
 

@@ -59,10 +59,9 @@ class ReferenceReport:
     def __str__(self) -> str:
         lines = [f"{int(self.converged.sum())} of {self.converged.size} reference frames converged"]
         for name, converged, reason in zip(self.names, self.converged, self.reason, strict=True):
-            failed = np.flatnonzero(~converged)
-            if len(failed):
-                frames = ", ".join(map(str, failed))
-                lines.append(f"{name}: frames {frames} interpolated ({reason[failed[0]]})")
+            if not converged.all():
+                frames = ", ".join(map(str, np.flatnonzero(~converged)))
+                lines.append(f"{name}: frames {frames} interpolated ({reason[~converged][0]})")
         if self.assumed:
             by = ", ".join(f"{name} {width:.2g} {quantity(name).unit}" for name, width in self.assumed.items())
             lines.append(f"the same in all cycles, taken to differ by {by}: sampling.fixed_offsets says otherwise")
@@ -241,24 +240,18 @@ def _check_alike(cycles: Sequence[Cycle]) -> None:
     """ValueError for no cycles, and for such that measure different pose parameters or loads."""
     if not cycles:
         raise ValueError("no cycles given, expected at least one for the reference motion")
-    measured, loads = tuple(cycles[0].measured_pose()), set(cycles[0].targets())
-    for cycle in cycles:
-        if tuple(cycle.measured_pose()) != measured:
-            raise ValueError(f"cycle {cycles[0].name} measures {', '.join(measured)}, expected the same of all cycles")
-        if set(cycle.targets()) != loads:
+    held = [(tuple(cycle.measured_pose()), sorted(cycle.targets())) for cycle in cycles]
+    for cycle, (measured, loads) in zip(cycles, held, strict=True):
+        if (measured, loads) != held[0]:
             raise ValueError(
-                f"cycle {cycle.name} has the loads {', '.join(cycle.targets())} and cycle {cycles[0].name} "
-                f"{', '.join(cycles[0].targets())}, expected the same of all cycles"
+                f"cycle {cycle.name} has {', '.join((*measured, *loads))} and cycle {cycles[0].name} "
+                f"{', '.join((*held[0][0], *held[0][1]))}, expected the same of all cycles"
             )
 
 
 def _report(cycles: Sequence[Cycle], settled: SettleReport) -> ReferenceReport:
-    shape = (len(cycles), -1)
-    names = tuple(cycle.name for cycle in cycles)
-    converged, residual, reason = (
-        part.reshape(shape) for part in (settled.converged, settled.residual, settled.reason)
-    )
-    return ReferenceReport(names, converged, residual, reason)
+    parts = (part.reshape(len(cycles), -1) for part in (settled.converged, settled.residual, settled.reason))
+    return ReferenceReport(tuple(cycle.name for cycle in cycles), *parts)
 
 
 def _on_frames(cycle: Cycle, frames: int) -> dict[str, Array]:

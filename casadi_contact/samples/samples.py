@@ -71,10 +71,9 @@ class Samples:
         for name, shape in {**shapes, "domain": (count,), "role": (count,)}.items():
             if getattr(self, name).shape != shape:
                 raise ValueError(f"samples: {name} has shape {getattr(self, name).shape}, expected {shape}")
-        if count and not (self.domain.min() >= 1 and self.domain.max() <= len(DOMAINS)):
-            raise ValueError(f"samples: domain holds numbers outside 1..{len(DOMAINS)}")
-        if count and not (self.role.min() >= 0 and self.role.max() < len(ROLES)):
-            raise ValueError(f"samples: role holds numbers outside 0..{len(ROLES) - 1}")
+        for name, least, most in (("domain", 1, len(DOMAINS)), ("role", 0, len(ROLES) - 1)):
+            if not np.isin(getattr(self, name), range(least, most + 1)).all():
+                raise ValueError(f"samples: {name} holds numbers outside {least}..{most}")
 
     def __len__(self) -> int:
         return len(self.poses)

@@ -41,11 +41,9 @@ class SamplePoint:
 
     def __post_init__(self) -> None:
         given, loads = ", ".join(self.inputs), self.load_inputs
-        if len(set(self.inputs)) != len(self.inputs):
-            raise ValueError(f"sample point inputs {given} repeat a name, expected each once")
-        if sorted((*self.free, *self.pose_inputs)) != sorted(self.movable):
+        if sorted((*self.free, *self.pose_inputs)) != sorted(self.movable) or len(set(loads)) != len(loads):
             raise ValueError(
-                f"sample point has inputs {given} and free {', '.join(self.free)}, expected each of "
+                f"sample point has inputs {given} and free {', '.join(self.free)}, expected each load once and each of "
                 f"{', '.join(self.movable)} in exactly one of them"
             )
         for name in loads:
@@ -53,8 +51,7 @@ class SamplePoint:
                 raise ValueError(f"sample point input {name!r} is neither a pose parameter nor a load")
         if len(loads) != len(self.free):
             raise ValueError(
-                f"sample point has {len(loads)} loads for {len(self.free)} free pose parameters "
-                f"({', '.join(self.free)}), expected one load for each"
+                f"sample point has {len(loads)} loads for {len(self.free)} free pose parameters, expected as many"
             )
 
     @property
@@ -148,22 +145,16 @@ class SamplingSettings:
             raise _bad("scale", self.scale, f"at most {MOST_SAMPLES} samples in a domain")
         if isinstance(self.inputs, str) or not all(isinstance(name, str) for name in self.inputs):
             raise _bad("inputs", self.inputs, "a list of pose parameters and loads")
-        offsets = {name: _pair(f"fixed_offsets.{name}", pair) for name, pair in self.fixed_offsets.items()}
-        for name, (of_d1, of_d2) in offsets.items():
-            if not 0.0 < of_d1 <= of_d2:
-                raise _bad(f"fixed_offsets.{name}", (of_d1, of_d2), "two offsets, D1's and D2's, with 0 < D1 <= D2")
-        reach = {name: _pair(f"reach.{name}", pair) for name, pair in self.reach.items()}
-        for name, (low, high) in reach.items():
-            if not low < high:
-                raise _bad(f"reach.{name}", (low, high), "two numbers, low < high")
+        pairs = {"fixed_offsets": 0.0, "reach": -1e15}
+        widths = {name: _number(f"d3_minimum_widths.{name}", width) for name, width in self.d3_minimum_widths.items()}
         plain: dict[str, Any] = {
             "counts": {domain: self.counts.get(domain, 0) for domain in DOMAINS},
-            "fixed_offsets": offsets,
-            "d3_minimum_widths": {
-                name: _number(f"d3_minimum_widths.{name}", width) for name, width in self.d3_minimum_widths.items()
-            },
+            "d3_minimum_widths": widths,
             "inputs": tuple(self.inputs),
-            "reach": reach,
+            **{
+                key: {n: _pair(f"{key}.{n}", p, least) for n, p in getattr(self, key).items()}
+                for key, least in pairs.items()
+            },
             **{name: grid_size(f"sampling.{name}", getattr(self, name)) for name in ("settle_grid", "teacher_grid")},
         }
         for name, value in plain.items():
@@ -227,8 +218,8 @@ def _number(name: str, value: object, least: float = 0.0, most: float = 1e15, *,
     return float(value)
 
 
-def _pair(name: str, pair: object) -> tuple[float, float]:
-    if not isinstance(pair, list | tuple) or len(pair) != 2:
-        raise _bad(name, pair, "two numbers")
-    first, second = (_number(name, value, -1e15) for value in pair)
-    return first, second
+def _pair(name: str, pair: object, least: float) -> tuple[float, float]:
+    numbers = [_number(name, number, least) for number in pair] if isinstance(pair, list | tuple) else []
+    if len(numbers) != 2 or numbers[1] < numbers[0]:
+        raise _bad(name, pair, "two numbers, the smaller one first")
+    return numbers[0], numbers[1]

@@ -75,6 +75,17 @@ def _ladder(activation: str, *rungs: tuple[int, float, int | None]) -> tuple[Eff
     )
 
 
+def _patch(
+    root: tuple[int, float], ratios: tuple[int, float], max_rows: int | None = None, share: float = 0.2
+) -> dict[str, Effort]:
+    """Root networks of three layers and ratio networks of two, each of (neurons a layer, Gflop)."""
+    layers = {"root": ((root[0],) * 3, root[1]), "ratios": ((ratios[0],) * 2, ratios[1])}
+    return {
+        name: Effort((sizes,), gflop, max_rows=max_rows, tolerance_share=share)
+        for name, (sizes, gflop) in layers.items()
+    }
+
+
 def _as_in_the_paper(gflop: float, max_rows: int = 80_000) -> dict[str, Effort]:
     """The paper's network of 4×30 neurons, grown to, and the networks of root loads that confirm its contact."""
     return {
@@ -83,23 +94,16 @@ def _as_in_the_paper(gflop: float, max_rows: int = 80_000) -> dict[str, Effort]:
     }
 
 
-def _reach_round(root: int, root_gflop: float, ratios: int, ratios_gflop: float) -> ActiveRound:
-    """The worst tenth of six times the samples, learned by wider networks: three layers of so many neurons, and two."""
-    efforts = {
-        "root": Effort(((root,) * 3,), root_gflop, tolerance_share=0.2),
-        "ratios": Effort(((ratios,) * 2,), ratios_gflop, tolerance_share=0.2),
-    }
-    return ActiveRound(times=6.0, worst_share=0.1, efforts={"patch": efforts})
+def _reach_round(root: tuple[int, float], ratios: tuple[int, float]) -> ActiveRound:
+    """The worst tenth of six times the samples, learned by wider networks."""
+    return ActiveRound(times=6.0, worst_share=0.1, efforts={"patch": _patch(root, ratios)})
 
 
 PRESETS: dict[str, Preset] = {
     "quick": Preset(
         sampling_scale=0.14,
         efforts={
-            "patch": {
-                "root": Effort(((8, 8), (16, 16, 16)), 1_000.0),
-                "ratios": Effort(((8, 8), (14, 14)), 150.0),
-            }
+            "patch": {"root": Effort(((8, 8), (16, 16, 16)), 1_000.0), "ratios": Effort(((8, 8), (14, 14)), 150.0)}
         },
         chart=ChartEffort(
             sizes={
@@ -114,13 +118,7 @@ PRESETS: dict[str, Preset] = {
     ),
     "standard": Preset(
         sampling_scale=0.4,
-        efforts={
-            "patch": {
-                "root": Effort(((20, 20, 20),), 9_000.0, tolerance_share=0.2),
-                "ratios": Effort(((14, 14),), 700.0, tolerance_share=0.2),
-            },
-            "two_stage": _as_in_the_paper(2_000.0),
-        },
+        efforts={"patch": _patch((20, 9_000.0), (14, 700.0)), "two_stage": _as_in_the_paper(2_000.0)},
         chart=ChartEffort(
             sizes={
                 "patch": _ladder(
@@ -135,55 +133,25 @@ PRESETS: dict[str, Preset] = {
     ),
     "parts": Preset(  # for scenes whose patches are cut into parts: many small networks
         sampling_scale=0.4,
-        efforts={
-            "patch": {
-                "root": Effort(((16, 16, 16),), 600.0, max_rows=30_000, tolerance_share=0.2),
-                "ratios": Effort(((14, 14),), 250.0, max_rows=30_000, tolerance_share=0.2),
-            }
-        },
-        active=(
-            ActiveRound(
-                times=1.0,
-                worst_share=0.2,
-                efforts={
-                    "patch": {
-                        "root": Effort(((16, 16, 16),), 600.0, max_rows=30_000, tolerance_share=0.2),
-                        "ratios": Effort(((16, 16),), 250.0, max_rows=30_000, tolerance_share=0.2),
-                    }
-                },
-            ),
-        ),
-        chart=ChartEffort(
-            sizes={"patch": _ladder("algebraic", (8, 30.0, 20_000), (12, 120.0, None))},
-            peer_gflop=900.0,
-        ),
+        efforts={"patch": _patch((16, 600.0), (14, 250.0), 30_000)},
+        active=(ActiveRound(1.0, 0.2, {"patch": _patch((16, 600.0), (16, 250.0), 30_000)}),),
+        chart=ChartEffort({"patch": _ladder("algebraic", (8, 30.0, 20_000), (12, 120.0, None))}, peer_gflop=900.0),
         domain_weights={"D1": 6.0, "D3": 2.0, "D4": 1.5},  # poses like those of the motion are to be the most accurate
     ),
     "reach": Preset(  # for scenes whose plan is a joint's whole reach: larger networks than around a motion
         sampling_scale=0.4,
-        efforts={
-            "patch": {
-                "root": Effort(((24, 24, 24),), 20_000.0, tolerance_share=0.2),
-                "ratios": Effort(((20, 20),), 6_000.0, tolerance_share=0.2),
-            }
-        },
+        efforts={"patch": _patch((24, 20_000.0), (20, 6_000.0))},
         active=(
-            _reach_round(32, 3_000.0, 28, 3_000.0),
-            _reach_round(32, 6_000.0, 28, 6_000.0),
-            _reach_round(32, 8_000.0, 28, 8_000.0),
-            _reach_round(32, 10_000.0, 28, 10_000.0),
-            _reach_round(40, 30_000.0, 32, 12_000.0),
-            _reach_round(40, 40_000.0, 32, 15_000.0),
-            _reach_round(40, 50_000.0, 32, 20_000.0),
+            *(_reach_round((32, gflop), (28, gflop)) for gflop in (3_000.0, 6_000.0, 8_000.0, 10_000.0)),
+            _reach_round((40, 30_000.0), (32, 12_000.0)),
+            _reach_round((40, 40_000.0), (32, 15_000.0)),
+            _reach_round((40, 50_000.0), (32, 20_000.0)),
         ),
     ),
     "paper": Preset(
         sampling_scale=1.0,
         efforts={
-            "patch": {
-                "root": Effort(((24, 24, 24),), 24_000.0, max_rows=60_000, tolerance_share=0.1),
-                "ratios": Effort(((20, 20),), 6_000.0, max_rows=60_000, tolerance_share=0.1),
-            },
+            "patch": _patch((24, 24_000.0), (20, 6_000.0), 60_000, share=0.1),
             "two_stage": _as_in_the_paper(15_000.0),
         },
         chart=ChartEffort(

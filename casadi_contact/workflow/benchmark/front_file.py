@@ -8,9 +8,10 @@ has no such number.
 from __future__ import annotations
 
 import csv
+import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,8 @@ from casadi_contact.workflow.benchmark.timing import Timing
 FILE_NAME = "speed_accuracy.csv"
 FORMAT = "casadi_contact speed-accuracy 2"
 TIMES = ("value", "jacobian", "hessian", "batch")
+_ENDS = ("_us", "_low_us", "_high_us")  # of the columns of a time
+_OTHERS = ("samples", "training_seconds", "parameters", "remark", "failure")
 
 
 @dataclass(frozen=True)
@@ -87,31 +90,19 @@ def _rms_column(load: str) -> str:
 
 
 def _columns(loads: Sequence[str]) -> list[str]:
-    times = [f"{what}{end}" for what in TIMES for end in ("_us", "_low_us", "_high_us")]
-    errors = ["force_rms_n", "torque_rms_nmm", *map(_rms_column, loads)]
-    return [
-        "name",
-        "family",
-        *times,
-        *errors,
-        "samples",
-        "training_seconds",
-        "parameters",
-        "remark",
-        "failure",
-    ]
+    times = [f"{what}{end}" for what in TIMES for end in _ENDS]
+    return ["name", "family", *times, "force_rms_n", "torque_rms_nmm", *map(_rms_column, loads), *_OTHERS]
 
 
-def _row(point: Point, loads: Sequence[str]) -> dict[str, Any]:
-    row: dict[str, Any] = {"force_rms_n": point.force_rms_n, "torque_rms_nmm": point.torque_rms_nmm}
+def _row(point: Point, loads: Sequence[str]) -> dict[str, str]:
+    row = {"force_rms_n": point.force_rms_n, "torque_rms_nmm": point.torque_rms_nmm}
     for what in TIMES:
         timing: Timing | None = getattr(point, what)
         if timing is not None:
-            row |= {f"{what}_us": timing.median_us, f"{what}_low_us": timing.low_us, f"{what}_high_us": timing.high_us}
+            row |= zip((f"{what}{end}" for end in _ENDS), astuple(timing), strict=True)
     row |= {_rms_column(load): point.load_rms[load] for load in loads if load in point.load_rms}
     cells: dict[str, Any] = {name: f"{value:.6g}" if math.isfinite(value) else "" for name, value in row.items()}
-    for name in ("name", "family", "samples", "training_seconds", "parameters", "remark", "failure"):
-        cells[name] = getattr(point, name)
+    cells |= {name: getattr(point, name) for name in ("name", "family", *_OTHERS)}
     # No commas, quotes or comment signs in texts: numpy.genfromtxt and a shell can then read the file as well.
     replaced = str.maketrans({",": ";", '"': "'", "#": "", "\n": " ", "\r": " "})
     return {name: str(cell).translate(replaced) for name, cell in cells.items()}
@@ -136,23 +127,29 @@ def read_front(path: str | Path) -> Front:
     if not path.is_file():
         raise FileNotFoundError(f"{path} does not exist: run casadi-contact chart first")
     checked_size(path, MOST_TEXT)
+    number = 1
     try:
         lines = path.read_text("utf-8").splitlines()
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path} is not text ({error.reason}), expected a file of casadi-contact chart") from None
-    header = {}
-    for line in lines:
-        if not line.startswith("#"):
-            break
-        key, _, value = line[1:].partition(":")
-        header[key.strip()] = value.strip()
-    if header.get("format") != FORMAT:
-        raise ValueError(f"{path} line 1: expected '# format: {FORMAT}', a file of casadi-contact chart")
-    for key in ("loads", "scene", "scene_digest"):
-        if not header.get(key):
-            raise ValueError(f"{path}: no line '# {key}: ...', expected a file of casadi-contact chart")
-    del header["format"]
-    return Front(header, tuple(_points(path, lines, header["loads"].split(), first=_count_comments(lines))))
+        comments = list(itertools.takewhile(lambda line: line.startswith("#"), lines))
+        header = {key.strip(): value.strip() for key, _, value in (line[1:].partition(":") for line in comments)}
+        if header.pop("format", None) != FORMAT:
+            raise ValueError(f"expected '# format: {FORMAT}'")
+        for key in ("loads", "scene", "scene_digest"):
+            if not header.get(key):
+                raise ValueError(f"no line '# {key}: ...'")
+        columns, number, points = _columns(header["loads"].split()), len(comments) + 1, []
+        if number > len(lines) or lines[number - 1].split(",") != columns:
+            raise ValueError(f"expected the column names {columns[0]},...,{columns[-1]}")
+        for cells in csv.reader(lines[number:]):
+            number += 1
+            if len(cells) != len(columns):
+                raise ValueError(f"{len(cells)} cells, expected {len(columns)}")
+            points.append(_point(dict(zip(columns, cells, strict=True)), header["loads"].split()))
+    except (ValueError, csv.Error) as error:
+        raise ValueError(
+            f"{path} line {number} is not as casadi-contact chart writes it ({error}): measure again"
+        ) from None
+    return Front(header, tuple(points))
 
 
 def shipped_front(scene: Scene) -> tuple[Path, Front] | None:
@@ -164,47 +161,15 @@ def shipped_front(scene: Scene) -> tuple[Path, Front] | None:
     return (path, front) if front.header["scene_digest"] == scene.digest else None
 
 
-def _count_comments(lines: Sequence[str]) -> int:
-    return next((i for i, line in enumerate(lines) if not line.startswith("#")), len(lines))
-
-
-def _points(path: Path, lines: Sequence[str], loads: Sequence[str], first: int) -> Iterator[Point]:
-    try:
-        columns = _columns(loads)
-    except ValueError as error:
-        raise ValueError(f"{path}, # loads: {error}") from None
-    if first == len(lines) or lines[first].split(",") != columns:
-        raise ValueError(f"{path} line {first + 1}: expected the column names {columns[0]},...,{columns[-1]}")
-    try:
-        rows = list(csv.reader(lines[first + 1 :]))
-    except csv.Error as error:
-        raise ValueError(f"{path} cannot be read as a table ({error}): measure again") from None
-    for number, cells in enumerate(rows, start=first + 2):
-        where = f"{path} line {number}"
-        if len(cells) != len(columns):
-            raise ValueError(f"{where} has {len(cells)} cells, expected {len(columns)}: measure again")
-        yield _point(where, dict(zip(columns, cells, strict=True)), loads)
-
-
-def _point(where: str, row: Mapping[str, str], loads: Sequence[str]) -> Point:
+def _point(row: Mapping[str, str], loads: Sequence[str]) -> Point:
     def number(name: str) -> float:
-        try:
-            value = float(row[name])
-        except ValueError:
-            raise ValueError(f"{where}: {name} is {row[name]!r}, expected a number") from None
+        value = float(row[name])
         if not (math.isfinite(value) and value >= 0.0):
-            raise ValueError(f"{where}: {name} is {row[name]}, expected a finite number of 0 or more")
+            raise ValueError(f"{name} is {row[name]}, expected a finite number of 0 or more")
         return value
 
-    def present(columns: Mapping[str, str]) -> dict[str, float]:
-        return {key: number(column) for key, column in columns.items() if row[column]}
-
-    if not row["name"] or not row["family"]:
-        raise ValueError(f"{where}: no name or no family, expected both")
     timings: dict[str, Any] = {
-        what: Timing(*(number(f"{what}{end}") for end in ("_us", "_low_us", "_high_us")))
-        for what in TIMES
-        if row[f"{what}_us"]
+        what: Timing(*(number(f"{what}{end}") for end in _ENDS)) for what in TIMES if row[f"{what}_us"]
     }
     return Point(
         name=row["name"],
@@ -212,7 +177,7 @@ def _point(where: str, row: Mapping[str, str], loads: Sequence[str]) -> Point:
         remark=row["remark"],
         failure=row["failure"],
         **timings,
-        load_rms=present({load: _rms_column(load) for load in loads}),
+        load_rms={load: number(_rms_column(load)) for load in loads if row[_rms_column(load)]},
         samples=int(number("samples")),
         training_seconds=number("training_seconds"),
         parameters=int(number("parameters")),
