@@ -250,8 +250,10 @@ def _check_alike(cycles: Sequence[Cycle]) -> None:
 
 
 def _report(cycles: Sequence[Cycle], settled: SettleReport) -> ReferenceReport:
-    parts = (part.reshape(len(cycles), -1) for part in (settled.converged, settled.residual, settled.reason))
-    return ReferenceReport(tuple(cycle.name for cycle in cycles), *parts)
+    converged, residual, reason = (
+        part.reshape(len(cycles), -1) for part in (settled.converged, settled.residual, settled.reason)
+    )
+    return ReferenceReport(tuple(cycle.name for cycle in cycles), converged, residual, reason)
 
 
 def _on_frames(cycle: Cycle, frames: int) -> dict[str, Array]:

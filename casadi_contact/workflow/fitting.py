@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,7 +19,6 @@ from casadi_contact.networks.training.parallel import fit_all
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.networks.training.weights import widen
 from casadi_contact.samples.samples import DOMAINS, Samples, domain_errors, either_side
-from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.info import budget_line
 from casadi_contact.surrogate.load import STRUCTURES
@@ -36,8 +35,7 @@ class Fitting:
 
     structure: key of `STRUCTURES`. efforts: by the start of a network's name (see `Preset`). checkpoints: folder that a
     later call goes on from. command: what a reader of the record runs to make it again. title: in progress, the
-    structure if empty. loads: fit only the networks that these need. seed: of random weights. kept: networks by name
-    that are taken as they are.
+    structure if empty. seed: of random weights. kept: networks by name that are taken as they are.
     """
 
     structure: str
@@ -45,7 +43,6 @@ class Fitting:
     checkpoints: Path
     command: str
     title: str = ""
-    loads: Sequence[str] | None = None
     seed: int = 0
     kept: Mapping[str, Network] = field(default_factory=dict)
 
@@ -70,12 +67,14 @@ def fit_surrogate(
     kind, scene, title = STRUCTURES[fitting.structure], project.scene, fitting.title or fitting.structure
     weights = {DOMAINS.index(name) + 1: weight for name, weight in project.preset.domain_weights.items()}
     progress = None if update is None else lambda name, *rest: update(f"{title} {name}", *rest)
-    regressions, twins = _regressions_and_twins(kind, samples, scene, fitting.loads)
-    regressions = [regression for regression in regressions if regression.name not in fitting.kept]
+    twins = kind.twins(scene)
+    posed = {regression.name: regression for regression in kind.regressions(either_side(samples) if twins else samples)}
+    twins = {twin: of for twin, of in twins.items() if twin in posed and of in posed}  # one side alone may be asked for
+    regressions = [regression for name, regression in posed.items() if name not in {*twins, *fitting.kept}]
     efforts = {regression.name: effort_for(fitting.efforts, regression.name) for regression in regressions}
     starts, networks = {}, dict(fitting.kept)
     if onward is not None:
-        starts = {name: _widened(onward.networks[name], effort.sizes[0]) for name, effort in efforts.items()}
+        starts = {name: widen(onward.networks[name], effort.sizes[0], seed=0) for name, effort in efforts.items()}
         networks |= {name: starts[name] for name, effort in efforts.items() if effort.gflop == 0.0}
     restarts = TrainingSettings.restarts if onward is None else 0
     settings, chosen = {}, []
@@ -95,30 +94,11 @@ def fit_surrogate(
             progress(name, fit.gflop, fit.gflop, remark)
     networks |= {name: fit.network for name, fit in fits.items()}
     networks |= {twin: kind.reflection(twin, networks[of], scene) for twin, of in twins.items()}
-    if fitting.loads is not None:
-        networks = {name: networks[name] for name in kind.networks_for(scene, fitting.loads)}
     record = training_record(project, samples, kind(scene, networks), fits, fitting.command)
     surrogate = kind(scene, networks, record if onward is None else continued_record(onward.record, record))
     if not fitting.kept and (line := budget_line(surrogate.record)):
         _log.warning("%s: %s", title, line)
     return surrogate
-
-
-def _regressions_and_twins(
-    kind: type[Surrogate], samples: Samples, scene: Scene, loads: Sequence[str] | None
-) -> tuple[list[Regression], dict[str, str]]:
-    """What is fitted for these loads (None: all of the scene's), and the networks that are mirror images of fitted
-    ones, each with its original, which is fitted on the samples of both sides."""
-    needed = None if loads is None else kind.networks_for(scene, loads)
-    twins = {twin: of for twin, of in kind.twins(scene).items() if needed is None or twin in needed}
-    posed = {regression.name: regression for regression in kind.regressions(either_side(samples) if twins else samples)}
-    twins = {twin: of for twin, of in twins.items() if twin in posed and of in posed}  # one side alone may be asked for
-    fitted = set(posed) - set(twins) if needed is None else {twins.get(name, name) for name in needed}
-    return [regression for name, regression in posed.items() if name in fitted], twins
-
-
-def _widened(network: Network, hidden: tuple[int, ...]) -> Network:
-    return network if network.hidden == hidden else widen(network, hidden, seed=0)
 
 
 def _random_rows(regression: Regression, rows: int | None, seed: int = 0) -> Regression:
@@ -133,7 +113,7 @@ def _random_rows(regression: Regression, rows: int | None, seed: int = 0) -> Reg
 
 
 def training_record(
-    project: Project, samples: Samples, surrogate: Surrogate, fits: dict[str, Any], command: str
+    project: Project, samples: Samples, surrogate: Surrogate, fits: Mapping[str, Fit], command: str
 ) -> dict[str, Any]:
     """The record itself, in plain JSON values; its keys: `casadi_contact.surrogate.info`."""
     return {

@@ -11,24 +11,36 @@ import numpy as np
 
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import Array, pose_index
-from casadi_contact.networks.network import Network
 from casadi_contact.networks.training.fit import Fit, fit
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.optimisation.verification.verify import Verification, verify
 from casadi_contact.samples.chunk import Chunk, WrenchModel, draw_chunk
 from casadi_contact.samples.samples import COLUMNS, TEST, TRAIN, VALIDATION, Samples, domain_errors
-from casadi_contact.samples.settings import SamplePoint, SamplingSettings
+from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import calibrate
 from casadi_contact.surrogate.sample_rows import samples_record
 from casadi_contact.workflow.fitting import fits_record, summed_work
 
-SPREAD = 0.3  # of the scales of the sampled range: how far around a failing frame its pose inputs are drawn
-LOAD_SHARES = (0.2, 1.3)  # of a frame's own loads: between which its load inputs are drawn
-LIFTED_SHARE = 0.1  # new static analyses that are lifted off (as in D5) besides those in contact
-KNOWN_PER_NEW = 3  # samples of before that are trained on again for each new one, so that they are not forgotten
-_LEAST_KNOWN = 12_000
-_TOLERANCE_SHARE = 0.2  # as in the preset `standard`: better than needed, because a few rows must be good among many
+
+@dataclass(frozen=True)
+class RefinementSettings:
+    """How a round draws and trains.
+
+    spread: how far around a failing frame its pose inputs are drawn, in scales of the sampled range. load_shares:
+    shares of a frame's own loads between which its load inputs are drawn. lifted_share: new static analyses that are
+    lifted off (as in D5) besides those in contact. known_per_new, least_known: samples of before that are trained on
+    again for each new one, and at least, so that they are not forgotten. tolerance_share: of the tolerance at which a
+    fit ends: better than needed, because a few rows must be good among many.
+    """
+
+    spread: float = 0.3
+    load_shares: tuple[float, float] = (0.2, 1.3)
+    lifted_share: float = 0.1
+    known_per_new: int = 3
+    least_known: int = 12_000
+    tolerance_share: float = 0.2
+
 
 Solve = Callable[[Surrogate], tuple[Array, np.ndarray]]
 """A problem: surrogate -> poses (n, 6) of its solution, and which frames (n,) it solved."""
@@ -55,11 +67,10 @@ class Refinement:
         return self.verifications[-1].passed
 
     def __str__(self) -> str:
+        rounds = zip(self.added, self.seconds, self.verifications[:-1], strict=True)
         lines = [
             f"round {k}: {added} samples, {seconds:.0f} s, {int(before.failing.sum())} failing frames before it"
-            for k, (added, seconds, before) in enumerate(
-                zip(self.added, self.seconds, self.verifications[:-1], strict=True), start=1
-            )
+            for k, (added, seconds, before) in enumerate(rounds, start=1)
         ]
         return "\n".join([*lines, str(self.verifications[-1])])
 
@@ -74,6 +85,7 @@ def refine(
     gflop: float = 600.0,
     per_frame: int = 20,
     seed: int = 0,
+    settings: RefinementSettings | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Refinement:
     """Solve, verify, and as long as that fails: sample around the failing frames, train on, calibrate, solve again.
@@ -90,17 +102,16 @@ def refine(
     """
     if rounds < 0 or per_frame < 1:
         raise ValueError(f"rounds is {rounds} and per_frame {per_frame}, expected at least 0 and 1")
-    tell = progress or (lambda text: None)
-    point = SamplingSettings.from_scene(surrogate.scene).sample_point(surrogate.scene)
+    tell, settings = progress or (lambda text: None), settings or RefinementSettings()
     result = Refinement(surrogate, samples, [_verified(surrogate, solve, model)], [], [])
     while not result.passed and len(result.added) < rounds:
         number = len(result.added) + 1
         tell(f"{result.verifications[-1]}")
         began = time.perf_counter()
         rng = np.random.default_rng([seed, number])
-        new = _drawn_around(result.surrogate, result.verifications[-1], model, point, per_frame, rng)
+        new = _drawn_around(result.surrogate, result.verifications[-1], model, per_frame, settings, rng)
         tell(f"round {number}: {len(new)} new samples")
-        better = _trained_on(result.surrogate, result.samples, new, model, gflop, rng)
+        better = _trained_on(result.surrogate, result.samples, new, model, gflop, settings, rng)
         spent = time.perf_counter() - began
         check = _verified(better, solve, model)
         result = Refinement(
@@ -127,21 +138,26 @@ def _drawn_around(
     surrogate: Surrogate,
     check: Verification,
     model: RefinementModel,
-    point: SamplePoint,
     per_frame: int,
+    settings: RefinementSettings,
     rng: np.random.Generator,
 ) -> Samples:
     """Samples whose pose inputs lie around those of failing frames, settled on the model under shares of the loads
     that the surrogate gives there, some of them lifted off: as D1 and D5 lie around a motion, and counted as these."""
-    scene, scales = surrogate.scene, surrogate.require_confidence().scales
+    scene, scales, sampling = (
+        surrogate.scene,
+        surrogate.require_confidence().scales,
+        SamplingSettings.from_scene(surrogate.scene),
+    )
+    point = sampling.sample_point(scene)
     frames = check.poses[np.repeat(np.flatnonzero(check.failing), per_frame)]
-    columns = [pose_index(name) for name in point.pose_inputs]
+    columns, count = [pose_index(name) for name in point.pose_inputs], len(frames)
     starts = frames.copy()
-    starts[:, columns] += SPREAD * scales[columns] * rng.uniform(-1.0, 1.0, (len(frames), len(columns)))
+    starts[:, columns] += settings.spread * scales[columns] * rng.uniform(-1.0, 1.0, (count, len(columns)))
     starts = scene.pose_space.project(starts)
-    loads = surrogate(frames, point.load_inputs) * rng.uniform(*LOAD_SHARES, (len(frames), len(point.load_inputs)))
-    role = rng.choice([TRAIN, VALIDATION, TEST], len(frames), p=[0.8, 0.1, 0.1]).astype(np.uint8)
-    lifted = rng.random(len(frames)) < LIFTED_SHARE
+    loads = surrogate(frames, point.load_inputs) * rng.uniform(*settings.load_shares, (count, len(point.load_inputs)))
+    role = rng.choice([TRAIN, VALIDATION, TEST], count, p=[0.8, 0.1, 0.1]).astype(np.uint8)
+    lifted = rng.random(count) < settings.lifted_share
     for normal in scene.normal_loads:
         if set(normal.loads) <= set(point.load_inputs):
             columns = [point.load_inputs.index(name) for name in normal.loads]
@@ -151,7 +167,7 @@ def _drawn_around(
     for domain, rows in ((1, ~lifted), (5, lifted)):
         wanted = dict(zip(point.load_inputs, loads[rows].T, strict=True))
         chunk = Chunk(domain, -1, point.free, starts[rows], wanted, role[rows])
-        parts.append(draw_chunk(model, model, chunk, SamplingSettings.from_scene(scene)))
+        parts.append(draw_chunk(model, model, chunk, sampling))
     if not any(len(part.poses) for part in parts):
         reasons = sorted({reason for part in parts for reason in part.dropped})
         raise ValueError(f"no sample could be drawn around the failing frames: {'; '.join(reasons)}")
@@ -159,27 +175,27 @@ def _drawn_around(
     return Samples(scene, **drawn)
 
 
-def _fitted_on(surrogate: Surrogate, samples: Samples, gflop: float) -> tuple[dict[str, Network], dict[str, Fit]]:
-    """The networks trained on, and their fits by name."""
-    networks, fits = dict(surrogate.networks), dict[str, Fit]()
-    for regression in surrogate.regressions(samples):
-        start = networks[regression.name]
-        settings = TrainingSettings(sizes=(start.hidden,), activation=start.activation, max_gflop=gflop, restarts=0)
-        closer = replace(regression, tolerance=_TOLERANCE_SHARE * regression.tolerance)
-        result = fits[regression.name] = fit(closer, settings, start=start)
-        networks[regression.name] = result.network
-    return networks, fits
-
-
 def _trained_on(
-    surrogate: Surrogate, known: Samples, new: Samples, model: WrenchModel, gflop: float, rng: np.random.Generator
+    surrogate: Surrogate,
+    known: Samples,
+    new: Samples,
+    model: WrenchModel,
+    gflop: float,
+    settings: RefinementSettings,
+    rng: np.random.Generator,
 ) -> Surrogate:
     """The surrogate's networks trained on from where they are, on the new samples and some of the known ones, and
     calibrated on all, and on the model around them."""
-    count = max(KNOWN_PER_NEW * len(new), _LEAST_KNOWN)
+    count = max(settings.known_per_new * len(new), settings.least_known)
     kept = np.sort(rng.permutation(len(known))[:count])
-    some = Samples(known.scene, **{name: getattr(known, name)[kept] for name in COLUMNS})
-    networks, fits = _fitted_on(surrogate, some.join_samples(new), gflop)
+    some = Samples(known.scene, **{name: getattr(known, name)[kept] for name in COLUMNS}).join_samples(new)
+    networks, fits = dict(surrogate.networks), dict[str, Fit]()
+    for regression in surrogate.regressions(some):
+        start = networks[regression.name]
+        effort = TrainingSettings(sizes=(start.hidden,), activation=start.activation, max_gflop=gflop, restarts=0)
+        closer = replace(regression, tolerance=settings.tolerance_share * regression.tolerance)
+        fits[regression.name] = fit(closer, effort, start=start)
+        networks[regression.name] = fits[regression.name].network
     everything, kind, before = known.join_samples(new), type(surrogate), surrogate.record
     of_fits = fits_record(fits)
     record = {**before, **samples_record(everything), **of_fits, **summed_work(before, of_fits)}

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.choice import foundation_ladder
 from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
 from casadi_contact.contact.symbolic import SymbolicContact
-from casadi_contact.core.conventions import Array, Update
+from casadi_contact.core.conventions import Update
 from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.core.workers import worker_pool
 from casadi_contact.networks.network import size_text
@@ -25,7 +24,7 @@ from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.load import STRUCTURES, load_surrogate
 from casadi_contact.surrogate.sample_rows import samples_record
 from casadi_contact.workflow.benchmark.kernel_speed import lagrangian_hessian
-from casadi_contact.workflow.benchmark.timing import Candidate, Stopwatch, time_batch, time_mapped, time_single_calls
+from casadi_contact.workflow.benchmark.timing import Candidate, time_batch, time_mapped, time_single_calls
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
 from casadi_contact.workflow.presets import ChartEffort, Effort
 from casadi_contact.workflow.project import Project, exclusive, project_surrogates, read_motion, shipped_surrogates
@@ -45,18 +44,12 @@ def refuse_without_elements(project: Project) -> None:
         )
 
 
-def untrained_candidates(
-    scene: Scene, loads: Sequence[str] | None = None, names: Collection[str] | None = None
-) -> Iterator[Candidate]:
-    """What learns nothing: grids of elements, and `cc.foundation` with coarser and finer ones. names: just these."""
-    yield from (candidate for candidate in _element_candidates(scene) if names is None or candidate.name in names)
-    if names is not None and not any(name.startswith(FOUNDATION_FAMILY) for name in names):
-        return
+def untrained_candidates(scene: Scene) -> Iterator[Candidate]:
+    """What learns nothing: grids of elements, and `cc.foundation` with coarser and finer ones."""
+    yield from _element_candidates(scene)
     try:
         for model in foundation_ladder(scene):
-            name = f"{FOUNDATION_FAMILY} {model.resolution}"
-            if names is None or name in names:
-                yield _symbolic_candidate(name, FOUNDATION_FAMILY, model, loads)
+            yield _symbolic_candidate(f"{FOUNDATION_FAMILY} {model.resolution}", FOUNDATION_FAMILY, model)
     except ValueError as error:  # of a shape without one, or where none is good enough
         yield Candidate(FOUNDATION_FAMILY, FOUNDATION_FAMILY, None, failure=" ".join(str(error).split()))
 
@@ -79,45 +72,34 @@ def _element_candidates(scene: Scene) -> Iterator[Candidate]:
         )
 
 
-def surrogate_candidates(
-    name: str, surrogate: Surrogate, loads: Sequence[str] | None = None, *, graph: bool = False
-) -> Iterator[Candidate]:
+def surrogate_candidates(name: str, surrogate: Surrogate, *, graph: bool = False) -> Iterator[Candidate]:
     """A surrogate as a compiled kernel and (graph) as a CasADi graph, called through their buffers: the way an
     optimiser does. Without a compiler the kernel is a graph too, and its remark says so."""
     record = surrogate.record
     for compiled, suffix in ((True, ""), (False, MX_SUFFIX))[: 2 if graph else 1]:
         family = f"{surrogate.structure}{suffix}"
         yield replace(
-            _symbolic_candidate(f"{name}{suffix}", family, surrogate, loads, compiled=compiled),
+            _symbolic_candidate(f"{name}{suffix}", family, surrogate, compiled=compiled),
             samples=sum(record.get("samples", {}).values()),
             training_seconds=round(sum(record.get("seconds", {}).values()), 1),
             parameters=sum(network.parameter_count for network in surrogate.networks.values()),
         )
 
 
-def _symbolic_candidate(
-    name: str, family: str, model: SymbolicContact, loads: Sequence[str] | None, *, compiled: bool = True
-) -> Candidate:
+def _symbolic_candidate(name: str, family: str, model: SymbolicContact, *, compiled: bool = True) -> Candidate:
     """A model with CasADi functions, called through their buffers."""
-    function = model.function(loads, compiled=compiled)
+    function, weights = model.function(compiled=compiled), np.ones(len(model.load_names))
+    hessian, mapped = lagrangian_hessian(function), cache(lambda count: model.function(compiled=compiled, batch=count))
     return Candidate(
         name=name,
         family=family,
         model=model,
         time_value=partial(time_single_calls, function),
         time_jacobian=partial(time_single_calls, function.jacobian()),
-        time_hessian=partial(_time_hessian, lagrangian_hessian(function)),
-        time_batch=_batch_stopwatch(model, loads, compiled=compiled),
+        time_hessian=lambda poses: time_single_calls(hessian, poses, weights),
+        time_batch=lambda poses: time_mapped(mapped(len(poses)), poses),
         remark="compiled kernel" if function.class_name() == "External" else "CasADi graph; batch: its map",
     )
-
-
-def _batch_stopwatch(model: SymbolicContact, loads: Sequence[str] | None, *, compiled: bool) -> Stopwatch:
-    @cache
-    def of(count: int) -> ca.Function:
-        return model.function(loads, compiled=compiled, batch=count)
-
-    return lambda poses: time_mapped(of(len(poses)), poses)
 
 
 @dataclass(frozen=True)
@@ -150,10 +132,9 @@ def chart_surrogates(chart: ChartEffort, scene: Scene) -> list[Sized]:
     return [Sized(structure, effort) for structure, efforts in fitting.items() for effort in efforts]
 
 
-def sized_path(project: Project, sized: Sized, loads: Sequence[str] | None = None) -> Path:
-    """Where a sized surrogate lies in the project's folder; one with the networks of some loads says so."""
-    only = "" if loads is None else "_for_" + "_".join(loads)
-    return project.folder / "sizes" / f"{sized.stem}{only}.h5"
+def sized_path(project: Project, sized: Sized) -> Path:
+    """Where a sized surrogate lies in the project's folder."""
+    return project.folder / "sizes" / f"{sized.stem}.h5"
 
 
 def on_disk(project: Project, path: Path | str) -> Surrogate | None:
@@ -179,26 +160,23 @@ def train_sizes(
     wanted: Sequence[Sized] | None = None,
     update: Update | None = None,
     executor: Executor | None = None,
-    loads: Sequence[str] | None = None,
 ) -> list[Path]:
     """Train the sized surrogates (the preset's, if none are given) that are not on disk yet; return their paths.
 
-    Goes on from checkpoints where an earlier run stopped. loads: train only the networks that these need. Raises
-    FileNotFoundError without samples, ValueError for samples of another scene.
+    Goes on from checkpoints where an earlier run stopped. Raises FileNotFoundError without samples, ValueError for
+    samples of another scene.
     """
     wanted = chart_surrogates(project.preset.chart, project.scene) if wanted is None else list(wanted)
     samples = replace(project.samples(), scene=project.scene)  # its tolerances are those of now
-    missing = [sized for sized in wanted if not _made(project, sized_path(project, sized, loads), samples)]
+    missing = [sized for sized in wanted if not _made(project, sized_path(project, sized), samples)]
     if missing:
         writable_folder(project.folder / "sizes")
-        command = project.command("chart")
         with worker_pool(executor) as workers:
             for sized in missing:
                 folder = project.training_folder("sizes", sized.stem)
-                fitting = Fitting(sized.structure, sized.efforts, folder, command, sized.name, loads=loads)
-                surrogate = fit_surrogate(project, samples, fitting, update, workers)
-                surrogate.save(sized_path(project, sized, loads))
-    return [sized_path(project, sized, loads) for sized in wanted]
+                fitting = Fitting(sized.structure, sized.efforts, folder, project.command("chart"), sized.name)
+                fit_surrogate(project, samples, fitting, update, workers).save(sized_path(project, sized))
+    return [sized_path(project, sized) for sized in wanted]
 
 
 def charted_surrogates(project: Project) -> Iterator[tuple[str, Surrogate]]:
@@ -221,7 +199,3 @@ def project_peers(project: Project) -> Iterator[Candidate]:
 
     gflop, motion = project.preset.chart.peer_gflop, read_motion(project).motion
     return peer_candidates(project.samples(), gflop=gflop, motion=motion)
-
-
-def _time_hessian(hessian: ca.Function, poses: Array) -> float:
-    return time_single_calls(hessian, poses, np.ones(hessian.numel_in(1)))
