@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from casadi_contact.optimisation.muscle_contact import MuscleContact
     from casadi_contact.optimisation.pose_estimation import PoseEstimation
     from casadi_contact.optimisation.static_equilibrium import StaticEquilibrium
-    from casadi_contact.optimisation.verification.verify import verify
+    from casadi_contact.optimisation.verification import verify
     from casadi_contact.scenes.loading import load_scene
     from casadi_contact.scenes.scene import Scene
     from casadi_contact.surrogate.load import load_surrogate
@@ -98,7 +98,7 @@ else:
         "relax": "contact.relax",
         "sensitive_directions": "contact.sensitive",
         "settle": "contact.settle",
-        "verify": "optimisation.verification.verify",
+        "verify": "optimisation.verification",
     }
 
     def __getattr__(name: str) -> object:

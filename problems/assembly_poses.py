@@ -30,7 +30,8 @@ from casadi_contact.optimisation.assembly.settle import Settling
 from casadi_contact.optimisation.muscle_contact import MuscleContact
 from casadi_contact.optimisation.muscle_walk import example_walk
 from casadi_contact.optimisation.pose_estimation import PoseEstimation
-from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
+from casadi_contact.optimisation.reference import reference_model
+from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.page import new_page, save_page
 from casadi_contact.scenes.columns import TextColumns, check_radians, check_rising, write_columns
 from casadi_contact.scenes.load_cycle import OverTime
@@ -178,7 +179,7 @@ def main(
     for part in joint.contacts:
         elements = reference_model(part.model.scene)
         poses = joint.contact_poses(part.name, found.poses)
-        print(f"{part.name}: {check_solution(part.model, poses, found.solved, elements)}")
+        print(f"{part.name}: {verify(part.model, poses, elements, found.solved).line}")
     print(
         f"{int(found.solved.sum())} of {len(given)} frames solved, up to {found.residual_n.max():.1g} N left on a body"
     )

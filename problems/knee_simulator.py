@@ -28,8 +28,9 @@ from casadi_contact.contact.symbolic import symbolic
 from casadi_contact.core.conventions import POSE_NAMES, Array
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.joint_mechanics import generalised_forces, wrench_function
+from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.optimisation.starts import KNEE_STEPS, press_together
-from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
+from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.page import new_page, save_page
 from casadi_contact.scenes.pose_file import write_poses
 
@@ -184,7 +185,7 @@ def main(
         off = np.abs(motion.poses - exact.poses)
         apart = f"{off[:, :3].max():.4f} mm, {np.degrees(off[:, 3:].max()):.4f}°"
         print(f"{name:10s} {motion.steps:5d}  {motion.seconds / cycles:15.3f}  {apart}")
-    print(check_solution(model, exact.poses, np.ones(len(exact.poses), dtype=bool), reference_model(model.scene)))
+    print(verify(model, exact.poses, reference_model(model.scene)).line)
     lost = np.abs(exact.energy_error(simulators["surrogate"].rig)).max()
     print(f"energy brought in {np.abs(exact.work[:, 0]).max():.4g} N·mm, not accounted for {lost:.2g} N·mm")
 

@@ -22,7 +22,8 @@ from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.knee import COORDINATES, KNEE_LOADS, SIDES, coordinate_unit
 from casadi_contact.optimisation.muscle_contact import MuscleContact, MuscleContactResult, MuscleSettings
 from casadi_contact.optimisation.muscle_walk import ROTATION_MAPS, MuscleWalk, at_times, example_walk, read_walk
-from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
+from casadi_contact.optimisation.reference import reference_model
+from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.page import SURROGATE, TARGET, frame, new_page, save_page
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.load_cycle import read_cycle
@@ -57,9 +58,9 @@ def main(
     problem = MuscleContact(load_contact(surrogate, scene), walk, settings)
     result = problem.solve()
     model = problem.contact_model
-    verdict = check_solution(model, result.poses, result.solved, reference_model(model.scene), KNEE_LOADS)
+    verdict = verify(model, result.poses, reference_model(model.scene), result.solved, KNEE_LOADS)
 
-    print(verdict)
+    print(verdict.line)
     print(f"{int(result.solved.sum())} of {len(walk)} frames solved; {result.ipopt}, {result.seconds:.2f} s")
     compression, compared = -result.loads[:, :2], {}
     forces = None if measured is None else measured_compression(measured, walk)
@@ -81,7 +82,7 @@ def main(
     write_columns(out / "muscle_contact.csv", columns, digits=9)
     off = np.abs(verdict.errors)
     summary = {
-        "verdict": str(verdict),
+        "verdict": verdict.line,
         "walk": walk.name,
         "frames": len(walk),
         "solved": int(result.solved.sum()),

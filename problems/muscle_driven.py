@@ -38,7 +38,8 @@ from casadi_contact.optimisation.muscle import (
     passive_force_length,
 )
 from casadi_contact.optimisation.muscle_contact import MuscleContact, MuscleContactResult
-from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
+from casadi_contact.optimisation.reference import reference_model
+from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.page import FOUNDATION, SURROGATE, TARGET, new_page, save_page
 from casadi_contact.scenes.pose_file import write_poses
 from problems.muscle_contact import walk_of
@@ -183,7 +184,7 @@ def main(
         apart = f"{off[0]:.2f}, {off[1]:.2f}"
         print(f"{name:10s} {motion.steps:6d} {motion.seconds:8.3f} {apart:>32s} {flexion:16.2f} {lost:16.2g}")
     poses = motions["surrogate"].poses
-    print(check_solution(model, poses, np.ones(len(poses), dtype=bool), reference_model(model.scene)))
+    print(verify(model, poses, reference_model(model.scene)).line)
 
     out.mkdir(parents=True, exist_ok=True)
     write_poses(walk.time_s, poses, out / "muscle_driven.csv")

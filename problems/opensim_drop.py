@@ -27,7 +27,8 @@ from casadi_contact.core.conventions import POSE_NAMES, POSE_UNITS, Array
 from casadi_contact.core.terminal import run_program
 from casadi_contact.export.c_source import c_source, header
 from casadi_contact.optimisation.joint_mechanics import angular_velocity_map, total_selection
-from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
+from casadi_contact.optimisation.reference import reference_model
+from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.page import SURROGATE, TARGET, new_page, save_page
 from casadi_contact.scenes.pose_file import write_poses
 from casadi_contact.surrogate.base import Surrogate
@@ -97,7 +98,7 @@ def main(
     drop = Drop(tuple(start.tolist()), push_n=-push_n)
     (opensim, version), casadi = by_opensim(model, drop), by_casadi(model, drop)
     off, travel = np.abs(opensim - casadi).max(axis=0), np.ptp(casadi, axis=0)
-    print(check_solution(model, casadi, np.ones(len(casadi), dtype=bool), reference_model(model.scene)))
+    print(verify(model, casadi, reference_model(model.scene)).line)
     print(f"pose parameter  travel  largest difference of OpenSim {version}")
     for name, unit, far, apart in zip(POSE_NAMES, POSE_UNITS, travel, off, strict=True):
         print(f"{name} [{unit}]".ljust(14), f"{far:7.3g} {apart:10.1e}")

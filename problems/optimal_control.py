@@ -28,8 +28,9 @@ from casadi_contact.core.quantities import newton_scales
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.collocation import Collocation
 from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection
+from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.optimisation.starts import pose_bounds, pose_steps, press_together
-from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
+from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.page import new_page, save_page
 from casadi_contact.scenes.pose_file import write_poses
 from casadi_contact.workflow.contact_source import load_contact
@@ -165,7 +166,7 @@ def main(
     driven = forward(model, control)
     target_loads = CubicSpline(target.time_s, target.loads)(control.time_s)
 
-    print(check_solution(model, control.poses, np.ones(len(driven), dtype=bool), reference_model(model.scene)))
+    print(verify(model, control.poses, reference_model(model.scene)).line)
     print(f"solved after {control.iterations} iterations; RMS differences of loads [N, N·mm]:")
     print("load    found - target  forward - found")
     for name, a, b in zip(

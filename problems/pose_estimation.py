@@ -12,7 +12,6 @@ parameters, loads and centres of pressure with their units (rz_rad, Fy_med_N, co
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +26,8 @@ from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.pose_continuation import continue_on, motion_of
 from casadi_contact.optimisation.pose_estimation import PoseEstimation, PoseResult
 from casadi_contact.optimisation.pose_targets import check_targets
-from casadi_contact.optimisation.verification.verdict import Verdict, check_solution, reference_model
+from casadi_contact.optimisation.reference import reference_model
+from casadi_contact.optimisation.verification import Verification, verify
 from casadi_contact.pictures.page import FAILED, FOUNDATION, SURROGATE, TARGET, frame, new_page, save_page
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.joint_cycle import JointCycle
@@ -62,14 +62,23 @@ def estimate(model: SymbolicContact, measured: LoadCycle | JointCycle, out: Path
     if not isinstance(reference, str):  # else it says why there is none
         result = continue_on(problem, result, reference)
     names = problem.targets.load_names
-    verdict = check_solution(model, result.poses, result.solved, reference, names, result.on_reference)
-    verdict = replace(verdict, without_load=~problem.targets.loaded)
+    leaps = np.zeros(problem.frames, dtype=bool)
     if (motion := motion_of(problem)) is not None:  # a frame beside a leap is not verified
         steps = motion.leaping(result.poses, result.solved)
-        verdict = replace(verdict, leaps=np.append(steps, False) | np.append(False, steps))
+        leaps = np.append(steps, False) | np.append(False, steps)
+    verdict = verify(
+        model,
+        result.poses,
+        reference,
+        result.solved,
+        names,
+        on_model=result.on_reference,
+        without_load=~problem.targets.loaded,
+        leaps=leaps,
+    )
     on_elements = elements_say(problem, result, reference)
 
-    print(verdict)
+    print(verdict.line)
     print(f"{int(result.solved.sum())} of {problem.frames} frames solved; {result.ipopt}, {result.seconds:.2f} s")
     errors = {name: rms_and_max(result.errors[:, k]) for k, name in enumerate(problem.targets.values)}
     print("RMS / max   model - measured     elements - model")
@@ -81,7 +90,7 @@ def estimate(model: SymbolicContact, measured: LoadCycle | JointCycle, out: Path
     write_frames(out / "pose_estimation.csv", problem, measured, result, verdict, on_elements)
     write_table(poses_table(measured.time_s, result.poses, f"{measured.name} poses"), out / "poses.sto")
     summary = {
-        "verdict": str(verdict),
+        "verdict": verdict.line,
         "cycle": measured.name,
         "scene": model.scene.name,
         "frames": problem.frames,
@@ -117,7 +126,7 @@ def write_frames(
     problem: PoseEstimation,
     measured: LoadCycle | JointCycle,
     result: PoseResult,
-    verdict: Verdict,
+    verdict: Verification,
     on_elements: Array,
 ) -> None:
     """A row for each frame. A new output column is one more entry of `columns`, (n,) values by name."""

@@ -42,8 +42,9 @@ from casadi_contact.optimisation.muscle import (
     force_velocity,
     passive_force_length,
 )
+from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.optimisation.starts import KNEE_STEPS, middle_pose, settle_in_range
-from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
+from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.page import new_page, save_page
 from casadi_contact.scenes.columns import write_columns
 from problems.knee_simulator import Rig
@@ -275,7 +276,7 @@ def main(
         print("{:6g} {:24.5f} {:11.3f} {:5.2f} {:13.2f}".format(*rows[-1]))
         all_poses.append(poses)
     poses = np.vstack(all_poses)
-    print(check_solution(model, poses, np.ones(len(poses), dtype=bool), reference_model(model.scene)))
+    print(verify(model, poses, reference_model(model.scene)).line)
 
     out.mkdir(parents=True, exist_ok=True)
     names = ("weight", "mean_squared_activation", "medial_rms_bw", "medial_peak_bw", "lateral_peak_bw")

@@ -16,9 +16,10 @@ import numpy as np
 from casadi_contact.core.conventions import POSE_NAMES, WRENCH_NAMES, pose_index
 from casadi_contact.core.quantities import quantity
 from casadi_contact.core.terminal import numbers, run_program
+from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.optimisation.starts import middle_pose
 from casadi_contact.optimisation.static_equilibrium import SOFT_TISSUE, EquilibriumResult, StaticEquilibrium
-from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
+from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.page import frame, new_page, save_page
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.workflow.contact_source import load_contact
@@ -50,9 +51,9 @@ def main(
         model, given, free=free, rest=space.project(rest), stiffness=SOFT_TISSUE if soft else None, about="moving"
     )
     result = problem.solve(restarts=restarts)
-    verdict = check_solution(model, result.poses, result.solved, reference_model(model.scene))
+    verdict = verify(model, result.poses, reference_model(model.scene), result.solved)
 
-    print(verdict)
+    print(verdict.line)
     print(f"{int(result.solved.sum())} of {len(angles)} in equilibrium; {result.ipopt}, {result.seconds:.2f} s")
     print("flexion [°]  tx [mm]  ty [mm]  tz [mm]   rx [°]   ry [°]  misfit [N]")
     for pose, misfit in zip(result.poses, result.misfit_n, strict=True):

@@ -13,7 +13,7 @@ from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import Array, pose_index
 from casadi_contact.networks.training.fit import Fit, fit
 from casadi_contact.networks.training.settings import TrainingSettings
-from casadi_contact.optimisation.verification.verify import Verification, verify
+from casadi_contact.optimisation.verification import Verification, verify
 from casadi_contact.samples.chunk import Chunk, WrenchModel, draw_chunk
 from casadi_contact.samples.samples import COLUMNS, TEST, TRAIN, VALIDATION, Samples, domain_errors
 from casadi_contact.samples.settings import SamplingSettings

@@ -5,7 +5,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact.pressures import share_at_sharp_edges
-from casadi_contact.optimisation.verification.unmodelled_load import unmodelled_load_words
+from casadi_contact.optimisation.reference import unmodelled_load_words
 from tests.support.meshes import STIFFNESS, ball_mesh, mesh_scene_text, sheet_mesh, wheel_mesh, write_obj
 
 RADIUS, HALF_WIDTH = 12.0, 3.0

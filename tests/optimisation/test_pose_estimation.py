@@ -17,7 +17,7 @@ from casadi_contact.optimisation.ipopt import FrameOutcome
 from casadi_contact.optimisation.pose_continuation import continue_on
 from casadi_contact.optimisation.pose_estimation import PoseEstimation
 from casadi_contact.optimisation.pose_targets import PoseTargets, check_targets
-from casadi_contact.optimisation.verification.verdict import check_solution, reference_model
+from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.scenes.joint_cycle import JointCycle, scene_cycles
 from casadi_contact.scenes.load_cycle import read_cycle
 from casadi_contact.scenes.walking import reference_cycle
@@ -82,9 +82,7 @@ def test_the_foundation_compiled_or_not_gives_the_surrogate_s_poses(knee):
     result = problem.solve()
     np.testing.assert_allclose(result.poses, learned.poses, atol=0.05)
     teacher = reference_model(knee.scene)
-    assert (
-        check_solution(problem.model, result.poses, result.solved, teacher, problem.targets.load_names).exit_code == 0
-    )
+    assert cc.verify(problem.model, result.poses, teacher, result.solved, problem.targets.load_names).exit_code == 0
 
 
 @pytest.mark.parametrize("name", ["og1", "og2", "og3", "og4"])
@@ -105,12 +103,8 @@ def test_another_joint_s_own_motion_is_found_again_from_starts_off_and_too_deep(
     problem = PoseEstimation.of_cycle(model(scene if pressing is None else scene.with_sensitive_pose(pressing)), cycle)
     result = problem.solve()
     assert result.solved.all()
-    assert (
-        check_solution(
-            problem.model, result.poses, result.solved, reference_model(scene), problem.targets.load_names
-        ).exit_code
-        == 0
-    )
+    loads = problem.targets.load_names
+    assert cc.verify(problem.model, result.poses, reference_model(scene), result.solved, loads).exit_code == 0
     for seed in range(2):
         move = np.random.default_rng(seed).uniform(-1.0, 1.0, (problem.frames, len(problem.free)))
         start = result.poses.copy()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from casadi_contact.cli.pipeline import write_report
-from casadi_contact.optimisation.verification.verify import verify
+from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.report.surrogate_page import surrogate_page
 from casadi_contact.samples.samples import DOMAINS, TEST, Dropped, domain_errors, write_samples
 from casadi_contact.surrogate.fitness import Fitness, fitness

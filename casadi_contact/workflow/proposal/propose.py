@@ -14,7 +14,7 @@ from casadi_contact.core.conventions import Array, Update
 from casadi_contact.core.quantities import FORCE, TORQUE, of_kind, quantity, three_digits
 from casadi_contact.geometry.mesh import MM_PER_UNIT, load_mesh
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
-from casadi_contact.optimisation.verification.unmodelled_load import unmodelled_load_shares, unmodelled_load_words
+from casadi_contact.optimisation.reference import unmodelled_load_shares, unmodelled_load_words
 from casadi_contact.samples.reference import ReferenceReport, reference_poses
 from casadi_contact.samples.settings import ALONE_COUNTS
 from casadi_contact.scenes.scene import Scene

@@ -1,20 +1,22 @@
-"""Load on a wall that is too steep for elements, and outside of all patches, is told, as large as it is."""
+"""Load on walls too steep for elements, outside of all patches and beyond open edges is told, as large as it is."""
 
 import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.optimisation.verification.unmodelled_load import (
+from casadi_contact.optimisation.reference import (
+    share_beyond_open_edges,
     share_on_walls,
     share_outside_patches,
     unmodelled_fraction,
     unmodelled_load_words,
 )
-from casadi_contact.optimisation.verification.verdict import UNCOUNTED, check_solution
+from casadi_contact.optimisation.verification import UNCOUNTED
 from tests.support.meshes import (
     RADIUS_MM,
     STIFFNESS,
     ball_mesh,
+    cap_mesh,
     force_n,
     mesh_scene_text,
     sheet_mesh,
@@ -57,18 +59,18 @@ def test_a_ball_pressed_into_the_corner_of_floor_and_wall_bears_on_both_as_on_tw
 def test_a_cup_centre_on_the_axis_of_a_notch_counts_what_its_walls_carry(tmp_path):
     """A roller pressed sideways into a half-pipe: N = (K/h) L R ∫ (e cos φ - c) cos φ dφ for a clearance c, a way e."""
     radius, clearance, way, width = 20.0, 0.4, 0.45, 10.0
-    points, faces = sheet_mesh(2.0, 0.02)
+    points, faces = sheet_mesh(2.0, 0.05)
     angle = 1.9 * points[:, 0]
     pipe = np.stack([radius * np.sin(angle), -radius * np.cos(angle), 8.0 * points[:, 2]], axis=1)
     write_obj(tmp_path / "pipe.obj", pipe, faces)
-    write_obj(tmp_path / "roller.obj", *wheel_mesh(radius - clearance, 0.5 * width, 0.6))
+    write_obj(tmp_path / "roller.obj", *wheel_mesh(radius - clearance, 0.5 * width, 1.0))
     pose = np.array([way * np.sin(1.2), -way * np.cos(1.2), 0.0, 0.0, 0.0, 0.0])
     reach = np.arccos(clearance / way)
     integral = way * (reach + 0.5 * np.sin(2.0 * reach)) - 2.0 * clearance * np.sin(reach)
     found = {}
     for key in ("", "cup_centre = [0.0, 0.0, 0.0]"):
         (tmp_path / "notch.toml").write_text(mesh_scene_text("roller.obj", "pipe.obj", extra=key))
-        model = cc.ElasticFoundation(cc.load_scene(tmp_path / "notch.toml"), (200, 80))
+        model = cc.ElasticFoundation(cc.load_scene(tmp_path / "notch.toml"), (120, 40))
         force = float(np.linalg.norm(model.wrenches(pose)[0, :3]))
         found[key] = (
             force / (STIFFNESS * width * radius * integral),
@@ -103,7 +105,7 @@ def test_what_walls_and_the_rest_of_the_mesh_carry_counts_together(folder):
     lost = counted * (walls / (1.0 - walls) + outside / (1.0 - outside))
     assert lost / (lost + counted) > UNCOUNTED
     assert unmodelled_fraction(model, pose) == pytest.approx(lost / (lost + counted))
-    assert not check_solution(model, pose, np.array([True]), model).verified.any()
+    assert not cc.verify(model, pose, model).verified.any()
 
 
 def test_where_a_patch_ends_between_the_centres_of_the_same_triangles_does_not_matter(tmp_path):
@@ -147,11 +149,46 @@ def test_a_ball_on_the_floor_alone_leaves_nothing_to_tell(folder):
 def test_a_verdict_holds_no_frame_verified_whose_load_nothing_counts(folder):
     model = model_of(folder)
     poses = np.array([[7.8, 7.7, 0.0, 0.0, 0.0, 0.0], [12.0, 7.7, 0.0, 0.0, 0.0, 0.0]])
-    verdict = check_solution(model, poses, True, model, ("Fy",))
+    verdict = cc.verify(model, poses, model, loads=("Fy",))
     assert verdict.verified.tolist() == [False, True], "what bears on the wall is not counted"
     assert verdict.exit_code == 3
     assert "of the load not counted" in verdict.words[0]
-    assert "1 solved, but up to" in str(verdict)
+    assert "1 solved, but up to" in verdict.line
+
+
+@pytest.fixture(scope="module")
+def sheets(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("edges")
+    write_obj(folder / "plane.obj", *sheet_mesh(40.0, 2.0))
+    write_obj(folder / "ball.obj", *ball_mesh(20.0, 1.2))
+    write_obj(folder / "cap.obj", *cap_mesh(20.0, 1.2, 0.5))
+    return folder
+
+
+def on_sheet(folder, moving):
+    path = folder / f"{moving}.toml"
+    path.write_text(mesh_scene_text(folder / f"{moving}.obj", folder / "plane.obj"))
+    return cc.ElasticFoundation(cc.load_scene(path), (60, 60))
+
+
+def test_a_cap_that_stands_upright_bears_within_itself_and_one_that_is_turned_onto_its_edge_beyond_it(sheets):
+    model = on_sheet(sheets, "cap")
+    upright = np.array([0.0, 19.9, 0.0, 0.0, 0.0, 0.0])
+    tilted = upright + np.array([0.0, 0.0, 0.0, 0.5, 0.0, 0.0])  # by as much as the cap reaches from its pole
+    apart = upright + np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    share = share_beyond_open_edges(model, np.array([upright, tilted, apart]))
+    assert share[0] == share[2] == 0.0
+    assert 0.2 < share[1] < 0.8, "half of the spot lies beyond, where the cap rounds off"
+    assert "in 1 of 3 frames up to" in unmodelled_load_words({"beyond_open_edges": share})["beyond_open_edges"]
+
+    many = np.tile([upright, tilted, apart], (150, 1))  # more than are looked up at once
+    np.testing.assert_allclose(share_beyond_open_edges(model, many), np.tile(share, 150), rtol=1e-12)
+
+
+def test_a_closed_body_has_no_open_edges(sheets):
+    share = share_beyond_open_edges(on_sheet(sheets, "ball"), np.array([[0.0, 19.9, 0.0, 0.5, 0.0, 0.0]]))
+    np.testing.assert_array_equal(share, 0.0)
+    assert unmodelled_load_words({"beyond_open_edges": share}) == {}
 
 
 def test_elements_that_are_the_triangles_bear_on_walls_as_well(folder):
@@ -161,5 +198,5 @@ def test_elements_that_are_the_triangles_bear_on_walls_as_well(folder):
 
 def test_a_parametric_body_has_none():
     model = cc.ElasticFoundation(cc.load_scene("sphere_on_plane"), (40, 40))
-    for share in (share_on_walls, share_outside_patches):
+    for share in (share_beyond_open_edges, share_on_walls, share_outside_patches):
         np.testing.assert_array_equal(share(model, [model.scene.start_pose]), 0.0)

@@ -1,0 +1,272 @@
+"""A solution evaluated again on the contact model that its surrogate stands for: a verdict on every frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.model import ContactModel
+from casadi_contact.contact.symbolic import HasConfidence, SymbolicContact
+from casadi_contact.core.conventions import Array, as_poses, load_unit
+from casadi_contact.core.quantities import format_above_limit, three_digits
+from casadi_contact.optimisation.reference import loads_on, off_finer, unmodelled_fraction
+from casadi_contact.scenes.tolerance import Tolerance
+
+UNCOUNTED = 0.05  # of a frame's load, that lies where the contact model counts none: with more it is not verified
+VERIFIED, DIFFERS, UNSOLVED, UNCHECKED = "solved and verified", "solved, differs", "not solved", "solved, not checked"
+ON_MODEL, LEAPS, NOT_ASKED = "solved on the contact model", "solved, its pose leaps", "no load"
+
+_Rows = np.ndarray | int
+_Doubt = tuple[np.ndarray, str, str, Callable[[_Rows], str]]
+"""Rows (n,), what a summary and a frame's own verdict say of them, and the size that either names."""
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What the contact model says of poses (n, 6) that solve a problem; ``print`` it.
+
+    solved (n,): as the solver says; errors (n, L): surrogate minus model [N, N·mm] of load_names, infinite where the
+    model gave no number, NaN where there was no model to ask; tolerance: the scene's; model: its name, or why there is
+    none; outside (n,): frames out of the learned region; expected (n, L): what the surrogate says of its errors, NaN
+    where it says nothing; uncounted (n,): share of the load that lies where no model of the scene counts any; off_finer
+    (n, L): what the model differs by from a finer one; on_model (n,): frames that were solved on the model itself;
+    without_load (n,): frames that bear none, which count for nothing; leaps (n,): frames whose pose lies apart from a
+    neighbour's.
+    """
+
+    load_names: tuple[str, ...]
+    poses: Array
+    solved: np.ndarray
+    errors: Array
+    tolerance: Tolerance
+    model: str
+    outside: np.ndarray
+    expected: Array
+    uncounted: Array
+    off_finer: Array
+    on_model: np.ndarray
+    without_load: np.ndarray
+    leaps: np.ndarray
+
+    @property
+    def checked(self) -> bool:
+        """True where there was a contact model to ask."""
+        return not np.isnan(self.errors).all()
+
+    @property
+    def allowed(self) -> Array:
+        """Largest error (L,) of a verified frame."""
+        return self.tolerance.single * self.tolerance.allowed
+
+    @property
+    def rms(self) -> Array:
+        """Root mean square difference of each load (L,) over the frames that the model answered; NaN if it did none."""
+        return np.asarray(np.sqrt(np.mean(self._answered**2, axis=0)))
+
+    @property
+    def worst(self) -> Array:
+        """Largest difference of each load (L,) over these frames."""
+        return np.asarray(np.abs(self._answered).max(axis=0))
+
+    @property
+    def _answered(self) -> Array:
+        known = self.errors[np.isfinite(self.errors).all(axis=1)]
+        return known if len(known) else np.full((1, len(self.load_names)), np.nan)
+
+    @property
+    def verified(self) -> np.ndarray:
+        """True (n,) for frames that are solved, and on the contact model as well, which counts all of their load and is
+        fine enough there, in a pose that does not leap."""
+        if not self.checked:
+            return np.zeros_like(self.solved)
+        verified = self.solved & ~self.without_load
+        for rows, *_ in self._doubts():
+            verified &= ~rows
+        return verified
+
+    @property
+    def failing(self) -> np.ndarray:
+        """True (n,) for frames unsolved, outside the learned region or with a single error that is too large; where an
+        RMS is too large, frames with errors above it too."""
+        tolerance = self.tolerance
+        if not (tolerance.rms_ratios(self.rms) <= 1.0).all():
+            tolerance = tolerance.times(1.0 / tolerance.single)
+        return ~self.solved | self.outside | ~tolerance.met_by_each(self.errors)
+
+    @property
+    def passed(self) -> bool:
+        """The errors meet the tolerance, every frame is solved, in the learned region and answered by the model."""
+        return not self.failing.any() and self.tolerance.met(self.errors)
+
+    @property
+    def words(self) -> list[str]:
+        """The verdict of each frame (n,), with the load that differs most against what is allowed."""
+        unchecked = np.full(len(self.poses), not self.checked)
+        cases = {NOT_ASKED: self.without_load, UNSOLVED: ~self.solved, UNCHECKED: unchecked, ON_MODEL: self.on_model}
+        words = np.select(list(cases.values()), list(cases), VERIFIED).tolist()
+        for rows, _, of_frame, size in self._doubts():
+            for frame in np.flatnonzero(rows).tolist():
+                words[frame] = of_frame.format(size(frame))
+        return [str(word) for word in words]
+
+    @property
+    def exit_code(self) -> int:
+        """0: every frame verified, or solved with no model to ask; 2: some not solved; 3: solved, not all verified."""
+        if not (self.solved | self.without_load).all():
+            return 2
+        return 0 if not self.checked or (self.verified | self.without_load).all() else 3
+
+    @property
+    def line(self) -> str:
+        """All frames in one line."""
+        loaded = ~self.without_load
+        count, solved, idle = (int(rows.sum()) for rows in (loaded, self.solved & loaded, self.without_load))
+        others = f", {idle} bear no load" if idle else ""
+        if not self.checked:
+            return f"{solved} of {count} solved{others}, not checked: {self.model}{self._own_words}"
+        verified, alone = int(self.verified.sum()), int((self.verified & self.on_model).sum())
+        own = f", {alone} of them on it alone" if alone else ""
+        parts = [f"{verified} of {count} solved and verified on {self.model}{own}{others}"]
+        parts += [f"{rows.sum()} {of_rows.format(size(rows))}" for rows, of_rows, _, size in self._doubts()]
+        return "; ".join([*parts, *([f"{count - solved} not solved"] if count > solved else [])])
+
+    def __str__(self) -> str:
+        if not self.checked:
+            return self.line
+        lines = [self.line, f"  {'load':<8}{'RMS':>10}{'worst':>10}{'tolerance':>11}"]
+        for name, rms, worst, allowed in zip(
+            self.load_names, self.rms, self.worst, self.tolerance.allowed, strict=True
+        ):
+            said = "" if rms <= allowed else "  too large"
+            lines.append(
+                f"  {name:<8}{format_above_limit(rms, allowed):>10}{worst:>10.3g}{allowed:>11g} {load_unit(name)}{said}"
+            )
+        frames = np.flatnonzero(self.outside)
+        which = f" ({', '.join(map(str, frames[:10]))}{', ...' if len(frames) > 10 else ''})" if len(frames) else ""
+        lines.append(f"  {len(frames)} of {len(self.poses)} frames{which} outside the learned region")
+        return "\n".join([*lines, "  passed" if self.passed else "  not passed"])
+
+    def _doubts(self) -> Iterator[_Doubt]:
+        """Why solved frames are not verified, in the order in which it is told; a frame has one doubt at most."""
+        if not self.checked:
+            return
+        reasons: tuple[_Doubt, ...] = (
+            (
+                self._too_large(self.off_finer),
+                "solved, but where elements half as wide differ, at most by {}: finer grids.teacher in the scene tell "
+                "whether they hold",
+                "solved, elements half as wide differ by {}",
+                lambda rows: self._largest(self.off_finer, rows),
+            ),
+            (
+                self._too_large(self.errors),
+                "solved but differ, at most by {}",
+                DIFFERS + " by {}",
+                lambda rows: self._largest(self.errors, rows),
+            ),
+            (
+                self.uncounted > UNCOUNTED,
+                "solved, but up to {} of their load lies where none is counted",
+                "solved, {} of the load not counted",
+                lambda rows: f"{np.max(self.uncounted[rows]):.0%}",
+            ),
+            (self.leaps, "solved, but their pose leaps from one to the next", LEAPS, lambda rows: ""),
+        )
+        left = self.solved & ~self.without_load
+        for rows, *said in reasons:
+            if (left & rows).any():
+                yield left & rows, *said
+            left &= ~rows
+
+    def _too_large(self, errors: Array) -> np.ndarray:
+        return ~self.tolerance.met_by_each(errors)
+
+    @property
+    def _own_words(self) -> str:
+        """The largest of a surrogate's own expected errors in solved frames, against what is allowed."""
+        told = self.solved & ~self.without_load & np.isfinite(self.expected).all(axis=1)
+        if not told.any():
+            return ""
+        largest = self.expected[told].max(axis=0)
+        load = int((largest / self.allowed).argmax())
+        name = self.load_names[load]
+        off, unit = format_above_limit(largest[load], self.allowed[load]), load_unit(name)
+        return f"; the surrogate itself expects errors up to {off} {unit} ({name}, {self.allowed[load]:g} allowed)"
+
+    def _largest(self, errors: Array, rows: _Rows) -> str:
+        """Of errors (n, L) in rows, or in one: the one that is largest against what is allowed."""
+        found = np.abs(np.atleast_2d(errors[rows]))
+        row, load = np.unravel_index(int(self.tolerance.single_ratios(found).argmax()), found.shape)
+        name = self.load_names[load]
+        return f"{three_digits(found[row, load])} {load_unit(name)} ({name})"
+
+
+def verify(
+    surrogate: SymbolicContact,
+    poses: ArrayLike,
+    model: ContactModel | str,
+    solved: ArrayLike = True,
+    loads: Sequence[str] | None = None,
+    *,
+    on_model: ArrayLike = False,
+    without_load: ArrayLike = False,
+    leaps: ArrayLike = False,
+) -> Verification:
+    """Compare a surrogate, or a foundation, with a contact model at poses (n, 6) of a solution on it.
+
+    model: `reference_model` of the scene as a rule, whose own error should be well below the scene's tolerances; where
+    it is a reason in words, frames are not checked. solved: which frames (n,) the solver did not give up. loads: those
+    that the problem uses, all if left out. on_model, without_load, leaps: as in `Verification`.
+    Raises ValueError for bad or no poses, for a model without the loads, and for truths of another number of poses.
+    """
+    poses, names = as_poses(poses), surrogate.check_loads(loads)
+    if not len(poses):
+        raise ValueError("no poses to verify, expected (n, 6) with n >= 1")
+    given = {"solved": solved, "on_model": on_model, "without_load": without_load, "leaps": leaps}
+    rows = {key: as_mask(key, value, len(poses)) for key, value in given.items()}
+    shape, tolerance = (len(poses), len(names)), Tolerance.of(surrogate.scene, names)
+    outside, expected = np.zeros(len(poses), dtype=bool), np.full(shape, np.nan)
+    if isinstance(surrogate, HasConfidence):
+        outside[:] = surrogate.confidence is None  # without confidence no region is known
+        if surrogate.confidence is not None:
+            columns = [surrogate.load_names.index(load) for load in names]
+            outside, expected = surrogate.validity(poses) < 0.5, surrogate.expected_error(poses)[:, columns]
+    uncounted, finer = np.zeros(len(poses)), np.zeros(shape)
+    if isinstance(model, str):
+        errors, name = np.full(shape, np.nan), model
+    else:
+        errors = surrogate(poses, names) - loads_on(model, poses, names)
+        errors[~np.isfinite(errors)] = np.inf
+        errors[rows["on_model"]], name = 0.0, type(model).__name__
+        if isinstance(model, ElasticFoundation):
+            name, uncounted = model.label, unmodelled_fraction(model, poses)
+            ended = rows["solved"]
+            finer[ended] = off_finer(model, poses[ended], names, tolerance.single * tolerance.allowed)
+    return Verification(
+        names,
+        poses,
+        errors=errors,
+        tolerance=tolerance,
+        model=name,
+        outside=outside,
+        expected=expected,
+        uncounted=uncounted,
+        off_finer=finer,
+        **rows,
+    )
+
+
+def as_mask(key: str, value: ArrayLike, count: int) -> np.ndarray:
+    """Truth of each pose (n,), given for each or for all; ValueError for another shape, and for other than True, False,
+    1 and 0."""
+    given = np.asarray(value)
+    if given.dtype.kind not in "biuf" or not np.isin(given, (0, 1)).all():
+        raise ValueError(f"{key} holds {given.ravel()[0] if given.size else given.dtype}, expected True or False")
+    truth = given.astype(bool)
+    if truth.shape not in ((), (count,)):
+        raise ValueError(f"{key} has shape {truth.shape}, expected one for each of {count} poses, or one for all")
+    return np.broadcast_to(truth, count)
