@@ -23,15 +23,12 @@ from casadi_contact.geometry.mesh_checks import (
     check_orientation,
     check_outside,
 )
-from casadi_contact.geometry.mesh_formats import read_by_trimesh, read_vtp
+from casadi_contact.geometry.mesh_formats import FORMATS, read_triangles
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 
 MM_PER_UNIT = {"m": 1000.0, "mm": 1.0, "cm": 10.0, "inch": 25.4}
 FILE_AXES = ("x", "y", "z")  # axes as they are in the file
-FORMATS = (".stl", ".obj", ".ply", ".vtp")
-
-
-MIRRORS = ("x", "y", "z")
+MIRRORS = FILE_AXES
 
 
 @dataclass(frozen=True)
@@ -102,8 +99,7 @@ def load_mesh(
     if path.suffix.lower() not in FORMATS:
         raise ValueError(f"mesh {path} is a {path.suffix or 'nameless'} file, expected one of {', '.join(FORMATS)}")
     existing_file(path, "mesh file")
-    vertices, faces = read_vtp(path) if path.suffix.lower() == ".vtp" else read_by_trimesh(path)
-    return checked_mesh(path.name, vertices, faces, units, axes, contact, placement)
+    return checked_mesh(path.name, *read_triangles(path), units, axes, contact, placement)
 
 
 def file_digest(path: Path) -> str:

@@ -1,4 +1,4 @@
-"""Vertices and triangles of mesh files: STL, OBJ and PLY by trimesh, VTK PolyData (.vtp) here."""
+"""Vertices and triangles of mesh files: STL and PLY by trimesh, OBJ and VTK PolyData (.vtp) here."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import base64
 import io
 import re
 import zlib
+from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -15,86 +16,74 @@ import numpy as np
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.files.reading import MOST_MESH, MOST_UNPACKED, checked_size, one_line
 
-_RELATIVE = re.compile(rb"^[ \t]*f[ \t](?:[^\n]*[ \t])?(?:-|0+(?:[/\s]|$))", re.MULTILINE)  # or 0
 _VTK_TYPES = {
     **{f"{sign}Int{bits}": f"{letter}{bits // 8}" for sign, letter in (("", "i"), ("U", "u")) for bits in (32, 64)},
     **{"Float32": "f4", "Float64": "f8", "Int8": "i1", "UInt8": "u1"},
 }
 
 
-def read_by_trimesh(path: Path) -> tuple[Array, np.ndarray]:
-    """Vertices (v, 3) and triangles (f, 3) of an STL, OBJ or PLY file; ValueError for one that cannot be read."""
+def read_triangles(path: Path) -> tuple[Array, np.ndarray]:
+    """Vertices (v, 3) and triangles (f, 3) of a mesh file; ValueError for one that cannot be read."""
+    checked_size(path, MOST_MESH)
+    kind = path.suffix.lower()
     try:
-        import trimesh
+        return READERS[kind](path.read_bytes())
     except ImportError:
         raise ImportError(f"reading {path.name} needs trimesh: pip install casadi_contact[mesh]") from None
-    checked_size(path, MOST_MESH)
-    kind = path.suffix[1:].lower()
-    try:
-        whole = path.read_bytes()
-        if kind == "obj":
-            whole = re.sub(rb"#[^\r\n]*", b"", whole).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-            whole = _with_absolute_indices(whole)
-        # Not by its path: trimesh would read files that the mesh names.
-        content: Any = trimesh.load(io.BytesIO(whole), file_type=kind, force="mesh", process=False)
-        return np.asarray(content.vertices), np.asarray(content.faces)
-    except Exception as error:  # trimesh's readers raise many kinds of errors for damaged files
+    except Exception as error:  # damaged bytes lead to many kinds of errors in trimesh, expat, base64, zlib and NumPy
+        inside = ", in ascii or inline base64" if kind == ".vtp" else ""
         raise ValueError(
-            f"mesh {path} cannot be read ({one_line(error)}), expected a whole {kind.upper()} file"
+            f"mesh {path} cannot be read ({one_line(error)}), expected a whole {kind[1:].upper()} file{inside}"
         ) from None
 
 
-def _with_absolute_indices(content: bytes) -> bytes:
-    """An OBJ file with relative indices (-1 is the last vertex before the face) made absolute, without texture.
+def _by_trimesh(content: bytes, kind: str) -> tuple[Array, np.ndarray]:
+    import trimesh
 
-    The same content if it has none. ValueError for a vertex that does not exist, and for index 0 (Wavefront OBJ).
-    """
-    joined = content.replace(b"\\\n", b"")
-    if not _RELATIVE.search(joined):
-        return content
-    lines, vertices = [], 0
-    for line in joined.splitlines():
-        words = line.split()
-        if words[:1] == [b"v"]:
-            vertices += 1
-            lines.append(line)
-        elif words[:1] == [b"f"]:
-            indices = [int(word.split(b"/")[0]) for word in words[1:]]
-            if wrong := [index for index in indices if index == 0 or index < -vertices]:
-                raise ValueError(f"a triangle names vertex {wrong[0]} after {vertices} vertices")
-            lines.append(b"f " + b" ".join(b"%d" % (k if k > 0 else vertices + k + 1) for k in indices))
-    return b"\n".join(lines) + b"\n"
+    # Not by its path: trimesh would read files that the mesh names.
+    mesh: Any = trimesh.load(io.BytesIO(content), file_type=kind, force="mesh", process=False)
+    return np.asarray(mesh.vertices), np.asarray(mesh.faces)
 
 
-def read_vtp(path: Path) -> tuple[Array, np.ndarray]:
-    """Vertices (v, 3) and triangles (f, 3) of a .vtp file, as in OpenSim's geometry folders.
+def _of_obj(content: bytes) -> tuple[Array, np.ndarray]:
+    """Indices begin at 1; those below 0 count back from the face, so that -1 is the last vertex before it, and not the
+    file's last as trimesh has it (Wavefront OBJ)."""
+    vertices: list[list[float]] = []
+    corners: list[int] = []
+    ends = []
+    content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    for line in re.sub(rb"#[^\n]*", b"", content).replace(b"\\\n", b"").split(b"\n"):
+        kind, *words = line.split() or [b""]
+        if kind == b"v":
+            vertices.append([float(word) for word in words[:3]])
+        elif kind == b"f":
+            indices = [int(word.split(b"/")[0]) for word in words]
+            if wrong := [k for k in indices if k == 0 or k < -len(vertices)]:
+                raise ValueError(f"a triangle names vertex {wrong[0]} after {len(vertices)} vertices")
+            corners += [k - 1 if k > 0 else len(vertices) + k for k in indices]
+            ends.append(len(corners))
+    return np.array(vertices, dtype=float), _fans(np.array(corners, dtype=np.int64), np.array(ends, dtype=np.int64))
 
-    It reads `Points` and `Polys` in ASCII or inline base64 (plain or zlib), and divides polygons into fans. Raises
-    ValueError for other files. Source: VTK file formats, XML formats.
-    """
-    checked_size(path, MOST_MESH)
-    try:
-        content = path.read_bytes()
-        if b"<!DOCTYPE" in content or b"\0" in content:  # entities can expand without end; UTF-16 would hide them
-            raise ValueError("it has a document type or is not UTF-8")
-        root = ElementTree.fromstring(content)
-        vertices, faces, offset = [], [], 0
-        for piece in root.iter("Piece"):
-            if piece.get("NumberOfPoints") == "0":
-                continue  # its arrays may be left out
-            if piece.get("NumberOfStrips", "0") != "0":
-                raise ValueError("it has triangle strips, expected polygons")
-            points = _vtk_array(root, piece.find("Points/DataArray")).astype(float).reshape(-1, 3)
-            cells = {array.get("Name"): array for array in piece.findall("Polys/DataArray")}
-            connectivity, ends = (_vtk_array(root, cells.get(name)) for name in ("connectivity", "offsets"))
-            faces.append(_fans(connectivity.astype(np.int64), ends.astype(np.int64)) + offset)
-            vertices.append(points)
-            offset += len(points)
-        return np.concatenate(vertices), np.concatenate(faces)
-    except Exception as error:  # damaged bytes lead to many kinds of errors in expat, base64, zlib and NumPy
-        raise ValueError(
-            f"mesh {path} cannot be read ({one_line(error)}), expected a VTK PolyData file in ascii or inline base64"
-        ) from None
+
+def _of_vtp(content: bytes) -> tuple[Array, np.ndarray]:
+    """As in OpenSim's geometry folders: `Points`, `Polys` in ASCII or inline base64 (plain or zlib). Source: VTK file
+    formats, XML formats."""
+    if b"<!DOCTYPE" in content or b"\0" in content:  # entities can expand without end; UTF-16 would hide them
+        raise ValueError("it has a document type or is not UTF-8")
+    root = ElementTree.fromstring(content)
+    vertices, faces, offset = [], [], 0
+    for piece in root.iter("Piece"):
+        if piece.get("NumberOfPoints") == "0":
+            continue  # its arrays may be left out
+        if piece.get("NumberOfStrips", "0") != "0":
+            raise ValueError("it has triangle strips, expected polygons")
+        points = _vtk_array(root, piece.find("Points/DataArray")).astype(float).reshape(-1, 3)
+        cells = {array.get("Name"): array for array in piece.findall("Polys/DataArray")}
+        connectivity, ends = (_vtk_array(root, cells.get(name)) for name in ("connectivity", "offsets"))
+        faces.append(_fans(connectivity.astype(np.int64), ends.astype(np.int64)) + offset)
+        vertices.append(points)
+        offset += len(points)
+    return np.concatenate(vertices), np.concatenate(faces)
 
 
 def _vtk_array(root: ElementTree.Element, array: ElementTree.Element | None) -> np.ndarray:
@@ -140,3 +129,12 @@ def _fans(connectivity: np.ndarray, ends: np.ndarray) -> np.ndarray:
     first = np.repeat(starts, count)
     k = np.arange(len(first)) - np.repeat(np.cumsum(count) - count, count)
     return connectivity[np.stack([first, first + k + 1, first + k + 2], axis=1)]
+
+
+READERS = {
+    ".stl": partial(_by_trimesh, kind="stl"),
+    ".obj": _of_obj,
+    ".ply": partial(_by_trimesh, kind="ply"),
+    ".vtp": _of_vtp,
+}
+FORMATS = tuple(READERS)

@@ -11,7 +11,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -33,40 +32,9 @@ class Lines:
     up_hessians: Array
 
 
-class Projection(Protocol):
-    """What a grid of elements and a chart of cells are laid out by."""
-
-    @property
-    def seen_from(self) -> str:
-        """Where rays come from, in words."""
-
-    @property
-    def remedy(self) -> str:
-        """What to do where rays do not meet the surface."""
-
-    def lines(self, u: Array, v: Array) -> Lines:
-        """The lines of points (m,), (m,) of the plane."""
-
-    def spread(self, h: Array) -> Array:
-        """The area across the lines at h (m,) that unit area of the plane stands for."""
-
-    def bounds(self, mesh: TriangleMesh, box: tuple[Array, Array]) -> tuple[Array, Array, float]:
-        """Lowest and highest (u, v) of what a box may hold of the mesh, and the h from which rays meet all of it."""
-
-
-def projection_of(pressing: Sequence[float], centre_mm: Sequence[float] | None, mesh: TriangleMesh) -> Projection:
-    """Along `pressing`, or from the middle of a cup whose pole lies along `pressing` from there; raises ValueError for
-    a cup's middle that none of the mesh faces."""
-    frame = grid_frame(pressing)
-    if centre_mm is None:
-        return ParallelProjection(frame)
-    centre = np.asarray(centre_mm, dtype=float)
-    return CentralProjection(frame, centre, float(np.median(np.linalg.norm(_facing(mesh, centre), axis=1))))
-
-
 @dataclass(frozen=True, eq=False)
 class ParallelProjection:
-    """Along the second row of a frame (3, 3), over the plane of the other two."""
+    """Along the second row of a frame (3, 3), over the plane of the other two; remedy: where rays meet no surface."""
 
     frame: Array
     remedy = "check geometry.axes and geometry.pressing"
@@ -77,7 +45,7 @@ class ParallelProjection:
         return axis_name(self.frame[1])
 
     def lines(self, u: Array, v: Array) -> Lines:
-        """All alike but for where they begin."""
+        """The lines of points (m,), (m,) of the plane, all alike but for where they begin."""
         first, up, second = self.frame
         shape = (len(u), 2, 3)
         return Lines(
@@ -89,11 +57,11 @@ class ParallelProjection:
         )
 
     def spread(self, h: Array) -> Array:
-        """1 anywhere."""
+        """The area across the lines at h (m,) that unit area of the plane stands for: 1 anywhere."""
         return np.ones_like(h)
 
     def bounds(self, mesh: TriangleMesh, box: tuple[Array, Array]) -> tuple[Array, Array, float]:
-        """Of the box that bounds both, turned into the frame."""
+        """Lowest and highest (u, v) of what a box may hold of the mesh, and the h from which rays meet all of it."""
         low, high = np.maximum(mesh.vertices_mm.min(axis=0), box[0]), np.minimum(mesh.vertices_mm.max(axis=0), box[1])
         corners = np.array(list(itertools.product(*zip(low, high, strict=True)))) @ self.frame.T
         low, high = corners.min(axis=0), corners.max(axis=0)
@@ -141,6 +109,20 @@ class CentralProjection:
         k2 = np.maximum(0.5 - 0.5 * away @ self.frame[1], self.least_k2)
         places = self.radius_mm * (away @ self.frame[[0, 2]].T) / np.sqrt(k2)[:, None]
         return places.min(axis=0), places.max(axis=0), 0.0
+
+
+Projection = ParallelProjection | CentralProjection
+"""What a grid of elements and a chart of cells are laid out by."""
+
+
+def projection_of(pressing: Sequence[float], centre_mm: Sequence[float] | None, mesh: TriangleMesh) -> Projection:
+    """Along `pressing`, or from the middle of a cup whose pole lies along `pressing` from there; raises ValueError for
+    a cup's middle that none of the mesh faces."""
+    frame = grid_frame(pressing)
+    if centre_mm is None:
+        return ParallelProjection(frame)
+    centre = np.asarray(centre_mm, dtype=float)
+    return CentralProjection(frame, centre, float(np.median(np.linalg.norm(_facing(mesh, centre), axis=1))))
 
 
 def grid_frame(pressing: Sequence[float]) -> Array:

@@ -1,12 +1,10 @@
 """Vertices with very many neighbours: fans of long triangles, as at the poles of spheres and on the ends of drums."""
 
 import tracemalloc
-from functools import partial
 
 import numpy as np
 import pytest
 
-from casadi_contact.geometry import smooth_surface
 from casadi_contact.geometry.mesh import checked_mesh
 from casadi_contact.geometry.smooth_surface import SmoothSurface, fitted_normals
 from tests.support.meshes import outward, unit
@@ -27,24 +25,11 @@ def pole_mesh(spokes, rings, radius=20.0):
     return points, outward(points, np.concatenate(faces), lambda p: p)
 
 
-@pytest.mark.parametrize("spokes", [40, 250, 300, 1000])
+@pytest.mark.parametrize("spokes", [40, 300, 1000])
 def test_normals_at_a_pole_are_those_of_the_sphere(spokes):
     mesh = checked_mesh("pole", *pole_mesh(spokes, 6))
     inner = np.hypot(mesh.vertices_mm[:, 0], mesh.vertices_mm[:, 2]) < 2.2
     assert np.linalg.norm(fitted_normals(mesh) - unit(mesh.vertices_mm), axis=1)[inner].max() < 1e-3
-
-
-def test_no_fit_changes_but_those_beside_the_hub_of_a_large_fan(monkeypatch):
-    for spokes, all_same in ((256, True), (300, False)):
-        mesh = checked_mesh("pole", *pole_mesh(spokes, 6))
-        normals = fitted_normals(mesh)
-        with monkeypatch.context() as unlimited:
-            unlimited.setattr(smooth_surface, "_neighbours", partial(smooth_surface._neighbours, most=10**9))
-            same = (normals == fitted_normals(mesh)).all(axis=1)
-        beside = np.hypot(mesh.vertices_mm[:, 0], mesh.vertices_mm[:, 2]) < 0.6
-        assert beside.sum() == spokes + 1
-        assert same[~beside].all()
-        assert same.all() == all_same
 
 
 def drum(spokes):

@@ -1,8 +1,6 @@
-"""Meshes are read alike from every format, and those that cannot work are refused by name."""
+"""Meshes are cleaned and checked, and those that cannot work are refused by name; smooth surfaces and their fields."""
 
-import base64
 import sys
-import zlib
 
 import numpy as np
 import pytest
@@ -28,60 +26,6 @@ TETRAHEDRON = (
     10.0 * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
     np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]),
 )
-
-
-def vtp_text(vertices, faces, encode):
-    arrays = {"Points": ("Float64", vertices), "connectivity": ("Int64", faces), "offsets": ("Int64", None)}
-    arrays["offsets"] = ("Int64", 3 * (np.arange(len(faces)) + 1))
-    parts = {name: encode(kind, np.ascontiguousarray(values).ravel()) for name, (kind, values) in arrays.items()}
-    compressor = ' compressor="vtkZLibDataCompressor"' if encode is zlib_array else ""
-    return (
-        f'<VTKFile type="PolyData" byte_order="LittleEndian" header_type="UInt32"{compressor}><PolyData>'
-        f'<Piece NumberOfPoints="{len(vertices)}" NumberOfPolys="{len(faces)}"><Points>{parts["Points"]}</Points>'
-        f"<Polys>{parts['connectivity']}{parts['offsets']}</Polys></Piece></PolyData></VTKFile>"
-    ).replace('Name=""', "")
-
-
-def element(kind, form, text):
-    return f'<DataArray type="{kind}" Name="{{name}}" format="{form}">{text}</DataArray>'
-
-
-def ascii_array(kind, values):
-    return element(kind, "ascii", " ".join(repr(v.item()) for v in values))
-
-
-def base64_array(kind, values):
-    data = values.astype("<f8" if kind == "Float64" else "<i8").tobytes()
-    return element(kind, "binary", base64.b64encode(np.uint32(len(data)).tobytes() + data).decode())
-
-
-def zlib_array(kind, values):
-    data = values.astype("<f8" if kind == "Float64" else "<i8").tobytes()
-    packed = zlib.compress(data)
-    header = np.array([1, len(data), len(data), len(packed)], dtype="<u4").tobytes()
-    return element(kind, "binary", (base64.b64encode(header) + base64.b64encode(packed)).decode())
-
-
-@pytest.mark.parametrize("encode", [ascii_array, base64_array, zlib_array])
-def test_vtp_files_are_read_in_every_encoding(tmp_path, encode):
-    text = vtp_text(*TETRAHEDRON, encode)
-    for name in ("points", "connectivity", "offsets"):
-        text = text.replace("{name}", name, 1)
-    (tmp_path / "t.vtp").write_text(text)
-    mesh = load_mesh(tmp_path / "t.vtp", "mm")
-    assert len(mesh.faces) == 4
-    np.testing.assert_allclose(np.sort(mesh.corners_mm.ravel()), np.sort(TETRAHEDRON[0][TETRAHEDRON[1]].ravel()))
-
-
-@pytest.mark.parametrize("ending", ["stl", "ply", "obj"])
-def test_other_formats_give_the_same_mesh_in_mm_and_our_axes(tmp_path, ending):
-    trimesh = pytest.importorskip("trimesh")
-    vertices, faces = TETRAHEDRON
-    trimesh.Trimesh(0.001 * vertices, faces, process=False).export(tmp_path / f"t.{ending}")
-    mesh = load_mesh(tmp_path / f"t.{ending}", "m", ("-x", "y", "-z"))
-    assert len(mesh.vertices_mm) == 4
-    np.testing.assert_allclose(mesh.vertices_mm.min(axis=0), [-10.0, 0.0, -10.0], atol=1e-5)
-    np.testing.assert_allclose(mesh.area_vectors_mm2.sum(axis=0), 0.0, atol=1e-4)
 
 
 def test_degenerate_triangles_are_dropped_and_counted():
@@ -191,17 +135,6 @@ def test_a_scene_bears_them_on_its_fixed_body_away_from_the_patches_only(tmp_pat
         body_mesh(load_scene(tmp_path / "turned.toml").geometry, "moving")
 
 
-def test_files_that_are_no_mesh_are_refused(tmp_path):
-    with pytest.raises(FileNotFoundError, match="does not exist"):
-        load_mesh(tmp_path / "none.stl", "mm")
-    with pytest.raises(ValueError, match="step"):
-        load_mesh(tmp_path / "part.step", "mm")
-    for name in ("t.vtp", "t.stl"):
-        (tmp_path / name).write_text("<VTKFile>")
-        with pytest.raises(ValueError, match=r"cannot be read|is empty"):
-            load_mesh(tmp_path / name, "mm")
-
-
 def torus_distance(points, ring, tube):
     return np.hypot(np.hypot(points[:, 0], points[:, 1]) - ring, points[:, 2]) - tube
 
@@ -260,7 +193,6 @@ def test_a_field_too_fine_for_memory_is_refused():
     ("library", "use"),
     [
         ("igl", lambda path: SmoothSurface(load_mesh(path, "mm"))),
-        ("trimesh", lambda path: load_mesh(path, "mm")),
         ("trimesh", lambda path: RayCaster(checked_mesh("t", *TETRAHEDRON))),
     ],
 )

@@ -1,33 +1,30 @@
-"""Files of triangles are read as their formats define them, and what is not whole is refused."""
+"""Mesh files are read as their formats define them; what is not whole or made to mislead is one line at once."""
+
+import base64
+import struct
+import sys
+import tracemalloc
+import zlib
 
 import numpy as np
 import pytest
+import trimesh
 
+from casadi_contact.geometry import mesh_formats
 from casadi_contact.geometry.mesh import load_mesh
 from tests.support.meshes import ball_mesh
 
 BALL = ball_mesh(16.0, 4.0)
+MOST_MEMORY = 64 << 20
 
 
 def v(point):
     return "v {:.9f} {:.9f} {:.9f}\n".format(*point)
 
 
-def whole_ball(path):
-    mesh = load_mesh(path, "mm")
-    assert (len(mesh.faces), mesh.dropped, len(mesh.boundary_edges)) == (len(BALL[1]), 0, 0)
-    corners = BALL[0][BALL[1]]
-    np.testing.assert_allclose(np.sort(mesh.corners_mm.sum(axis=1), 0), np.sort(corners.sum(axis=1), 0), atol=1e-4)
-    return mesh
-
-
 def obj_each_with_its_own(vertices, faces):
     """As streaming exporters write it: three vertices and their triangle, again and again."""
     return "".join("".join(v(p) for p in vertices[face]) + "vn 0 1 0\nf -3//-1 -2//-1 -1//-1\n" for face in faces)
-
-
-def obj_vertices_first(vertices, faces):
-    return "".join(v(p) for p in vertices) + "".join("f {} {} {}\n".format(*f) for f in faces - len(vertices))
 
 
 def obj_of_both_kinds(vertices, faces):
@@ -40,81 +37,174 @@ def obj_of_both_kinds(vertices, faces):
     return "# f -1 -2 -3\n".join(lots)
 
 
-@pytest.mark.parametrize("write", [obj_each_with_its_own, obj_vertices_first, obj_of_both_kinds])
-@pytest.mark.parametrize("newline", ["\n", "\r\n"])
-def test_obj_indices_below_zero_count_back_from_the_triangle(tmp_path, write, newline):
-    (tmp_path / "ball.obj").write_bytes(write(*BALL).replace("\n", newline).encode())
-    whole_ball(tmp_path / "ball.obj")
+def dos(vertices, faces):
+    return obj_of_both_kinds(vertices, faces).replace("\n", "\r\n")
 
 
-@pytest.mark.parametrize(("face", "said"), [("-1 -2 -4", "vertex -4 after 3"), ("1 0 2", "vertex 0 after 3")])
-def test_obj_indices_of_no_vertex_are_refused(tmp_path, face, said):
-    (tmp_path / "t.obj").write_text(f"v 0 0 0\nv 10 0 0\nv 0 10 0\nf {face}\nv 0 0 10\n")
-    with pytest.raises(ValueError, match=said):
-        load_mesh(tmp_path / "t.obj", "mm")
-
-
-def stl(vertices, faces):
+def stl(vertices, faces, name="part"):
     corner = "      vertex {:.9e} {:.9e} {:.9e}\n"
     facet = "  facet normal 0 0 0\n    outer loop\n{}    endloop\n  endfacet\n"
     facets = (facet.format("".join(corner.format(*point) for point in vertices[face])) for face in faces)
-    return f"solid part\n{''.join(facets)}endsolid\n"
+    return f"solid {name}\n{''.join(facets)}endsolid\n"
 
 
-@pytest.mark.parametrize("change", [str.lower, str.upper, str.title])
-def test_ascii_stl_is_read_in_any_case(tmp_path, change):
-    path = tmp_path / "ball.stl"
-    path.write_text(stl(*BALL))
-    plain = whole_ball(path)
-    path.write_text(change(stl(*BALL)))
-    np.testing.assert_array_equal(whole_ball(path).corners_mm, plain.corners_mm)
+def binary_stl(vertices, faces):
+    """With the words of the other kind in its header."""
+    facets = np.zeros(len(faces), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
+    facets["corners"] = vertices[faces]
+    head = b"solid Exported by a FacetModeller, facet normal".ljust(80) + len(faces).to_bytes(4, "little")
+    return head + facets.tobytes()
 
 
-def stl_solid(name, corners):
-    facets = ("facet normal 0 0 0\nouter loop\n{}endloop\nendfacet\n".format("".join(map(vertex, c))) for c in corners)
-    return f"solid {name}\n{''.join(facets)}endsolid {name}\n"
+def ascii_array(values):
+    return "ascii", " ".join(repr(value.item()) for value in values)
 
 
-def vertex(point):
-    return "vertex {:.6f} {:.6f} {:.6f}\n".format(*point)
+def base64_array(values):
+    return "binary", base64.b64encode(np.uint32(values.nbytes).tobytes() + values.tobytes()).decode()
 
 
-def test_a_binary_stl_file_may_have_any_words_in_its_header(tmp_path):
-    corners = BALL[0][BALL[1]].astype("<f4")
-    facets = np.zeros(len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
-    facets["corners"] = corners
-    head = b"solid Exported by a FacetModeller, facet normal".ljust(80) + len(corners).to_bytes(4, "little")
-    (tmp_path / "ball.stl").write_bytes(head + facets.tobytes())
-    whole_ball(tmp_path / "ball.stl")
-    (tmp_path / "named.stl").write_text(stl_solid("facet normal", BALL[0][BALL[1]]))
-    whole_ball(tmp_path / "named.stl")
+def zlib_array(values):
+    packed = zlib.compress(values.tobytes())
+    header = np.array([1, values.nbytes, values.nbytes, len(packed)], dtype="<u4").tobytes()
+    return "binary", (base64.b64encode(header) + base64.b64encode(packed)).decode()
 
 
-def prism_vtp(outline):
-    """A closed prism of polygons: its two ends, and a quadrilateral for each edge of the outline (n, 2)."""
-    n = len(outline)
-    points = [(x, y, z) for z in (0, 30) for x, y in outline]
-    polygons = [[*range(n)][::-1], [*range(n, 2 * n)], *([i, (i + 1) % n, (i + 1) % n + n, i + n] for i in range(n))]
-    joined, ends = [k for polygon in polygons for k in polygon], np.cumsum([len(polygon) for polygon in polygons])
-    arrays = (("connectivity", joined), ("offsets", ends))
-    cells = "".join(
-        f'<DataArray type="Int64" Name="{name}" format="ascii">{" ".join(map(str, numbers))}</DataArray>'
-        for name, numbers in arrays
-    )
-    coordinates = " ".join(str(c) for point in points for c in point)
+def vtp(points, polygons, encode=ascii_array):
+    """Points (n, 3) and lists of their numbers."""
+    numbers = np.array([k for polygon in polygons for k in polygon], dtype="<i8")
+    ends = np.cumsum([len(polygon) for polygon in polygons], dtype="<i8")
+    arrays = []
+    for name, values in (("points", np.asarray(points, "<f8").ravel()), ("connectivity", numbers), ("offsets", ends)):
+        kind, (form, text) = {"f": "Float64", "i": "Int64"}[values.dtype.kind], encode(values)
+        arrays.append(f'<DataArray type="{kind}" Name="{name}" format="{form}">{text}</DataArray>')
+    compressor = ' compressor="vtkZLibDataCompressor"' if encode is zlib_array else ""
     return (
-        f'<VTKFile type="PolyData" byte_order="LittleEndian"><PolyData><Piece NumberOfPoints="{len(points)}" '
-        f'NumberOfPolys="{len(polygons)}"><Points><DataArray type="Float64" NumberOfComponents="3" format="ascii">'
-        f"{coordinates}</DataArray></Points><Polys>{cells}</Polys></Piece></PolyData></VTKFile>"
+        f'<VTKFile type="PolyData" byte_order="LittleEndian" header_type="UInt32"{compressor}><PolyData><Piece>'
+        f"<Points>{arrays[0]}</Points><Polys>{arrays[1]}{arrays[2]}</Polys></Piece></PolyData></VTKFile>"
     )
 
 
-@pytest.mark.parametrize("first", range(6))
-def test_polygons_become_triangles_of_the_same_area(first, tmp_path):
-    hexagon = [(20, 0), (40, 0), (60, 20), (40, 40), (20, 40), (0, 20)]
-    path = tmp_path / "prism.vtp"
-    path.write_text(prism_vtp(np.roll(hexagon, first, axis=0).tolist()))
-    a, b, c = np.moveaxis(load_mesh(path, "mm").corners_mm, 1, 0)
-    sides = 30.0 * np.linalg.norm(np.diff([*hexagon, hexagon[0]], axis=0), axis=1).sum()
-    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
-    assert area == pytest.approx(2 * 1600.0 + sides)
+FILES = {
+    "each_with_its_own.obj": obj_each_with_its_own,
+    "both_kinds.obj": obj_of_both_kinds,
+    "dos.obj": dos,
+    "lower.stl": stl,
+    "upper.STL": lambda *ball: stl(*ball).upper(),
+    "named.stl": lambda *ball: stl(*ball, name="facet normal"),
+    "binary.stl": binary_stl,
+    "exported.ply": lambda *ball: trimesh.Trimesh(*ball, process=False).export(file_type="ply"),
+    "ascii.vtp": vtp,
+    "base64.vtp": lambda *ball: vtp(*ball, base64_array),
+    "zlib.vtp": lambda *ball: vtp(*ball, zlib_array),
+}
+
+
+def written(path, content):
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return path
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_ball_is_the_same_in_every_format(name, tmp_path):
+    mesh = load_mesh(written(tmp_path / name, FILES[name](*BALL)), "mm")
+    assert (len(mesh.faces), mesh.dropped, len(mesh.boundary_edges)) == (len(BALL[1]), 0, 0)
+    corners = BALL[0][BALL[1]]
+    np.testing.assert_allclose(np.sort(mesh.corners_mm.sum(axis=1), 0), np.sort(corners.sum(axis=1), 0), atol=1e-4)
+
+
+def test_units_and_axes_are_those_of_the_library(tmp_path):
+    path = written(tmp_path / "t.stl", stl(0.001 * BALL[0] + [0.1, 0.0, 0.2], BALL[1]))
+    mesh = load_mesh(path, "m", ("-x", "y", "-z"))
+    np.testing.assert_allclose(mesh.vertices_mm.mean(axis=0), [-100.0, 0.0, -200.0], atol=1.0)
+    np.testing.assert_allclose(mesh.area_vectors_mm2.sum(axis=0), 0.0, atol=1e-2)
+
+
+def obj_of_polygons(points, polygons):
+    return "".join(map(v, points)) + "".join(f"f {' '.join(str(k + 1) for k in polygon)}\n" for polygon in polygons)
+
+
+@pytest.mark.parametrize(("name", "write"), [("prism.vtp", vtp), ("prism.obj", obj_of_polygons)])
+@pytest.mark.parametrize("first", [0, 2])
+def test_polygons_become_triangles_of_the_same_area(name, write, first, tmp_path):
+    """A prism of two hexagons and their quadrilaterals."""
+    hexagon, n = np.roll([(20, 0), (40, 0), (60, 20), (40, 40), (20, 40), (0, 20)], first, axis=0), 6
+    points = [(x, y, z) for z in (0, 30) for x, y in hexagon]
+    polygons = [[*range(n)][::-1], [*range(n, 2 * n)], *([i, (i + 1) % n, (i + 1) % n + n, i + n] for i in range(n))]
+    mesh = load_mesh(written(tmp_path / name, write(points, polygons)), "mm")
+    around = np.linalg.norm(np.roll(hexagon, 1, axis=0) - hexagon, axis=1).sum()
+    assert mesh.areas_mm2.sum() == pytest.approx(2 * 1600.0 + 30.0 * around)
+
+
+PLAIN = vtp([[0, 0, 0], [10, 0, 0], [0, 10, 0], [10, 10, 0]], [[0, 1, 2], [3, 2, 1]])
+OBJ = "v 0 0 0\nv 10 0 0\nv 0 10 0\nf {}\nv 0 0 10\n"
+ENTITIES = '<!DOCTYPE x [<!ENTITY a "1"><!ENTITY b "' + "&a;" * 9 + '">]><VTKFile'
+HOSTILE = {
+    "an index of a missing vertex.vtp": (PLAIN.replace("3 2 1<", "3 2 9<"), "vertex 9"),
+    "a negative index.vtp": (PLAIN.replace("3 2 1<", "3 2 -1<"), "vertex"),
+    "offsets beyond the indices.vtp": (PLAIN.replace("3 6<", "3 600000000<"), "offsets"),
+    "falling offsets.vtp": (PLAIN.replace("3 6<", "6 3<"), "offsets"),
+    "no offsets.vtp": (PLAIN.replace("offsets", "ends"), "offsets"),
+    "points not in threes.vtp": (PLAIN.replace("0.0 0.0 0.0 10", "0.0 0.0 10"), "cannot be read"),
+    "entities.vtp": (PLAIN.replace("<VTKFile", ENTITIES), "document type"),
+    "no piece.vtp": ("<VTKFile/>", "cannot be read"),
+    "deep nesting.vtp": ("<a>" * 200_000, "cannot be read"),
+    "a vertex before the first.obj": (OBJ.format("-1 -2 -4"), "vertex -4 after 3"),
+    "vertex 0.obj": (OBJ.format("1 0 2"), "vertex 0 after 3"),
+    "a vertex after the last.obj": (OBJ.format("1 2 9"), "vertex 8 of"),
+    "an immense index.obj": (OBJ.format(f"1 2 {'9' * 30}"), "cannot be read"),
+    "four billion triangles.stl": (bytes(80) + struct.pack("<I", 0xFFFFFFFF) + bytes(100), "cannot be read|empty"),
+    "xml.stl": ("<VTKFile>", "cannot be read|empty"),
+}
+
+
+def refused(path, message):
+    tracemalloc.start()
+    try:
+        with pytest.raises(ValueError, match=message) as error:
+            load_mesh(path, "mm")
+        assert tracemalloc.get_traced_memory()[1] < MOST_MEMORY
+    finally:
+        tracemalloc.stop()
+    assert "\n" not in str(error.value)
+    assert str(path.name) in str(error.value)
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_file_made_to_mislead_is_one_line_and_takes_no_memory(name, tmp_path):
+    content, message = HOSTILE[name]
+    refused(written(tmp_path / name, content), message)
+
+
+def test_a_vtp_bomb_is_refused_without_being_unpacked(tmp_path, monkeypatch):
+    monkeypatch.setattr(mesh_formats, "MOST_UNPACKED", 1 << 20)
+    refused(written(tmp_path / "bomb.vtp", vtp(np.zeros((1 << 21, 3)), [[0, 1, 2]], zlib_array)), "unpacks")
+
+
+def test_a_mesh_file_beyond_the_stated_size_and_other_files_are_refused(tmp_path):
+    path = tmp_path / "huge.stl"
+    with path.open("wb") as file:
+        file.truncate((512 << 20) + 1)  # takes no room on the disc
+    refused(path, "expected at most 536870912")
+    refused(tmp_path / "part.step", "step")
+    with pytest.raises(FileNotFoundError, match="does not exist"):
+        load_mesh(tmp_path / "none.stl", "mm")
+
+
+def test_a_mesh_file_reads_no_other_file(tmp_path):
+    """Neither the materials of an OBJ file nor the picture of a PLY file."""
+    (tmp_path / "secret.mtl").write_text("newmtl m\nmap_Kd picture.png\n")
+    obj = written(tmp_path / "t.obj", "mtllib secret.mtl\nusemtl m\n" + OBJ.format("1/1 2/1 3/1"))
+    ply = trimesh.Trimesh(*BALL, process=False).export(file_type="ply")
+    ply = written(tmp_path / "t.ply", ply.replace(b"\nelement", b"\ncomment TextureFile picture.png\nelement", 1))
+    opened = []
+
+    def watch(event, arguments):
+        if event == "open":
+            opened.append(str(arguments[0]))
+
+    sys.addaudithook(watch)
+    load_mesh(obj, "mm")
+    load_mesh(ply, "mm")
+    assert str(ply) in opened
+    assert [name for name in opened if name.endswith((".mtl", ".png"))] == []
