@@ -6,6 +6,7 @@ import base64
 import io
 import re
 import zlib
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -131,7 +132,7 @@ def _fans(connectivity: np.ndarray, ends: np.ndarray) -> np.ndarray:
     return connectivity[np.stack([first, first + k + 1, first + k + 2], axis=1)]
 
 
-READERS = {
+READERS: dict[str, Callable[[bytes], tuple[Array, np.ndarray]]] = {
     ".stl": partial(_by_trimesh, kind="stl"),
     ".obj": _of_obj,
     ".ply": partial(_by_trimesh, kind="ply"),
