@@ -123,8 +123,8 @@ def settled_by(scene: Scene) -> tuple[tuple[str, ...], tuple[str, ...]]:
 _LIBRARY = ("third_party", "twgl-full.js")
 # In the order in which each can use those before it.
 _MODULES = (
-    *("format.js", "linear.js", "assets.js", "kernel.js", "settle.js", "canvas.js", "pace.js", "scene.js"),
-    *("covered.js", "map.js", "section.js", "controls.js", "panel.js", "timeline.js", "save.js", "main.js"),
+    *("format.js", "linear.js", "assets.js", "kernel.js", "settle.js", "canvas.js", "scene.js"),
+    *("map.js", "section.js", "controls.js", "panel.js", "timeline.js", "save.js", "main.js"),
 )
 _IMPORT = re.compile(r"^import .*? from \"\./\w+\.js\";\n", re.MULTILINE | re.DOTALL)
 _COLOURS = 64
@@ -232,7 +232,6 @@ def _content(
             {"name": load, "unit": quantity(load).unit, "column": quantity(load).column} for load in scene.load_names
         ],
         "surrogateLoads": None if surrogate is None else list(surrogate.load_names),
-        "modelLoads": list((surrogate or contact).load_names),
         "sensitive": [name for name in scene.sensitive_loads if name in scene.load_names],
         "referenceLoad": scene.reference_load,
         "gapSlope": scene.gap_slope,

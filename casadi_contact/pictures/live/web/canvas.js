@@ -29,12 +29,5 @@ export function cleared(canvas) {
   return { context, width, height };
 }
 
-/** Colour [r, g, b] from 0 to 1 of a share from 0 to 1; table: of the page's content. */
-export function colourOf(table, share) {
-  return table[Math.round(Math.min(Math.max(share, 0), 1) * (table.length - 1))];
-}
-
 export const css = ([r, g, b]) => `rgb(${Math.round(255 * r)} ${Math.round(255 * g)} ${Math.round(255 * b)})`;
 
-/** Colours as pixels of a picture (RGBA, the lowest byte first). */
-export const paintOf = (table) => new Uint32Array(Uint8Array.from(table.flatMap((colour) => [...colour.map((part) => Math.round(255 * part)), 255])).buffer);

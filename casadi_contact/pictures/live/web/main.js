@@ -141,7 +141,7 @@ class Page {
     byId("csv").addEventListener("click", () => download(`${content.scene}.csv`, text(csvOf(content, this.frameLoads))));
     byId("sto").addEventListener("click", () => download(`${content.scene}.sto`, text(stoOf(content, this.frameLoads))));
     byId("png").addEventListener("click", async () => {
-      this.bodies?.drawInFull(); // what was drawn before is no longer kept
+      this.bodies?.drawWith(); // what was drawn before is no longer kept
       download(`${content.scene}.png`, await pictureOf(["scene", "map", "section"].map(byId)));
     });
     byId("opti").addEventListener("click", async () => {

@@ -1,7 +1,6 @@
 /** The pressure on the fixed surface seen from where the moving body lies, with the trail of the centre of pressure. */
 
-import { ACCENT, BONE, FAINT, INK, LINE, cleared, colourOf, css, paintOf } from "./canvas.js";
-import { Covered } from "./covered.js";
+import { ACCENT, BONE, FAINT, INK, LINE, cleared, css } from "./canvas.js";
 import { dot } from "./linear.js";
 
 const SCALE_WIDTH = 10;
@@ -10,7 +9,7 @@ export class PressureMap {
   constructor(canvas, content, surfaces) {
     this.canvas = canvas;
     this.content = content;
-    this.paint = paintOf(content.colours);
+    this.colours = content.colours.map(css);
     const { right, up } = content.view;
     this.surfaces = surfaces.map(({ points, corners }) => {
       const flat = new Float64Array((2 * points.length) / 3);
@@ -29,29 +28,32 @@ export class PressureMap {
   draw(pressures, largest, contacts, trail) {
     const { context, width, height } = cleared(this.canvas);
     const place = this.placed(width, height);
-    this.prepare(context, place, width, height, largest);
-    this.picture.data.set(this.bare);
-    const pixels = new Uint32Array(this.picture.data.buffer);
-    pressures.forEach((values, patch) => this.covered[patch].paint(pixels, values, this.paint, largest));
-    context.putImageData(this.picture, 0, 0);
+    const { width: wide, height: high } = this.canvas;
+    if (this.bare?.width !== wide || this.bare.height !== high || this.largest !== largest) {
+      for (const surface of this.surfaces) fill(context, place, surface, surface.corners, css(BONE));
+      this.names(context, width, height);
+      this.scale(context, width, height, largest);
+      this.bare = context.getImageData(0, 0, wide, high); // what stays the same from pose to pose
+      this.largest = largest;
+    }
+    context.putImageData(this.bare, 0, 0);
+    pressures.forEach((values, patch) => this.paint(context, place, this.surfaces[patch], values, largest));
     this.trail(context, place, trail);
     for (const { centre } of contacts) if (centre) mark(context, place(this.flat(centre)));
   }
 
-  /** What stays the same from pose to pose: all but the pressure, and which points lie around each pixel. */
-  prepare(context, place, width, height, largest) {
-    const { width: wide, height: high } = this.canvas;
-    const resized = this.picture?.width !== wide || this.picture.height !== high;
-    if (!resized && this.largest === largest) return;
-    this.largest = largest;
-    this.surfaces.forEach((surface) => fill(context, place, surface));
-    this.names(context, width, height);
-    this.scale(context, width, height, largest);
-    this.picture = context.getImageData(0, 0, wide, high);
-    this.bare = this.picture.data.slice();
-    const density = wide / width;
-    const inPixels = (point) => place(point).map((part) => part * density);
-    if (resized) this.covered = this.surfaces.map((surface) => new Covered(surface, inPixels, wide, high));
+  /** Triangles with two corners or more in contact, in the colour of their mean pressure. */
+  paint(context, place, surface, values, largest) {
+    const [{ corners }, of, top] = [surface, new Map(), this.colours.length - 1];
+    for (let k = 0; k < corners.length; k += 3) {
+      const three = [corners[k], corners[k + 1], corners[k + 2]];
+      const [a, b, c] = three.map((i) => values[i]);
+      if ((a > 0) + (b > 0) + (c > 0) < 2) continue;
+      const colour = Math.min(Math.round((top * (a + b + c)) / (3 * largest)), top);
+      if (!of.has(colour)) of.set(colour, []);
+      of.get(colour).push(...three);
+    }
+    for (const [colour, loaded] of of) fill(context, place, surface, loaded, this.colours[colour]);
   }
 
   flat(point) {
@@ -101,7 +103,7 @@ export class PressureMap {
     const x = width - 46;
     const tall = height - 60;
     for (let y = 0; y < tall; y++) {
-      context.fillStyle = css(colourOf(this.content.colours, 1 - y / tall));
+      context.fillStyle = this.colours[Math.round((1 - y / tall) * (this.colours.length - 1))];
       context.fillRect(x, 30 + y, SCALE_WIDTH, 1.5);
     }
     context.strokeStyle = LINE;
@@ -113,15 +115,13 @@ export class PressureMap {
   }
 }
 
-/** A surface without load. */
-function fill(context, place, { flat, corners }) {
-  context.fillStyle = context.strokeStyle = css(BONE);
+/** Triangles of a flat surface in one colour. */
+function fill(context, place, { flat }, corners, colour) {
+  Object.assign(context, { fillStyle: colour, strokeStyle: colour, lineWidth: 0.5 });
   context.beginPath();
-  for (let k = 0; k < corners.length; k += 3) {
-    corners.subarray(k, k + 3).forEach((i, j) => context[j ? "lineTo" : "moveTo"](...place([flat[2 * i], flat[2 * i + 1]])));
-  }
+  for (let k = 0; k < corners.length; k++) context[k % 3 ? "lineTo" : "moveTo"](...place([flat[2 * corners[k]], flat[2 * corners[k] + 1]]));
   context.fill();
-  context.stroke();
+  context.stroke(); // no seams between them
 }
 
 function mark(context, [x, y]) {

@@ -23,55 +23,38 @@ export function stoOf(content, loads) {
   return `${[...head, "endheader", labels, ...rows].join("\n")}\n`;
 }
 
-/** What holds column k of a pose that does not settle, in Python: the start, or what the scene locks or ties it to. */
-function heldAt(content, k) {
-  const row = content.space?.matrix[k];
-  if (!row || row[k] === 1) return `start[${k}]`;
-  const to = row.findIndex((slope) => slope !== 0);
-  return to < 0 ? `${content.space.offset[k]}` : `${content.space.offset[k]} + ${row[to]} * pose[${to}]`;
-}
-
-/** Python of an optimisation that begins at the pose and asks for its loads. */
+/** Python of an optimisation that begins at a pose and asks for loads; pose parameters that do not settle are locked. */
 export function optiOf(content, pose, wanted) {
   const { free, loads } = content.settle;
-  const fixed = content.pose.map(({ name }, k) => [name, k]).filter(([name]) => !free.includes(name));
-  const all = content.modelLoads;
+  const [shown, held] = [Array.from(pose), (k) => content.space && content.space.matrix[k][k] !== 1];
+  const locked = content.pose.flatMap(({ name }, k) => (free.length === 0 || free.includes(name) || held(k) ? [] : [`"${name}": ${shown[k]}`]));
   return [
     "import casadi as ca",
     "import casadi_contact as cc",
     "",
     `model = ${content.python}`,
     "opti = ca.Opti()",
-    "pose = opti.variable(6)  # tx, ty, tz [mm], rx, ry, rz [rad]",
-    `start = [${Array.from(pose).join(", ")}]`,
-    "opti.set_initial(pose, start)",
-    "loads = model.function()(pose)",
-    ...loads.map((name, i) => `opti.subject_to(loads[${all.indexOf(name)}] == ${wanted[i]})  # ${name}`),
-    ...fixed.map(([name, k]) => `opti.subject_to(pose[${k}] == ${heldAt(content, k)})  # ${name}`),
-    'opti.solver("ipopt")',
+    `contact = cc.ContactInOpti(opti, model, locked={${locked.join(", ")}})  # mm, rad`,
+    ...(loads.length ? [`contact.carry({${loads.map((name, i) => `"${name}": ${wanted[i]}`).join(", ")}})  # N, N·mm`] : []),
+    `contact.begin_at([${shown.join(", ")}])  # tx, ty, tz [mm], rx, ry, rz [rad]`,
+    'opti.solver("ipopt", contact.options())',
     "solution = opti.solve()",
-    "print(solution.value(pose), solution.value(loads))",
+    "print(contact.poses(solution), solution.value(contact.loads))",
     "",
   ].join("\n");
 }
 
-/** Several canvases, one beside or below the other, as one picture on white, as large as on the screen. */
+/** Canvases, the first above the others, as one picture on white, as large as on the screen. */
 export function pictureOf([top, ...below]) {
   const density = window.devicePixelRatio || 1;
-  const sizes = new Map([top, ...below].map((canvas) => [canvas, sizeOf(canvas).map((side) => Math.round(side * density))]));
-  const [wide, high] = sizes.get(top);
-  const picture = document.createElement("canvas");
-  picture.width = Math.max(wide, below.reduce((sum, canvas) => sum + sizes.get(canvas)[0], 0));
-  picture.height = high + Math.max(...below.map((canvas) => sizes.get(canvas)[1]));
+  const sides = (canvas) => sizeOf(canvas).map((side) => Math.round(side * density));
+  const [width, high] = sides(top);
+  const picture = Object.assign(document.createElement("canvas"), { width, height: high + sides(below[0])[1] });
   const context = picture.getContext("2d");
   context.fillStyle = "#fff";
   context.fillRect(0, 0, picture.width, picture.height);
-  context.drawImage(top, 0, 0, wide, high);
-  let x = 0;
-  for (const canvas of below) {
-    context.drawImage(canvas, x, high, ...sizes.get(canvas));
-    x += sizes.get(canvas)[0];
-  }
+  context.drawImage(top, 0, 0, width, high);
+  below.forEach((canvas, k) => context.drawImage(canvas, (k * width) / below.length, high, ...sides(canvas)));
   return new Promise((done) => picture.toBlob(done, "image/png"));
 }
 

@@ -2,7 +2,6 @@
 
 import { BONE, sizeOf } from "./canvas.js";
 import { rotation } from "./linear.js";
-import { Pace } from "./pace.js";
 
 const vertexShader = (colours) => `#version 300 es
 uniform mat4 world, view_projection; uniform vec3 bare, colours[${colours}]; uniform float largest;
@@ -27,10 +26,11 @@ void main() {
 }`;
 const STEEL = [0.62, 0.68, 0.74];
 const GLASS = 0.3;
+const [MOVING, STILL] = [1, 2]; // samples to a dot of the screen, each way: more than one smooth the edges
+const REST_MS = 200;
 
 /** The view of the bodies on a canvas; null where the browser has no WebGL 2. */
 export function bodiesOn(canvas, content, fixed, behind, moving) {
-  // Without multisampling: several samples a pixel, drawn only where there is time for them, look the same (pace.js).
   const gl = canvas.getContext("webgl2", { antialias: false, alpha: true });
   return gl ? new Bodies(gl, content, fixed, behind, moving) : null;
 }
@@ -41,7 +41,7 @@ class Bodies {
     this.program = twgl.createProgramInfo(gl, [vertexShader(content.colours.length), FRAGMENT]);
     this.always = { colours: content.colours.flat(), still: twgl.m4.identity() };
     this.fixed = fixed.map((surface) => this.buffers(surface, new Float32Array(surface.points.length / 3)));
-    // Larger triangles between some of the same points, for when time is short.
+    // Larger triangles between some of the same points, for when things move.
     this.coarse = fixed.map(({ coarse }, k) => twgl.createBufferInfoFromArrays(gl, { indices: coarse }, this.fixed[k]));
     this.behind = this.buffers(behind);
     this.moving = this.buffers(moving);
@@ -50,7 +50,6 @@ class Bodies {
     this.distance = content.view.distance;
     [this.yaw, this.pitch] = anglesOf(content.view.eye);
     this.opacity = GLASS;
-    this.pace = new Pace((density, inFull) => this.drawWith(density, inFull));
     this.turnedBy(gl.canvas);
   }
 
@@ -92,20 +91,17 @@ class Bodies {
     this.world = [...column(0), ...column(1), ...column(2), ...pose.slice(0, 3), 1];
   }
 
-  /** As finely as time allows, and in full once all is at rest. */
+  /** Now, and more finely once all is at rest. */
   draw() {
-    this.pace.draw();
+    clearTimeout(this.rest);
+    this.drawWith(MOVING);
+    this.rest = setTimeout(() => this.drawWith(), REST_MS);
   }
 
-  drawInFull() {
-    this.pace.drawAt(0);
-  }
-
-  /** density: samples to a CSS pixel, each way; inFull: with all triangles. */
-  drawWith(density, inFull) {
+  drawWith(samples = STILL) {
     const { gl } = this;
     const { canvas } = gl;
-    const [width, height] = sizeOf(canvas).map((side) => Math.round(side * density));
+    const [width, height] = sizeOf(canvas).map((side) => Math.round(side * samples * (window.devicePixelRatio || 1)));
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 0);
@@ -124,7 +120,7 @@ class Bodies {
     const { colours, still } = this.always;
     twgl.setUniforms(this.program, { colours, largest: this.largest, view_projection, eye, light });
     const fixed = { world: still, bare: BONE, opacity: 1 };
-    for (const body of [...(inFull ? this.fixed : this.coarse), this.behind]) this.show(body, fixed);
+    for (const body of [...(samples === MOVING ? this.coarse : this.fixed), this.behind]) this.show(body, fixed);
     const steel = { world: this.world, bare: STEEL, opacity: this.opacity };
     if (this.opacity < 1) {
       gl.enable(gl.BLEND);
