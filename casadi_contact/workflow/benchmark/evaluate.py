@@ -67,13 +67,11 @@ def evaluate_walking(surrogates: Mapping[str, Surrogate], poses: Array) -> dict[
     grids = sorted({*FURTHER_GRIDS, *(scene.grids[g] for g in ("coarse", "fine", "teacher"))})
     foundations = {f"EF {grid_text(grid)}": ElasticFoundation(scene, grid) for grid in grids}
     fine = foundations[f"EF {grid_text(scene.grids['fine'])}"](poses)
-    measurements: dict[str, Callable[[], float]] = {
-        name: partial(time_batch, model, poses) for name, model in foundations.items()
-    }
-    measurements |= {
-        name: partial(time_single_calls, surrogate.function(compiled=True), poses)
-        for name, surrogate in surrogates.items()
-    }
+    measurements: dict[str, Callable[[], float]] = {}
+    for name, foundation in foundations.items():
+        measurements[name] = partial(time_batch, foundation, poses)
+    for name, surrogate in surrogates.items():
+        measurements[name] = partial(time_single_calls, surrogate.function(compiled=True), poses)
     with one_thread():
         timings = compare(measurements)
     rows: dict[str, Any] = {}
@@ -96,12 +94,6 @@ def evaluate_walking(surrogates: Mapping[str, Surrogate], poses: Array) -> dict[
     }
 
 
-def _teacher(samples: Samples) -> str | None:
-    """What samples were drawn from: the EF's elements per side, or the name of another model of the library's."""
-    name = model_name_of(samples)
-    return grid_text(settings_of(samples).teacher_grid) if name == "elements" else name
-
-
 def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples, motion: ReferenceMotion | None) -> dict[str, Any]:
     """Everything `report.evaluation_tables` shows, as plain JSON data.
 
@@ -118,7 +110,8 @@ def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples, motion: Refe
         if surrogate.scene.digest != scene.digest:
             raise ValueError(f"surrogate {name} belongs to another scene than the samples (digests differ)")
     models: dict[str, LoadModel] = {}
-    compared = motion is not None and scene.layer is not None and model_name_of(samples) is not None
+    drawn_from = model_name_of(samples)
+    compared = motion is not None and scene.layer is not None and drawn_from is not None
     for grid in (scene.grids["coarse"], scene.grids["fine"]) if compared else ():
         models[f"EF {grid_text(grid)}"] = ElasticFoundation(scene, grid)
     models |= surrogates
@@ -130,7 +123,7 @@ def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples, motion: Refe
         "scene_digest": scene.digest,
         "machine": machine_record(),
         "loads": list(scene.load_names),
-        "teacher": _teacher(samples),
+        "teacher": grid_text(settings_of(samples).teacher_grid) if drawn_from == "elements" else drawn_from,
         "test_samples": {d: int((test.domain == k).sum()) for k, d in enumerate(DOMAINS, start=1)},
         "domain_errors": {name: domain_errors(model, samples) for name, model in models.items()},
         "training_seconds": {n: s.record.get("seconds") for n, s in surrogates.items()},

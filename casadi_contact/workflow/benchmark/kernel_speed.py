@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import ctypes
 import json
-import time
-from collections.abc import Callable, Iterable
+import timeit
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -16,7 +16,7 @@ import numpy as np
 from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
 from casadi_contact.core.compiler import shared_library
 from casadi_contact.core.conventions import Array
-from casadi_contact.core.files.writing import replacing
+from casadi_contact.core.files.writing import write_text
 from casadi_contact.core.machine import machine_record
 from casadi_contact.core.workers import one_thread
 from casadi_contact.networks.kernel.source import sigmoid_source
@@ -60,16 +60,9 @@ class MachineLimit:
         )
 
 
-@dataclass(frozen=True)
-class KernelSpeed:
-    """Times per pose by what was measured, in one run on one core, and the machine's limit."""
-
-    timings: dict[str, Timing]
-    limit: MachineLimit
-
-
-def kernel_speed(surrogate: Surrogate, poses: Array, repeats: int = 15) -> KernelSpeed:
-    """Time value, Jacobian and Lagrangian Hessian of all loads as graph and as kernel, a batch, EF grids, the limit.
+def kernel_speed(surrogate: Surrogate, poses: Array, repeats: int = 15) -> tuple[dict[str, Timing], MachineLimit]:
+    """Times per pose of value, Jacobian and Lagrangian Hessian of all loads as graph and as kernel, of a batch and of
+    EF grids, in one run on one core, and the machine's limit.
 
     Single calls go through CasADi's buffer and include the copy of each pose, which "call alone" times of a function
     that computes nothing; EF grids are timed as one batch of poses, their cheapest form; a scene without geometry has
@@ -82,14 +75,12 @@ def kernel_speed(surrogate: Surrogate, poses: Array, repeats: int = 15) -> Kerne
         measurements[f"value, {name}"] = partial(time_single_calls, function, poses)
         measurements[f"Jacobian, {name}"] = partial(time_single_calls, jacobian_of(function), poses)
         measurements[f"Hessian, {name}"] = partial(time_single_calls, lagrangian_hessian(function), poses, weights)
-    many = np.resize(poses, (BATCH, 6))
-    measurements[f"value, kernel, batch of {BATCH}"] = partial(
-        time_mapped, surrogate.function(compiled=True, batch=BATCH), many
-    )
+    batch = surrogate.function(compiled=True, batch=BATCH)
+    measurements[f"value, kernel, batch of {BATCH}"] = partial(time_mapped, batch, np.resize(poses, (BATCH, 6)))
     for grid in () if surrogate.scene.layer is None else GRIDS:
         measurements[f"EF {grid_text(grid)}"] = partial(time_batch, ElasticFoundation(surrogate.scene, grid), poses)
     with one_thread():
-        return KernelSpeed(compare(measurements, repeats), _limit(surrogate.networks.values(), repeats))
+        return compare(measurements, repeats), _limit(list(surrogate.networks.values()), repeats)
 
 
 def copy_of_one_number() -> ca.Function:
@@ -112,12 +103,10 @@ def lagrangian_hessian(function: ca.Function) -> ca.Function:
     return ca.Function("hessian", [pose, weights], [ca.hessian(ca.dot(weights, function(pose)), pose)[0]])
 
 
-def _limit(networks: Iterable[Network], repeats: int) -> MachineLimit:
-    networks = list(networks)
+def _limit(networks: Sequence[Network], repeats: int) -> MachineLimit:
     matrix = np.random.default_rng(0).random((_MATRIX, _MATRIX))
     product = np.empty_like(matrix)
-    activations = {network.activation for network in networks}
-    library = ctypes.CDLL(str(shared_library(sigmoid_source(sorted(activations)[0]))))
+    library = ctypes.CDLL(str(shared_library(sigmoid_source(min(network.activation for network in networks)))))
     numbers = (ctypes.c_double * _SIGMOIDS)(*np.linspace(-2.0, 2.0, _SIGMOIDS))
     library.sigmoids.argtypes = [ctypes.c_int, ctypes.c_int, ctypes.POINTER(ctypes.c_double)]
     return MachineLimit(
@@ -130,12 +119,7 @@ def _limit(networks: Iterable[Network], repeats: int) -> MachineLimit:
 
 def _least(run: Callable[[], object], repeats: int) -> float:
     """Shortest of several times [s]."""
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        run()
-        times.append(time.perf_counter() - start)
-    return min(times)
+    return min(timeit.repeat(run, number=1, repeat=repeats))
 
 
 SPEED_FILE = "kernel_speed.json"
@@ -158,14 +142,13 @@ def speed(project: Project) -> Path:
         "machine": machine_record(),
         "surrogates": {
             structure: {
-                "microseconds": {what: asdict(timing) for what, timing in found.timings.items()},
-                "limit_us": found.limit.us,
-                "limit": str(found.limit),
+                "microseconds": {what: asdict(timing) for what, timing in timings.items()},
+                "limit_us": limit.us,
+                "limit": str(limit),
             }
-            for structure, found in measured.items()
+            for structure, (timings, limit) in measured.items()
         },
     }
     path = project.folder / SPEED_FILE
-    with replacing(path) as beside:
-        beside.write_text(json.dumps(content, indent=1, ensure_ascii=False), "utf-8")
+    write_text(path, json.dumps(content, indent=1, ensure_ascii=False))
     return path

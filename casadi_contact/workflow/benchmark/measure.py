@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
@@ -37,7 +37,7 @@ from casadi_contact.workflow.benchmark.candidates import (
 )
 from casadi_contact.workflow.benchmark.evaluate import converged_elements, unseen_walking
 from casadi_contact.workflow.benchmark.front_file import FILE_NAME, TIMES, Front, Point, write_front
-from casadi_contact.workflow.benchmark.timing import Candidate, Stopwatch, Timing, compare
+from casadi_contact.workflow.benchmark.timing import Candidate, Stopwatch, compare
 from casadi_contact.workflow.project import (
     Project,
     built_in_motion,
@@ -108,7 +108,7 @@ def measure(
     converged_grid = converged_elements(scene)
     converged = ElasticFoundation(scene, converged_grid)(walking)
     points: dict[str, Point] = {}
-    measurements: dict[str, Callable[[], float]] = {}
+    measurements: dict[tuple[str, str], Callable[[], float]] = {}
     with one_thread():
         for candidate in candidates:
             tell(candidate.name)
@@ -121,7 +121,8 @@ def measure(
             except _FAILURES as error:
                 points[candidate.name] = _point(candidate, failure=" ".join(str(error).split()))
         tell("times")
-        timings = compare(measurements)
+        for (name, what), timing in compare(measurements).items():
+            points[name] = replace(points[name], **{what: timing})  # type: ignore[arg-type]
     header = {
         "scene": scene.name,
         "scene_digest": scene.digest,
@@ -131,29 +132,19 @@ def measure(
         "threads": "1",
         **machine_record(),
     }
-    return Front(header, tuple(_timed(point, timings) for point in points.values()))
+    return Front(header, tuple(points.values()))
 
 
-def _key(name: str, what: str) -> str:
-    return f"{name}\n{what}"
-
-
-def _timed(point: Point, timings: dict[str, Timing]) -> Point:
-    keys = {what: _key(point.name, what) for what in TIMES}
-    return replace(point, **{what: timings[key] for what, key in keys.items() if key in timings})  # type: ignore[arg-type]
-
-
-def _measurements(candidate: Candidate, poses: Array) -> dict[str, Callable[[], float]]:
+def _measurements(candidate: Candidate, poses: Array) -> dict[tuple[str, str], Callable[[], float]]:
     """Measurements by name and kind of time; single calls on as many poses as the time for one allows."""
-    found: dict[str, Callable[[], float]] = {}
+    found: dict[tuple[str, str], Callable[[], float]] = {}
     for what in TIMES:
         stopwatch: Stopwatch | None = getattr(candidate, f"time_{what}")
-        if stopwatch is None:
-            continue
-        stopwatch(poses[:_FIRST_LOOK])  # compiles, fills caches
-        seconds = stopwatch(poses[:_FIRST_LOOK])
-        count = min(len(poses), max(_FIRST_LOOK, math.ceil(_MEASUREMENT_S / max(seconds, 1e-9))))
-        found[_key(candidate.name, what)] = partial(stopwatch, poses[:count])
+        if stopwatch is not None:
+            stopwatch(poses[:_FIRST_LOOK])  # compiles, fills caches
+            seconds = stopwatch(poses[:_FIRST_LOOK])
+            count = min(len(poses), max(_FIRST_LOOK, math.ceil(_MEASUREMENT_S / max(seconds, 1e-9))))
+            found[candidate.name, what] = partial(stopwatch, poses[:count])
     return found
 
 
@@ -187,14 +178,11 @@ def measure_shipped(
     path = Path("results") / f"{loaded.name}-front.csv" if out is None else out
     writable_folder(path.parent)  # before minutes of measuring
     walking = unseen_walking(ElasticFoundation(loaded, loaded.grids["settle"]), built_in_motion(loaded))
-    write_front(path, measure(_shipped_candidates(loaded), loaded, walking, print))
+    candidates = list(untrained_candidates(loaded))
+    for name, surrogate in shipped_surrogates(loaded).items():
+        candidates += surrogate_candidates(name, surrogate, graph=True)
+    write_front(path, measure(candidates, loaded, walking, print))
     print(f"written {path}")
-
-
-def _shipped_candidates(scene: Scene) -> Iterator[Candidate]:
-    yield from untrained_candidates(scene)
-    for name, surrogate in shipped_surrogates(scene).items():
-        yield from surrogate_candidates(name, surrogate, graph=True)
 
 
 if __name__ == "__main__":

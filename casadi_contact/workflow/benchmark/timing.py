@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 import casadi as ca
 import numpy as np
 
 from casadi_contact.core.conventions import Array
 from casadi_contact.samples.samples import LoadModel
+
+Name = TypeVar("Name", bound=Hashable)
 
 
 @dataclass(frozen=True)
@@ -50,8 +53,7 @@ def time_single_calls(function: ca.Function, poses: Array, *others: Array) -> fl
     """
     buffer, call = function.buffer()
     pose = np.zeros(6)
-    view = memoryview(pose)  # type: ignore[arg-type]
-    rows = [memoryview(row) for row in np.ascontiguousarray(poses)]
+    view, rows = memoryview(pose), [memoryview(row) for row in np.ascontiguousarray(poses)]  # type: ignore[arg-type]
     outputs = [np.zeros(function.sparsity_out(i).nnz()) for i in range(function.n_out())]
     buffer.set_arg(0, view)  # type: ignore[call-arg, arg-type]
     for i, value in enumerate(others, start=1):
@@ -77,11 +79,11 @@ def time_mapped(mapped: ca.Function, poses: Array) -> float:
     return (time.perf_counter() - start) / len(poses)
 
 
-def compare(measurements: dict[str, Callable[[], float]], repeats: int = 7) -> dict[str, Timing]:
+def compare(measurements: Mapping[Name, Callable[[], float]], repeats: int = 7) -> dict[Name, Timing]:
     """Run each measurement (which returns seconds per pose) once to warm up, then all in turn, `repeats` times."""
     for measure in measurements.values():
         measure()
-    seconds: dict[str, list[float]] = {name: [] for name in measurements}
+    seconds: dict[Name, list[float]] = {name: [] for name in measurements}
     for _ in range(repeats):
         for name, measure in measurements.items():
             seconds[name].append(measure())
