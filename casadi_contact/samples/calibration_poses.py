@@ -115,12 +115,11 @@ def label_poses(model: WrenchModel, scene: Scene, poses: Array, progress: Progre
     dropped ones. progress(done, all) is called as the model is evaluated.
     """
     count, width, at_once = len(poses), len(scene.parts), 1000
-    loads = [np.zeros((0, width, 6))]
+    wrenches = np.zeros((count, width, 6))
     for first in range(0, count, at_once):
-        loads.append(part_wrenches(model, poses[first : first + at_once], width))
+        wrenches[first : first + at_once] = part_wrenches(model, poses[first : first + at_once], width)
         if progress is not None:
             progress(min(first + at_once, count), count)
-    wrenches = np.concatenate(loads)
     kept = np.isfinite(wrenches).all(axis=(1, 2))
     role = np.where(np.arange(count) % 2 == 0, VALIDATION, TEST).astype(np.uint8)
     domain = np.ones(count, dtype=np.uint8)

@@ -38,9 +38,8 @@ def read_sample_table(path: str | Path, scene: Scene) -> Samples:
     columns of different length, too few rows, a role without rows, and wrong units, signs or origins (`check_table`).
     """
     path, several = Path(path), len(scene.patch_names) > 1
-    columns = [
-        [f"{name}_{patch}" if several else name for name in (*WRENCH_NAMES, "gap")] for patch in scene.patch_names
-    ]
+    ends = [f"_{patch}" if several else "" for patch in scene.patch_names]
+    columns = [[f"{name}{end}" for name in (*WRENCH_NAMES, "gap")] for end in ends]
     needed: np.ndarray = np.any(load_selection(scene.load_names, scene.patch_names) != 0.0, axis=0)
     for p, normal in enumerate(scene.normal_loads):
         needed[p, range(3) if normal.index is None else [normal.index]] = True
@@ -58,39 +57,35 @@ def read_sample_table(path: str | Path, scene: Scene) -> Samples:
     samples = Samples(
         scene,
         poses=poses,
-        wrenches=np.stack([[table.get(name, zero) for name in of_patch[:6]] for of_patch in columns]).transpose(
-            2, 0, 1
-        ),
+        wrenches=np.stack([np.stack([table.get(name, zero) for name in of[:6]], axis=1) for of in columns], axis=1),
         gaps=np.stack([table.get(of[6], unknown) for of in columns], axis=1),
         domain=_whole(path, "domain", table.get("domain", np.ones(count)), 1, len(DOMAINS)),
         role=_whole(path, "role", table["role"], 0, len(ROLES) - 1) if "role" in table else _split(poses),
         provenance={"table": str(path), "table_digest": sha256_of(path)},
     )
     missing = [f"{number} ({name})" for number, name in enumerate(ROLES) if not (samples.role == number).any()]
-    if missing and "role" not in table:
-        raise ValueError(
-            f"{path} has {len(np.unique(poses, axis=0))} poses, expected hundreds: no row is left to train on"
-        )
     if missing:
-        raise ValueError(f"{path}: no row has role {', '.join(missing)}, expected some of each, or no column role")
+        raise ValueError(
+            f"{path} has {len(np.unique(poses, axis=0))} poses, none of them with role {', '.join(missing)}, expected "
+            "hundreds, some of each role (or no column role)"
+        )
     check_table(samples, str(path))
     return samples
 
 
 def _read_hdf5(path: Path, required: list[str], optional: list[str]) -> dict[str, Array]:
     with open_hdf5(existing_file(path), foreign=True) as file:
-        missing = [column for column in required if column not in file]
-        if missing:
+        if missing := [column for column in required if column not in file]:
             raise ValueError(f"{path} lacks the columns {', '.join(missing)}; it has {short(', '.join(file))}")
-        columns = {}
-        for name in (c for c in (*required, *optional) if c in file):
-            if not isinstance(file[name], h5py.Dataset) or file[name].dtype.kind not in "biuf":
-                raise ValueError(f"{path}: {name} is not a data set of numbers")
-            columns[name] = np.asarray(file[name][()], dtype=float)
-    count = columns[required[0]].size
+        found = {name: file[name] for name in (*required, *optional) if name in file}
+        for name, column in found.items():
+            if not isinstance(column, h5py.Dataset) or column.dtype.kind not in "biuf" or column.ndim != 1:
+                raise ValueError(f"{path}: {name} is not a data set of numbers of one dimension")
+        columns = {name: np.asarray(column[()], dtype=float) for name, column in found.items()}
+    count = len(columns[required[0]])
     for name, column in columns.items():
-        if column.shape != (count,) or not np.isfinite(column).all():
-            raise ValueError(f"{path}: {name} of shape {column.shape} is not {count} finite numbers")
+        if len(column) != count or not np.isfinite(column).all():
+            raise ValueError(f"{path}: {name} holds {len(column)} numbers, expected {count} finite numbers")
     return columns
 
 
@@ -170,18 +165,17 @@ def check_table(
 
 def check_no_pull(samples: Samples, where: str, *, share: float = 0.01) -> None:
     """Raise ValueError, naming the worst row, where a part pulls by more than this share of the boundary load."""
-    scene = samples.scene
-    normal = normal_forces([part.normal for part in scene.parts], samples.wrenches)
-    pulls = normal < -share * scene.boundary_load
-    if not pulls.any():
-        return
-    row, p = np.unravel_index(int(np.nanargmin(normal)), normal.shape)
-    part = scene.parts[int(p)]
-    raise ValueError(
-        f"{where}, row {row + 1}: {part.name} pulls with {three_digits(-normal[row, p])} N, expected "
-        f"{part.normal.component} {'>' if part.normal.sign > 0.0 else '<'}= 0 ({int(pulls.any(axis=1).sum())} such "
-        "rows): give the loads on the fixed body (turn all signs), and 0 out of contact"
-    )
+    parts = samples.scene.parts
+    normal = normal_forces([part.normal for part in parts], samples.wrenches)
+    pulls = normal < -share * samples.scene.boundary_load
+    if pulls.any():
+        row, p = np.unravel_index(int(np.nanargmin(normal)), normal.shape)
+        raise ValueError(
+            f"{where}, row {row + 1}: {parts[p].name} pulls with {three_digits(-normal[row, p])} N, expected "
+            f"{parts[p].normal.component} {'>' if parts[p].normal.sign > 0.0 else '<'}= 0 "
+            f"({int(pulls.any(axis=1).sum())} such rows): give the loads on the fixed body (turn all signs), and 0 out "
+            "of contact"
+        )
 
 
 def check_gaps(samples: Samples, where: str, *, rounding_mm: float = 1e-6) -> None:
