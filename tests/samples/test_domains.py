@@ -2,16 +2,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from casadi_contact.contact.settle import settle
-from casadi_contact.samples.domains import plan_domains
+from casadi_contact.samples.chunk import plan_chunks
+from casadi_contact.samples.domains import hammersley, plan_domains
 from casadi_contact.samples.envelopes import Envelopes
 from casadi_contact.samples.liftoff import lift_all, lift_one
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION
 from casadi_contact.samples.settings import PAPER_COUNTS, SamplePoint, SamplingSettings
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.normal_load import normal_loads
-from tests.support.two_spheres import TwoSpheres, knee
+from tests.support.two_spheres import SETTINGS, TwoSpheres, knee, sphere_motion
 
 INPUTS = ("tx", "Fy_med", "tz", "Fy_lat", "ry", "rz")
 SENSITIVE = ("Fy_med", "Fy_lat")
@@ -61,13 +64,6 @@ def test_every_frame_has_its_64_vertices_and_a_filling_inside(domain, rule, offs
         assert (rows <= boxes.upper[f]).all()
 
 
-def test_frames_are_filled_with_different_points():
-    first, second = np.split(inputs_of(plan(counts={"D1": 1000}), 1), 5)[:2]
-    boxes = REFERENCE.expand(0.2, 0.5, {"ry": 0.02}).without_pull(NORMALS, 5.0)
-    unit = [(rows[64:] - boxes.lower[f]) / boxes.widths[f] for f, rows in enumerate((first, second))]
-    assert np.abs(unit[0] - unit[1]).max() > 0.1
-
-
 def test_a_small_plan_keeps_the_proportion_of_vertices():
     boxes = REFERENCE.expand(0.2, 0.5, {"ry": 0.02}).without_pull(NORMALS, 5.0)
     inputs = inputs_of(plan(counts={"D1": 1000}, scale=0.25), 1)
@@ -104,11 +100,6 @@ def test_boundary_domains_hold_five_newtons():
         assert len(both.inputs) == rows
         assert (both.inputs[:, [med, lat]] == -5.0).all()
         assert (np.ptp(both.inputs, axis=0)[[0, 2, 4, 5]] > 0.8 * box.widths[0, [0, 2, 4, 5]]).all()
-
-
-def test_no_input_pulls():
-    for block in plan(scale=0.01):
-        assert (block.inputs[:, [1, 3]] <= -5.0).all()
 
 
 def test_a_plan_depends_on_its_seed_only():
@@ -183,16 +174,6 @@ def test_d4_lifts_one_side_in_three_equal_steps_and_keeps_the_other_load(lifted)
     np.testing.assert_allclose(loads[..., 1 - lifted], kept[:, None] * np.ones(3), atol=1e-3)
 
 
-def test_d5_raises_everything_in_three_equal_steps():
-    model = TwoSpheres(knee())
-    start = np.tile([0.0, 27.0, 0.0, 0.0, 0.0, -0.6], (4, 1))
-    poses, _ = settle(model, start, ("ty", "rx"), {"Fy_med": -5.0, "Fy_lat": -5.0})
-    raised = lift_all(model, poses, LIFTED)
-    np.testing.assert_allclose(raised[..., 1] - poses[:, None, 1], np.tile([2 / 3, 4 / 3, 2.0], (4, 1)))
-    assert (model.wrenches(raised.reshape(-1, 6)) == 0.0).all()
-    np.testing.assert_allclose(model.gaps(raised[:, 2]), 2.0, atol=0.01)
-
-
 class FailsAt(TwoSpheres):
     """Gives no loads at poses of one tx."""
 
@@ -242,3 +223,35 @@ def test_d4_with_another_sample_point_keeps_every_held_load():
     np.testing.assert_allclose(model.gaps(got[:, 2])[:, 0], 2.0, atol=0.02)
     for name, wanted in held.items():
         np.testing.assert_allclose(model(lifted)[:, model.load_names.index(name)], np.repeat(wanted, 3), atol=1e-3)
+
+
+def test_first_points_by_hand():
+    expected = [[0, 0, 0], [1 / 4, 1 / 2, 1 / 3], [2 / 4, 1 / 4, 2 / 3], [3 / 4, 3 / 4, 1 / 9]]
+    np.testing.assert_allclose(hammersley(4, 3), expected, atol=1e-15)
+
+
+@given(st.integers(0, 5), st.integers(0, 3))
+def test_each_coordinate_meets_every_elementary_interval_once(binary_digits, ternary_digits):
+    """n = 2^a·3^b points: every interval of length 2^-a (3^-b) holds exactly n/2^a (n/3^b) of them."""
+    n = 2**binary_digits * 3**ternary_digits
+    points = hammersley(n, 3)
+    np.testing.assert_allclose(points[:, 0] * n, np.arange(n), atol=1e-9)
+    for column, cells in ((1, 2**binary_digits), (2, 3**ternary_digits)):
+        cell = np.floor(points[:, column] * cells + 1e-9).astype(int)
+        assert (np.bincount(cell, minlength=cells) == n // cells).all()
+
+
+@given(st.lists(st.floats(0.0, 1.0, exclude_max=True), min_size=4, max_size=4))
+def test_a_shift_turns_the_torus(shift):
+    moved = hammersley(50, 4, np.array(shift)) - hammersley(50, 4)
+    difference = (moved - shift + 0.5) % 1.0 - 0.5
+    assert np.abs(difference).max() < 1e-12
+
+
+def test_a_plan_that_cannot_lift_one_patch_is_refused_before_any_of_it_is_drawn():
+    """As of a knee with a patch on its post: it has a third sensitive pose parameter."""
+    three = replace(knee(), sensitive_pose=("ty", "rx", "tx"))
+    assert 4 in {chunk.domain for chunk in plan_chunks(knee(), sphere_motion(), SETTINGS)}
+    with pytest.raises(ValueError, match=r"sampling\.counts\.D4 = 0"):
+        plan_chunks(three, sphere_motion(), SETTINGS)
+    assert plan_chunks(three, sphere_motion(), replace(SETTINGS, counts={**SETTINGS.counts, "D4": 0}))

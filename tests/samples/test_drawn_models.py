@@ -16,40 +16,6 @@ from casadi_contact.samples.samples import read_samples
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.walking import reference_motion_cycles
-from tests.support import two_spheres
-from tests.support.two_spheres import knee
-
-
-def test_the_knee_on_elastic_foundations(tmp_path):
-    """Settled on one grid, evaluated on a finer one: D4 to D7 as in the paper, up to the coarse grid's own error."""
-    scene = knee()
-    t = np.linspace(0.0, 2.0 * np.pi, 9)
-    loads = [{"Fy_med": -500.0 + (300 + 40 * k) * np.cos(t), "Fy_lat": -350.0 + 200 * np.cos(t + k)} for k in range(3)]
-    made = []
-    for k, load in enumerate(loads):
-        fy = load["Fy_med"] + load["Fy_lat"]
-        cop = {"Tx": -(22.0 * (load["Fy_med"] - load["Fy_lat"]) + (k - 1) * fy), "Tz": (1.0 + 2.0 * np.sin(t) + k) * fy}
-        rz = -0.55 + 0.45 * np.cos(t) + 0.05 * k
-        made.append(two_spheres.Cycle(f"cycle {k}", t, 0.05 * np.sin(t), rz, load | cop))
-    settings = SamplingSettings.from_scene(
-        scene, scale=0.002, frames=9, settle_grid=(80, 40), teacher_grid=(160, 80), chunk_size=100
-    )
-    motion, report = reference_motion(ElasticFoundation(scene, (80, 40)), made, settings)
-    assert report.converged.all(), str(report)
-    with ThreadPoolExecutor(1) as executor:
-        samples = draw_samples(scene, motion, tmp_path / "s.h5", settings=settings, executor=executor)
-    reasons = {reason for dropped in samples.provenance["dropped"].values() for reason in dropped}
-    assert reasons <= {"contact reaches the edge of the elements"}
-    loads_of = {d: samples.select(domain=d).loads(["Fy_med", "Fy_lat"]) for d in range(1, 8)}
-    assert (samples.loads(["Fy_med", "Fy_lat"]) <= 0.0).all()
-    assert ((loads_of[4] == 0.0).sum(axis=1) == 1).all()
-    gaps = samples.select(domain=4).gaps.max(axis=1).reshape(-1, 3)
-    np.testing.assert_allclose(gaps, np.tile([2 / 3, 4 / 3, 2.0], (20, 1)), atol=0.1)
-    kept = loads_of[4].sum(axis=1).reshape(-1, 3)
-    assert np.abs(kept - kept.mean(axis=1, keepdims=True)).max() < 8.0
-    assert (samples.select(domain=5).wrenches == 0.0).all()
-    assert np.abs(loads_of[6] + 5.0).min(axis=1).max() < 1.0
-    np.testing.assert_allclose(loads_of[7], -5.0, atol=1.0)
 
 
 def test_contact_that_ends_within_the_outermost_cell_does_not_reach_the_rim():

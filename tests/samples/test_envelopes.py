@@ -13,23 +13,19 @@ CURVES = [[[0.0, -100.0], [3.0, -20.0]], [[1.0, -60.0], [0.0, -20.0]]]
 REFERENCE = Envelopes.over(("tx", "Fy_med"), CURVES)
 
 
-def test_bounds_over_the_cycles():
-    np.testing.assert_array_equal(REFERENCE.lower, [[0, -100], [0, -20]])
-    np.testing.assert_array_equal(REFERENCE.upper, [[1, -60], [3, -20]])
-
-
-def test_d1_by_hand():
-    """±20 % of the width; frames narrower than the mean width: ±0.5 times the mean width."""
-    d1 = REFERENCE.expand(0.2, 0.5, {})
-    np.testing.assert_allclose(d1.lower, [[0 - 1.0, -100 - 8.0], [0 - 0.6, -20 - 10.0]])
-    np.testing.assert_allclose(d1.upper, [[1 + 1.0, -60 + 8.0], [3 + 0.6, -20 + 10.0]])
-
-
-def test_d2_by_hand():
-    """±100 % of the width; narrow frames: ±2 times the mean width."""
-    d2 = REFERENCE.expand(1.0, 2.0, {})
-    np.testing.assert_allclose(d2.lower, [[0 - 4.0, -100 - 40.0], [0 - 3.0, -20 - 40.0]])
-    np.testing.assert_allclose(d2.upper, [[1 + 4.0, -60 + 40.0], [3 + 3.0, -20 + 40.0]])
+@pytest.mark.parametrize(
+    ("rule", "lower", "upper"),
+    [
+        ((0.0, 0.0), [[0, -100], [0, -20]], [[1, -60], [3, -20]]),
+        ((0.2, 0.5), [[0 - 1.0, -100 - 8.0], [0 - 0.6, -20 - 10.0]], [[1 + 1.0, -60 + 8.0], [3 + 0.6, -20 + 10.0]]),
+        ((1.0, 2.0), [[0 - 4.0, -100 - 40.0], [0 - 3.0, -20 - 40.0]], [[1 + 4.0, -60 + 40.0], [3 + 3.0, -20 + 40.0]]),
+    ],
+)
+def test_frames_are_expanded_by_hand(rule, lower, upper):
+    """The bounds; D1: ±20 % of the width, frames narrower than the mean width ±0.5 of that; D2: ±100 %, ±2."""
+    box = REFERENCE.expand(*rule, {})
+    np.testing.assert_allclose(box.lower, lower)
+    np.testing.assert_allclose(box.upper, upper)
 
 
 def test_d3_by_hand():

@@ -9,7 +9,7 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.settle import settle
 from casadi_contact.samples.domains import left_out
 from casadi_contact.samples.draw import draw_samples
-from casadi_contact.samples.liftoff import lift_all, lift_one
+from casadi_contact.samples.liftoff import lift_all
 from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.joint_cycle import scene_cycles
@@ -103,22 +103,3 @@ def test_a_patella_is_lifted_off_to_the_front():
     moved = raised[:, :3] - poses[0, :3]
     np.testing.assert_allclose(np.linalg.norm(moved, axis=1), [0.2, 0.4, 0.6])
     assert (moved[:, 0] < -0.9 * np.array([0.2, 0.4, 0.6])).all()
-
-
-def test_lifting_one_patch_needs_two_sensitive_parameters():
-    scene = load_scene("hip")
-    model = ElasticFoundation(scene, (20, 20))
-    with pytest.raises(ValueError, match=r"sampling\.counts\.D4 = 0"):
-        lift_one(model, np.zeros((1, 6)), 0, ("tx",), {}, SamplingSettings())
-
-
-def test_a_hip_settles_from_out_of_contact_and_from_too_deep():
-    scene = load_scene("hip")
-    model = ElasticFoundation(scene, (40, 40))
-    along = np.array([0.0, 0.95, 0.3])
-    starts = np.pad(scene.geometry["cup_centre"] + np.array([[0.1], [0.38], [0.7]]) * along, ((0, 0), (0, 3)))
-    wanted = {"Fx": -100.0, "Fy": 1200.0, "Fz": 300.0}
-    settled, report = settle(model, starts, ("tx", "ty", "tz"), wanted)
-    assert report.converged.all(), report.reason
-    np.testing.assert_allclose(model(settled)[:, :3], np.tile(list(wanted.values()), (3, 1)), atol=1e-4)
-    np.testing.assert_allclose(settled, np.tile(settled[0], (3, 1)), atol=1e-6)

@@ -54,12 +54,6 @@ def test_a_model_that_no_two_runs_give_alike_goes_on_around_the_motion_it_began_
     np.testing.assert_array_equal(drawn(project, model(project, 1.0)).poses, samples.poses)
 
 
-def allowing(project, most_dropped):
-    """The project, in the same folder, after its user has set how much of a domain may be dropped."""
-    text = project.scene.to_toml().replace("liftoff_mm", f"most_dropped = {most_dropped}\nliftoff_mm")
-    return replace(project, scene=Scene.from_toml(text))
-
-
 def test_samples_are_kept_where_more_may_be_dropped(project):
     """The cure that the refusal names costs no evaluation but the few that ask whether the model is still the same."""
     asked = []
@@ -68,25 +62,18 @@ def test_samples_are_kept_where_more_may_be_dropped(project):
         asked.append(len(poses))
         return np.where(poses[:, 5, None, None] > 0.2, np.nan, own_contact.wrenches(poses))
 
-    strict, lenient = allowing(project, 0.0), allowing(project, 1.0)
+    def allowing(most_dropped):
+        text = project.scene.to_toml().replace("liftoff_mm", f"most_dropped = {most_dropped}\nliftoff_mm")
+        allowed = replace(project, scene=Scene.from_toml(text))
+        return drawn(allowed, model(allowed, wrenches=fails_turned))
+
     with pytest.raises(ValueError, match="most_dropped"):
-        drawn(strict, model(strict, wrenches=fails_turned))
+        allowing(0.0)
     kept = project.samples_path.read_bytes()
     asked.clear()
-    assert 0 < len(drawn(lenient, model(lenient, wrenches=fails_turned))) < sum(COUNTS.values())
+    assert 0 < len(allowing(1.0)) < sum(COUNTS.values())
     assert project.samples_path.read_bytes() == kept
     assert sum(asked) <= 10
-
-
-def test_a_draw_goes_on_where_more_may_be_dropped(project):
-    stopped(project, model(project))
-    lenient, seen = allowing(project, 1.0), []
-
-    def update(what, done, total, remark):
-        seen.append((what, done))
-
-    draw(lenient, [], model(lenient), update, None)
-    assert seen[0] == ("samples", 4)
 
 
 def test_a_model_that_fails_now_and_then_costs_samples_and_ends_nothing(project):
@@ -138,20 +125,6 @@ def test_samples_of_a_model_that_has_changed_since_are_refused(project, what, wh
     assert "\n" not in str(error.value)
     kept = {path: path.read_bytes() for path in project.folder.rglob("*") if path.is_file()}
     assert {path.name: kept[path] == before[path] for path in before} == {path.name: True for path in before}
-
-
-def test_another_motion_is_refused_before_poses_are_sought(project, tmp_path):
-    stopped(project, model(project))
-    other = Project(project.scene.with_overrides(cycles=2), "own", tmp_path, own=project.own)
-    asked = []
-
-    def counted(poses):
-        asked.append(len(poses))
-        return own_contact.wrenches(poses)
-
-    with pytest.raises(ValueError, match="was drawn with another scene"):
-        drawn(other, model(other, wrenches=counted))
-    assert not asked
 
 
 def test_a_table_leaves_no_motion_of_a_draw_behind(project, tmp_path):

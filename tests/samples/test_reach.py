@@ -38,14 +38,6 @@ def test_the_reach_follows_no_motion():
     assert {b.domain for b in blocks()} == {3, 4, 5, 6, 7}
 
 
-def test_the_boundary_stays_at_the_boundary_load():
-    for block in blocks():
-        if block.domain in (6, 7):
-            held = [block.lifted] if block.domain == 6 else [0, 1]
-            for patch in held:
-                np.testing.assert_allclose(block.inputs[:, INPUTS.index(("Fy_med", "Fy_lat")[patch])], -5.0)
-
-
 def test_a_reach_lacking_an_input_is_refused():
     settings = SamplingSettings(reach={"tx": (0.0, 1.0)})
     with pytest.raises(ValueError, match=r"reach = .* expected a range of each input: tx, Fy_med"):

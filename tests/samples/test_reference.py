@@ -13,7 +13,7 @@ from casadi_contact.samples.domains import plan_domains
 from casadi_contact.samples.reference import reference_motion, reference_poses
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.joint_cycle import JointCycle
-from casadi_contact.scenes.loading import load_scene, scene_from_text
+from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
 from tests.support import two_dips
 from tests.support.two_spheres import Cycle, TwoSpheres, cycles, knee
@@ -121,16 +121,6 @@ def test_a_pose_that_no_cycle_moves_is_sampled_about_as_well():
     assert report.assumed == {"tz": 1.0}
     (d3,) = plan_domains(motion.envelopes, MODEL.scene.normal_loads, 5.0, SamplingSettings(counts={"D3": 500}))
     assert np.ptp(d3.inputs[:, 2]) == pytest.approx(4.0, rel=0.02)
-
-
-def test_the_reference_motion_is_the_same_whichever_loads_are_learned():
-    text = 'format = 1\nname = "side"\nlike = "knee"\n[loads]\nnames = ["Fy_lat"]\n'
-    one_side = TwoSpheres(scene_from_text(text))
-    made, _ = cycles(MODEL)
-    (whole, _), (fewer, report) = (reference_motion(m, made, SamplingSettings(frames=21)) for m in (MODEL, one_side))
-    assert report.converged.all()
-    np.testing.assert_allclose(fewer.poses, whole.poses, rtol=0.0, atol=1e-9)
-    np.testing.assert_allclose(fewer.curves, whole.curves, rtol=0.0, atol=1e-9)
 
 
 @dataclass(frozen=True)

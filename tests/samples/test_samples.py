@@ -43,12 +43,6 @@ def test_a_file_gives_back_what_was_written(tmp_path, count):
     assert [p.name for p in tmp_path.iterdir()] == ["s.h5"]
 
 
-def test_the_same_samples_give_the_same_bytes(tmp_path):
-    for name in ("a.h5", "b.h5"):
-        write_samples(tmp_path / name, some_samples())
-    assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
-
-
 def test_named_loads_come_from_the_wrenches():
     samples = some_samples()
     med, lat = samples.wrenches[:, 0], samples.wrenches[:, 1]
