@@ -124,18 +124,15 @@ def check_same_model(model: WrenchModel, samples: Samples, where: Path, *, most:
     largest force (torque) of these, RMS.
     """
     loaded = np.flatnonzero((samples.wrenches != 0.0).any(axis=(1, 2)))
-    rows = loaded[evenly_spaced_indices(len(loaded), most)]
-    if not len(rows):
-        return
-    before = samples.rows(rows)
-    now = replace(before, wrenches=part_wrenches(model, before.poses, len(before.scene.parts))).loads()
-    size = np.repeat(np.abs(before.wrenches).reshape(-1, 2, 3).max(axis=(0, 2)), 3)
-    for k, name in enumerate(before.scene.load_names):
+    before = samples.rows(loaded[evenly_spaced_indices(len(loaded), most)] if len(loaded) else loaded)
+    now = replace(before, wrenches=part_wrenches(model, before.poses, len(before.scene.parts)))
+    size = np.repeat(np.abs(before.wrenches).reshape(-1, 2, 3).max(axis=(0, 2), initial=0.0), 3)
+    for name, off in zip(before.scene.load_names, (now.loads() - before.loads()).T, strict=True):
         limit = max(before.scene.tolerances[name], share * size[WRENCH_NAMES.index(name.partition("_")[0])])
-        off = float(np.sqrt(np.mean((now[:, k] - before.loads()[:, k]) ** 2)))
-        if not off <= limit:
+        rms = float(np.sqrt(np.mean(off**2))) if len(off) else 0.0
+        if not rms <= limit:
             raise ValueError(
-                f"{where} was drawn from another contact model: {name} differs by {off:.3g} RMS at {len(rows)} of its "
+                f"{where} was drawn from another contact model: {name} differs by {rms:.3g} RMS at {len(off)} of its "
                 f"samples, expected at most {limit:.3g}: give the same model, or delete {where}"
             )
 
@@ -162,8 +159,8 @@ def _draw_missing(
     progress: Progress | None,
 ) -> None:
     """Draw the chunks that are not among those drawn, by number, and add each to them and to the folder as it comes."""
-    if progress is not None:
-        progress(len(drawn), len(chunks))
+    tell = progress or (lambda done, total: None)
+    tell(len(drawn), len(chunks))
     missing = [number for number in range(len(chunks)) if number not in drawn]
     if not missing:
         return
@@ -171,15 +168,14 @@ def _draw_missing(
         futures = {workers.submit(job, chunks[number]): number for number in missing}
         with cancelled_if_left(workers, futures):
             for future in as_completed(futures):
-                number = futures[future]
                 try:
-                    drawn[number] = future.result()
+                    chunk = future.result()
                 except Exception as error:
                     error.add_note(f"{len(drawn)} of {len(chunks)} chunks of samples are kept in {folder.folder}")
                     raise
-                folder.write(number, drawn[number])
-                if progress is not None:
-                    progress(len(drawn), len(chunks))
+                drawn[futures[future]] = chunk
+                folder.write(futures[future], chunk)
+                tell(len(drawn), len(chunks))
 
 
 def _draw(scene_toml: str, settings_json: str, models: ModelPair, chunk: Chunk) -> DrawnChunk:
@@ -201,10 +197,10 @@ def _gather(scene: Scene, chunks: list[Chunk], drawn: list[DrawnChunk], identity
     for asked, got in zip(chunks, drawn, strict=True):
         if got.dropped:
             dropped.setdefault(DOMAINS[asked.domain - 1], Counter()).update(got.dropped)
-    provenance = {key: value for key, value in identity.items() if key != "scene"}
-    versions = {name: version(name) for name in ("numpy", "scipy", "numba", "h5py")}
     skipped = left_out(scene.controllable_normal_loads, SamplingSettings.from_table(identity["settings"]))
-    found = {"versions": versions, "dropped": dropped, "left_out": skipped}
-    lost = np.concatenate([chunk.dropped_poses for chunk in drawn])
+    versions = {name: version(name) for name in ("numpy", "scipy", "numba", "h5py")}
+    provenance = {**identity, "versions": versions, "dropped": dropped, "left_out": skipped}
+    del provenance["scene"]
     lost_from = np.repeat([chunk.domain for chunk in chunks], [len(chunk.dropped_poses) for chunk in drawn])
-    return replace(_joined(scene, drawn), provenance={**provenance, **found}, dropped=Dropped(lost, lost_from))
+    lost = Dropped(np.concatenate([chunk.dropped_poses for chunk in drawn]), lost_from)
+    return replace(_joined(scene, drawn), provenance=provenance, dropped=lost)

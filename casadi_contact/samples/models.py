@@ -71,9 +71,9 @@ def model_pair(name: str) -> ModelPair:
 
 def model_name(models: ModelPair) -> str:
     """The name in `MODELS`, or the full name of a user's class or function."""
-    known = next((name for name, pair in MODELS.items() if pair is models), None)
     named: Any = getattr(models, "stands_for", models)
-    return known or f"{named.__module__}.{named.__qualname__}"
+    own = f"{named.__module__}.{named.__qualname__}"
+    return next((name for name, pair in MODELS.items() if pair is models), own)
 
 
 def models_identity(models: ModelPair) -> dict[str, str]:

@@ -110,11 +110,10 @@ class Samples:
 
     def dropped_shares(self) -> dict[str, float]:
         """Share of the plan that became no samples, by domain; empty where nothing was dropped."""
-        pairs = {
-            name: (int((self.dropped.domain == d).sum()), int((self.domain == d).sum()))
-            for d, name in enumerate(DOMAINS, start=1)
-        }
-        return {name: lost / (lost + kept) for name, (lost, kept) in pairs.items() if lost + kept and len(self.dropped)}
+        numbers = range(1, len(DOMAINS) + 1)
+        lost, kept = (np.array([(domain == d).sum() for d in numbers]) for domain in (self.dropped.domain, self.domain))
+        found = zip(DOMAINS, lost.tolist(), (lost + kept).tolist(), strict=True)
+        return {name: part / planned for name, part, planned in found if planned} if lost.any() else {}
 
     def counts(self) -> dict[str, dict[str, int]]:
         """Number of samples by domain name and role name."""
@@ -167,9 +166,8 @@ def read_samples(path: str | Path) -> Samples:
         columns = {name: np.asarray(file[name][()]) for name in COLUMNS}
         dropped = Dropped(np.asarray(file["dropped_poses"][()]), np.asarray(file["dropped_domain"][()]))
         provenance = json.loads(str(file.attrs["provenance"]))
-        return Samples(
-            Scene.from_toml(str(file.attrs["scene_toml"])), **columns, provenance=provenance, dropped=dropped
-        )
+        scene = Scene.from_toml(str(file.attrs["scene_toml"]))
+        return Samples(scene, **columns, provenance=provenance, dropped=dropped)
 
 
 LoadErrors = dict[str, dict[str, float]]
@@ -190,14 +188,8 @@ def load_errors(names: Sequence[str], got: Array, reference: Array) -> LoadError
     if got.shape != reference.shape or got.shape[1] != len(names):
         raise ValueError(f"loads have shapes {got.shape} and {reference.shape}, expected (n, {len(names)}) twice")
     off = np.abs(got - reference)
-    return {
-        name: {
-            "rms": float(np.sqrt(np.mean(column**2))),
-            "max": float(column.max()),
-            "mean": float(column.mean()),
-        }
-        for name, column in zip(names, off.T, strict=True)
-    }
+    found = {"rms": np.sqrt(np.mean(off**2, axis=0)), "max": off.max(axis=0), "mean": off.mean(axis=0)}
+    return {load: {what: float(values[k]) for what, values in found.items()} for k, load in enumerate(names)}
 
 
 def domain_errors(model: LoadModel, samples: Samples, role: int = TEST) -> dict[str, LoadErrors]:
@@ -213,20 +205,16 @@ def domain_errors(model: LoadModel, samples: Samples, role: int = TEST) -> dict[
 def rms_by_kind(errors: LoadErrors) -> dict[str, float]:
     """{"force": RMS over all forces [N], "torque": over all torques [N·mm]} and likewise for other kinds of quantity,
     in their units: of those kinds that are among the errors, forces and torques first."""
-    found = {quantity(name).kind for name in errors}
-    kinds = dict.fromkeys((*(kind for kind in (FORCE, TORQUE) if kind in found), *(quantity(n).kind for n in errors)))
-    squares = {kind: [errors[name]["rms"] ** 2 for name in of_kind(list(errors), kind)] for kind in kinds}
-    return {kind.name: float(np.sqrt(np.mean(values))) for kind, values in squares.items()}
+    found = [quantity(name).kind for name in errors]
+    kinds = [kind for kind in dict.fromkeys((FORCE, TORQUE, *found)) if kind in found]
+    squares = {kind.name: [errors[name]["rms"] ** 2 for name in of_kind(list(errors), kind)] for kind in kinds}
+    return {name: float(np.sqrt(np.mean(values))) for name, values in squares.items()}
 
 
 def mirrored(samples: Samples) -> Samples:
     """The samples in the mirror, sides exchanged; for a scene of two parts that mirror each other."""
-    return replace(
-        samples,
-        poses=samples.poses * REFLECTION,
-        wrenches=samples.wrenches[:, ::-1] * REFLECTION,
-        gaps=samples.gaps[:, ::-1],
-    )
+    wrenches, gaps = samples.wrenches[:, ::-1] * REFLECTION, samples.gaps[:, ::-1]
+    return replace(samples, poses=samples.poses * REFLECTION, wrenches=wrenches, gaps=gaps)
 
 
 def either_side(samples: Samples) -> Samples:
