@@ -114,17 +114,16 @@ def reference_motion(
     """Estimate the poses of the cycles and pick the sample-point inputs: pose parameters from the estimated poses,
     loads from the measured ones. progress: as in `reference_poses`.
 
-    Raises ValueError, before it seeks poses, where an input is neither a pose parameter nor a load of the cycles, and
-    for loads that cannot be sampled, being zero throughout; see `reference_poses`.
+    Raises ValueError, before it seeks poses, for an input that is neither a pose parameter nor a load of the cycles,
+    and for a load that is zero throughout; see `reference_poses`.
     """
     point = settings.sample_point(model.scene)
     _check_alike(cycles)
     targets = [_on_frames(cycle, settings.frames) for cycle in cycles]
     if missing := [name for name in point.load_inputs if name not in targets[0]]:
-        held = ", ".join(cycles[0].targets())
         raise ValueError(
-            f"the cycles hold no load {', '.join(missing)}, only {held}: give its column in the cycle files, or choose "
-            "other sampling.inputs in the scene"
+            f"the cycles hold no load {', '.join(missing)}, only {', '.join(cycles[0].targets())}: give its column in "
+            "the cycle files, or choose other sampling.inputs in the scene"
         )
     loads = Envelopes.over(point.load_inputs, [np.stack([t[n] for n in point.load_inputs], axis=1) for t in targets])
     if zero := [name for name, width in _assumed(loads, settings).items() if not width]:
@@ -169,10 +168,9 @@ def reference_poses(
 
     Locked and tied pose parameters are the scene's, whatever a cycle measures. progress(done, all): frames settled.
 
-    Returns poses (cycles, frames, 6) and a report. Frames that do not converge are interpolated and reported; raises
-    ValueError for no cycles, cycles that measure different pose parameters or loads, a model that cannot be settled
-    on (`check_contact_model`, without a start pose), and a cycle of which no frame converges, such as for more loads
-    than free pose parameters (every_cycle: False leaves its frames where they ended).
+    Returns poses (cycles, frames, 6) and a report; frames that do not converge are interpolated. Raises ValueError for
+    no or unlike cycles, as `check_contact_model` (without a start pose), and for a cycle of which no frame converges
+    (every_cycle: False leaves its frames where they ended).
     """
     _check_alike(cycles)
     scene, measured = model.scene, tuple(cycles[0].measured_pose())
@@ -184,8 +182,6 @@ def reference_poses(
     for name in measured:
         poses[:, pose_index(name)] = np.concatenate([t[name] for t in targets])
     poses = scene.pose_space.project(poses)
-    if progress is not None:
-        progress(0, len(poses))
     if start is None:
         poses = advance_to_contact(model, poses, wanted)
         if model.has_wrenches:
@@ -207,9 +203,9 @@ def reference_poses(
         starts[:, given] = poses[:, given]
         poses, settled = press(starts, trust_region=anew is _nearest)
         report = _report(cycles, settled)
-    for name, converged, reason in zip(report.names, report.converged, report.reason, strict=True):
-        if every_cycle and not converged.any():
-            raise ValueError(f"cycle {name}: no frame has a pose that carries its loads ({reason[0]})")
+    if every_cycle and len(lost := np.flatnonzero(~report.converged.any(axis=1))):
+        name, reason = report.names[lost[0]], report.reason[lost[0], 0]
+        raise ValueError(f"cycle {name}: no frame has a pose that carries its loads ({reason})")
     poses = _interpolate(poses.reshape(shape), report)
     for k, (cycle, converged) in enumerate(zip(targets, report.converged, strict=True)):
         loads = {name: cycle[name] for name in wanted}
