@@ -27,7 +27,7 @@ from casadi_contact.workflow.benchmark.kernel_speed import lagrangian_hessian
 from casadi_contact.workflow.benchmark.timing import Candidate, time_batch, time_mapped, time_single_calls
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
 from casadi_contact.workflow.presets import ChartEffort, Effort
-from casadi_contact.workflow.project import Project, exclusive, project_surrogates, read_motion, shipped_surrogates
+from casadi_contact.workflow.project import Project, exclusive, project_surrogates, shipped_surrogates
 
 EF_FAMILY, FOUNDATION_FAMILY = "EF", "foundation"
 MX_SUFFIX = " (CasADi MX)"  # follows name and family of a function that is also shown in another form
@@ -191,11 +191,3 @@ def charted_surrogates(project: Project) -> Iterator[tuple[str, Surrogate]]:
 def own_name(project: Project, structure: str) -> str:
     """Name on the chart of the surrogate that `casadi-contact train` makes: "patch standard"."""
     return f"{structure} {project.preset_name}"
-
-
-def project_peers(project: Project) -> Iterator[Candidate]:
-    """The peers, fitted on the project's samples within the preset's budget."""
-    from casadi_contact.workflow.benchmark.peers import peer_candidates
-
-    gflop, motion = project.preset.chart.peer_gflop, read_motion(project).motion
-    return peer_candidates(project.samples(), gflop=gflop, motion=motion)

@@ -29,7 +29,6 @@ from casadi_contact.scenes.scene import Scene
 from casadi_contact.workflow.benchmark.candidates import (
     charted_surrogates,
     own_name,
-    project_peers,
     refuse_without_elements,
     surrogate_candidates,
     train_sizes,
@@ -81,7 +80,9 @@ def measure_project(
         graph = name in (own_name(project, structure) for structure in own)
         candidates += surrogate_candidates(name, surrogate, graph=graph)
     if peers:
-        candidates += project_peers(project)
+        from casadi_contact.workflow.benchmark.peers import peer_candidates
+
+        candidates += peer_candidates(project.samples(), gflop=project.preset.chart.peer_gflop)
     walking = unseen_walking(ElasticFoundation(project.scene, project.scene.grids["settle"]), motion)
     path = project.folder / FILE_NAME
     front = measure(candidates, project.scene, walking, tell)
