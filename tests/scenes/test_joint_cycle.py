@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.scenes.joint_cycle import JointCycle, column_names, driving_loads, read_joint_cycle, scene_cycles
+from casadi_contact.scenes.joint_cycle import JointCycle, read_joint_cycle, scene_cycles, write_joint_cycle
 from casadi_contact.scenes.loading import scene_from_text
 from casadi_contact.scenes.scene import Scene
 
@@ -41,19 +41,9 @@ def test_the_hips_mean_cycle_loads_it_with_about_two_body_weights():
     np.testing.assert_array_equal(cycles[0].targets()["Fy"], cycles[1].targets()["Fy"])
 
 
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        ({"cycles": 1}, "cycles"),
-        ({"wheels": 3}, "wheels"),
-        ({"harmonics": {"rz_deg": [1.0]}}, "rz_deg"),
-        ({"harmonics": {"rz_rad": [1.0, 2.0]}}, "rz_rad"),
-        ({"harmonics": {"rz_rad": [1.0]}}, "has no load"),
-    ],
-)
-def test_a_motion_that_makes_no_sense_is_refused(changes, said):
-    with pytest.raises(ValueError, match=said):
-        scene_cycles(with_motion(**changes))
+def test_a_motion_needs_a_load():
+    with pytest.raises(ValueError, match="has no load"):
+        scene_cycles(with_motion(harmonics={"rz_rad": [1.0]}))
 
 
 @pytest.mark.parametrize("name", [*JOINTS, "planar_knee"])
@@ -66,32 +56,21 @@ def test_a_motion_does_not_depend_on_the_loads_that_are_learned(name, tmp_path):
         assert list(cycle.targets()) == list(as_whole.targets())
         for load, curve in cycle.targets().items():
             np.testing.assert_array_equal(curve, as_whole.targets()[load])
-    columns = column_names(driving_loads(fewer))
-    loads = {columns[load]: curve for load, curve in cycle.targets().items()}
-    header = ",".join(["time_s", *loads])
-    table = np.column_stack([cycle.time_s, *loads.values()])
-    np.savetxt(tmp_path / "cycle.csv", table, delimiter=",", header=header, comments="")
+    write_joint_cycle(cycle, tmp_path / "cycle.csv")
     assert set(read_joint_cycle(tmp_path / "cycle.csv", fewer).targets()) == set(cycle.targets())
 
 
-def test_a_cycle_file_names_its_units(tmp_path):
-    scene = cc.load_scene("hip")
+def test_a_cycle_comes_back_from_its_file(tmp_path):
+    scene, path = cc.load_scene("hip"), tmp_path / "walk.csv"
     cycle = scene_cycles(scene)[0]
-    columns = column_names(scene.load_names)
-    assert (columns["tx"], columns["rz"], columns["Fy"], columns["Tx"]) == ("tx_mm", "rz_rad", "Fy_N", "Tx_Nmm")
-    curves = {**cycle.pose, **cycle.loads}
-    header = ",".join(["time_s", *(columns[name] for name in curves)])
-    path = tmp_path / "walk.csv"
-    np.savetxt(path, np.column_stack([cycle.time_s, *curves.values()]), delimiter=",", header=header, comments="")
+    write_joint_cycle(cycle, path)
+    assert path.read_text().startswith("time_s,")
     again = read_joint_cycle(path, scene)
     assert again.name == "walk"
-    for name, curve in curves.items():
+    for name, curve in {**cycle.pose, **cycle.loads}.items():
         np.testing.assert_array_equal({**again.pose, **again.loads}[name], curve)
     path.write_text("time_s,rz_rad\n0.0,0.1\n1.0,0.2\n")
     with pytest.raises(ValueError, match="no load"):
-        read_joint_cycle(path, scene)
-    path.write_text("time_s,Fy_N\n0.0,0.1\n1.0,much\n")
-    with pytest.raises(ValueError, match="line 3, Fy_N: got 'much'"):
         read_joint_cycle(path, scene)
 
 
@@ -114,12 +93,7 @@ def test_angles_in_degrees_and_names_without_a_known_unit_are_refused(tmp_path, 
     [
         ([0.0, 1.0, 2.0], {}, {"Fy": [1.0, 2.0]}, "Fy"),
         ([0.0, 1.0], {"rx": [0.0, np.nan]}, {"Fy": [1.0, 2.0]}, "rx"),
-        (
-            [0.0, 1.0],
-            {},
-            {"Fy": [1.0, 1e20]},
-            "row 2",
-        ),
+        ([0.0, 1.0], {}, {"Fy": [1.0, 1e20]}, "row 2"),
         ([0.0, 1.0, 1.0], {}, {"Fy": [1.0, 2.0, 3.0]}, "rise"),
         ([0.0], {}, {"Fy": [1.0]}, "frames"),
     ],

@@ -51,21 +51,3 @@ def test_facets_of_a_groove_are_tangent_to_their_grids_and_mirrored():
     middle = (g["groove_radius"], g["facet_offset"])
     rho = np.hypot(centres[..., 0], centres[..., 1])
     assert np.hypot(rho - middle[0], centres[..., 2] - middle[1]).min() < 0.1
-
-
-@pytest.mark.parametrize(
-    ("name", "overrides", "said"),
-    [
-        ("hip", {"cup_radius": 15.0}, "geometry.cup_radius"),
-        ("hip", {"cup_pole": (0.0, 0.0, 0.0)}, "geometry.cup_pole"),
-        ("hip", {"cup_centre": (0.0, 0.0)}, "geometry.cup_centre"),
-        ("hip", {"cup_half_angle_deg": 120.0}, "geometry.cup_half_angle_deg"),
-        ("hip", {"ball_radius": -1.0}, "geometry.ball_radius"),
-        ("patellofemoral", {"dome_radius": 31.0}, "geometry.facet_radius"),
-        ("patellofemoral", {"dome_sagittal_radius": 10.0}, "geometry.dome_sagittal_radius"),
-        ("patellofemoral", {"facet_half_width_deg": 80.0}, "geometry.facet_half_width_deg"),
-    ],
-)
-def test_impossible_joints_are_refused(name, overrides, said):
-    with pytest.raises(ValueError, match=said):
-        cc.load_scene(name, **overrides)

@@ -41,32 +41,3 @@ def test_a_changed_or_missing_mesh_is_another_scene_or_an_error(folder):
     (folder / "ball.obj").unlink()
     with pytest.raises(FileNotFoundError, match="exist"):
         cc.load_scene(folder / "scene.toml")
-
-
-UNITS, PATCH = 'units = "mm"', "[geometry.patches.contact]"
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "word"),
-    [
-        (UNITS, "", "units"),
-        (UNITS, 'units = "foot"', "units"),
-        ('elements = "grid"', 'elements = "hexes"', "elements"),
-        (UNITS, f'{UNITS}\naxes = ["-x", "y", "z"]', "axes"),
-        (UNITS, f'{UNITS}\naxes = ["x", "y", "w"]', "axes"),
-        (UNITS, f"{UNITS}\ncolour = 1", "colour"),
-        (UNITS, f"{UNITS}\nspacing = 1e-9", "spacing"),
-        (UNITS, f"{UNITS}\nspacing = 3.0", "spacing"),
-        (UNITS, f"{UNITS}\nspacing = {{moving = 0.5}}", "spacing"),
-        (PATCH, f"{PATCH}\nx = [2.0, 1.0]", "rising"),
-        (PATCH, f"{PATCH}\nanchor = [2.0]", "anchor"),
-        (PATCH, f"{PATCH}\nsplit_z = [1]", "split_z"),
-        (PATCH, f"{PATCH}\nz = [0, 2]\nsplit_z = [3]", "split_z"),
-        (PATCH, "", "patches"),
-    ],
-)
-def test_bad_mesh_scenes_are_refused_with_the_key(folder, old, new, word):
-    text = (folder / "scene.toml").read_text()
-    (folder / "scene.toml").write_text(text.replace(old, new))
-    with pytest.raises(ValueError, match=word):
-        cc.load_scene(folder / "scene.toml")

@@ -121,20 +121,3 @@ def test_contact_that_reaches_the_rim_of_a_part_is_complete_and_that_which_reach
     poses[1, 0] = 5.0
     assert (model(poses)[:, 1] < -10.0).all()
     assert model.at_edge(poses)[:, 0].tolist() == [False, cut]
-
-
-@pytest.mark.parametrize(
-    ("lines", "key"),
-    [
-        ("pressing = [0.0, 0.0, 0.0]", "geometry.pressing"),
-        ("start_pose = [1.0]", "geometry.start_pose"),
-        ('open_edges = "torn"', "geometry.open_edges"),
-        ('shell = "inner"', "geometry.shell"),
-        ('[geometry.placement.moving]\nmirror = "w"', "placement.moving.mirror"),
-        ("[geometry.placement.moving]\noffset = 3.0", "placement.moving.offset"),
-        ("[geometry.placement.femur]\noffset = [1, 2, 3]", "placement.femur"),
-    ],
-)
-def test_a_bad_value_is_named(tmp_path, lines, key):
-    with pytest.raises(ValueError, match=key):
-        scene_of(tmp_path, BALL, sheet_mesh(14.0, 2.0), lines)

@@ -79,19 +79,6 @@ def test_its_force_is_that_of_the_integral_and_near_the_elliptic_closed_form(tmp
     assert abs(loads["Fx"]) + abs(loads["Fz"]) < 1e-6
 
 
-def test_its_axis_carries_no_moment_and_derivatives_are_those_of_the_loads(tmp_path):
-    model = cc.ElasticFoundation(cc.load_scene(scene_file(tmp_path)), (200, 150))
-    centre = np.array([1.5, np.sqrt((CYLINDER_MM + RADIUS_MM - 0.2) ** 2 - 1.5**2), 0.4])
-    pose = np.array([[*centre, 0.1, -0.2, 0.3]])
-    wrench = model.wrenches(pose)[0, 0]
-    # All normals meet the axis.
-    assert wrench[5] == pytest.approx(0.0, abs=1e-9 * np.abs(wrench).max())
-    h = 1e-5
-    jacobian = model.jacobian(pose)[1][0]
-    up, down = (model(pose + sign * h * np.eye(6)[1])[0] for sign in (1.0, -1.0))
-    np.testing.assert_allclose((up - down) / (2.0 * h), jacobian[:, 1], rtol=2e-3, atol=2.0)
-
-
 def test_its_numbers_are_checked_by_name_and_its_scene_survives_its_text(tmp_path):
     scene = cc.load_scene(scene_file(tmp_path))
     assert Scene.from_toml(scene.to_toml()) == scene

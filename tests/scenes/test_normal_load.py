@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-import casadi_contact as cc
 from casadi_contact.scenes.normal_load import normal_loads
 
 SIDES = ("med", "lat")
@@ -64,13 +63,3 @@ def test_loads_are_brought_to_a_size_without_turning_a_force():
 def test_other_text_is_refused(names, patches, said):
     with pytest.raises(ValueError, match=said):
         normal_loads(names, patches)
-
-
-def test_two_stage_says_which_scenes_it_cannot_stand_for():
-    from casadi_contact.surrogate.two_stage.surrogate import TwoStageSurrogate
-
-    assert TwoStageSurrogate.fits(cc.load_scene("knee"))
-    for name in ("hip", "patellofemoral", "glenohumeral"):
-        assert not TwoStageSurrogate.fits(cc.load_scene(name))
-        with pytest.raises(ValueError, match="use the patch structure"):
-            TwoStageSurrogate.network_inputs(cc.load_scene(name))

@@ -51,38 +51,3 @@ def test_one_side_of_a_knee_can_have_its_own_values():
     assert knee.patch_geometry("med")["frontal_radius"] == 21.0
     assert knee.patch_geometry("lat")["frontal_radius"] == 22.0
     assert knee.anchors_mm[:, 2].tolist() == [24.0, -22.0]
-
-
-@pytest.mark.parametrize(
-    ("name", "overrides", "said"),
-    [
-        ("kneee", {}, "kneee"),
-        ("knee", {"radius": 3.0}, "radius"),
-        ("knee", {"law": "cubic"}, "material.law"),
-        ("knee", {"poissons_ratio": 0.5}, "poissons_ratio"),
-        ("knee", {"youngs_modulus": "stiff"}, "youngs_modulus"),
-        ("knee", {"thickness": float("nan")}, "thickness"),
-        ("knee", {"fine": (0, 40)}, "grids.fine"),
-        ("knee", {"dish_frontal_radius": 20.0}, "geometry.dish_frontal_radius"),
-        ("knee", {"sagittal_radii": [30.0]}, "geometry.sagittal_junctions_deg"),
-        ("knee", {"sensitive": ["Fq"]}, "Fq"),
-        ("sphere_in_dish", {"dish_radius": 20.0}, "geometry.dish_radius"),
-    ],
-)
-def test_bad_scenes_are_refused_with_the_key(name, overrides, said):
-    with pytest.raises(ValueError, match=said):
-        cc.load_scene(name, **overrides)
-
-
-def test_unknown_keys_newer_formats_and_text_that_is_no_toml_are_refused(tmp_path):
-    text = cc.load_scene("knee").to_toml()
-    with pytest.raises(ValueError, match="colour"):
-        Scene.from_toml(text.replace("[material]", "[material]\ncolour = 1"))
-    with pytest.raises(ValueError, match="wheel"):
-        Scene.from_toml(text.replace("[geometry]", "[geometry]\nmed = { wheel = 1.0 }"))
-    with pytest.raises(ValueError, match="format = 9"):
-        Scene.from_toml(text.replace("format = 1", "format = 9"))
-    with pytest.raises(ValueError, match="not valid TOML"):
-        Scene.from_toml("format = = 1")
-    with pytest.raises(FileNotFoundError, match="does not exist"):
-        cc.load_scene(tmp_path / "none.toml")
