@@ -5,6 +5,7 @@ Lines of action are straight between two points [mm], each fixed to a body. Tens
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,11 +18,12 @@ from casadi_contact.core.files.reading import short
 from casadi_contact.networks.names import check_name
 
 
-def finite_vector(what: str, value: Any, count: int, expected: str = "") -> Array:
-    """A vector (count,) of finite numbers; ValueError saying what is got and what is expected for anything else."""
+def finite_vector(what: str, value: Any, *shape: int, expected: str = "") -> Array:
+    """Finite numbers of a shape; ValueError saying what is got and what is expected for anything else."""
     numbers = finite_numbers(value)
-    if numbers is None or numbers.shape != (count,):
-        raise ValueError(f"{what} {short(repr(value))}, expected {expected or f'{count} finite numbers'}")
+    if numbers is None or numbers.shape != shape:
+        wanted = expected or f"{' × '.join(map(str, shape))} finite numbers"
+        raise ValueError(f"{what} {short(repr(value))}, expected {wanted}")
     return numbers
 
 
@@ -43,8 +45,8 @@ class Contact:
             check_name(self.function_name)
         except ValueError:
             raise ValueError(f"contact {self.name!r}: expected letters, digits and single underscores") from None
-        finite_vector(f"{self.name}: fixed_frame is", self.fixed_frame, 6)
-        finite_vector(f"{self.name}: moving_frame is", self.moving_frame, 6)
+        for frame in ("fixed_frame", "moving_frame"):
+            finite_vector(f"{self.name}: {frame} is", getattr(self, frame), 6)
 
     @property
     def function_name(self) -> str:
@@ -59,15 +61,17 @@ class Contact:
 
 @dataclass(frozen=True)
 class Line:
-    """A straight line between a point (3,) [mm] of one body and one of another. Raises ValueError for other points."""
+    """A straight line between a point (3,) [mm] of one body and one of another. Raises ValueError for other points, and
+    for other than two bodies."""
 
     name: str
-    bodies: tuple[str, str]
-    points_mm: tuple[Array, Array]
+    bodies: Sequence[str]
+    points_mm: Sequence[Array]
 
     def __post_init__(self) -> None:
-        for point in self.points_mm:
-            finite_vector(f"{self.name}: a point is", point, 3)
+        if not isinstance(self.bodies, list | tuple) or len(self.bodies) != 2:
+            raise ValueError(f"{self.name}: bodies is {self.bodies!r}, expected two names")
+        finite_vector(f"{self.name}: points_mm is", self.points_mm, 2, 3)
 
 
 @dataclass(frozen=True)

@@ -26,14 +26,11 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from casadi_contact.contact.choice import foundation
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.contact.symbolic import SymbolicContact, symbolic
-from casadi_contact.core.conventions import Array
 from casadi_contact.core.files.reading import toml_tables, toml_text
 from casadi_contact.optimisation.assembly.assembly import Assembly
 from casadi_contact.optimisation.assembly.connections import Contact, Ligament, Pull, Spring
@@ -43,8 +40,13 @@ from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.checks import fail, number, plain_values, scene_name, table_of
 
 FORMAT = 1
-_FRAMES = ("fixed_frame", "moving_frame")
 _PACKAGE = "casadi_contact.optimisation.assembly"
+_NAMES = ("bodies", "body", "fixed", "moving")
+_PARTS: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
+    "ligaments": (Ligament, ("bodies", "points_mm", "stiffness_n", "slack_length_mm")),
+    "pulls": (Pull, ("bodies", "points_mm")),
+    "springs": (Spring, ("body", "stiffness", "rest")),
+}
 
 
 def ready_assemblies() -> list[str]:
@@ -87,77 +89,43 @@ def joint_foundation(scene: Scene) -> SymbolicContact:
 
 def _assembly(tables: Mapping[str, Any], folder: Path, contact: Callable[[Scene], ContactModel]) -> Assembly:
     plain_values("", tables)
-    kinds = ("contacts", "ligaments", "pulls", "springs")
+    kinds = ("contacts", *_PARTS)
     given = table_of("assembly", tables, ("format", "name", "ground", "bodies"), complete=True, optional=kinds)
     if given["format"] != FORMAT:
         raise fail("format", given["format"], f"{FORMAT} (this version reads assembly format {FORMAT})")
-    contacts, ligaments, pulls, springs = (_tables(kind, given.get(kind, {})) for kind in kinds)
-    bodies = _tables("bodies", given["bodies"])
+    for kind in ("bodies", *kinds):
+        if not isinstance(given.setdefault(kind, {}), Mapping):
+            raise fail(kind, given[kind], "a table of tables")
     return Assembly(
         name=scene_name(given["name"]),
         ground=str(given["ground"]),
-        start={name: _body_pose(f"bodies.{name}", table) for name, table in bodies.items()},
-        contacts=[_contact(name, table, folder, contact) for name, table in contacts.items()],
-        ligaments=[_ligament(name, table) for name, table in ligaments.items()],
-        pulls=[_pull(name, table) for name, table in pulls.items()],
-        springs=[_spring(name, table) for name, table in springs.items()],
+        start={body: _values(f"bodies.{body}", table, ("pose",))["pose"] for body, table in given["bodies"].items()},
+        contacts=[_contact(name, table, folder, contact) for name, table in given["contacts"].items()],
+        **{
+            kind: [make(name, **_values(f"{kind}.{name}", table, keys)) for name, table in given[kind].items()]
+            for kind, (make, keys) in _PARTS.items()
+        },
     )
 
 
-def _tables(key: str, value: object) -> dict[str, Any]:
-    if not isinstance(value, Mapping):
-        raise fail(key, value, "a table of tables")
-    return dict(value)
-
-
-def _body_pose(key: str, table: object) -> Array:
-    return _numbers(f"{key}.pose", table_of(key, table, ("pose",), complete=True)["pose"], 6)
-
-
 def _contact(name: str, table: object, folder: Path, contact: Callable[[Scene], ContactModel]) -> Contact:
-    key = f"contacts.{name}"
-    given = table_of(key, table, ("scene", "fixed", "moving"), complete=True, optional=(*_FRAMES, "change"))
-    scene, change = str(given["scene"]), given.get("change", {})
+    key, needed, frames = f"contacts.{name}", ("scene", "fixed", "moving"), ("fixed_frame", "moving_frame")
+    given = table_of(key, table, needed, complete=True, optional=(*frames, "change"))
+    scene, change = str(given.pop("scene")), given.pop("change", {})
     if not isinstance(change, Mapping):
         raise fail(f"{key}.change", change, "a table of the scene's parameters")
     try:
         found = load_scene(folder / scene if scene.endswith(".toml") else scene, **change)
     except ValueError as error:
         raise ValueError(f"{key}: {error}") from None
-    frames = {frame: _numbers(f"{key}.{frame}", given[frame], 6) for frame in _FRAMES if frame in given}
-    return Contact(name, symbolic(contact(whole_wrench(found))), str(given["fixed"]), str(given["moving"]), **frames)
+    return Contact(name, symbolic(contact(whole_wrench(found))), **_values(key, given, tuple(given)))
 
 
-def _line(name: str, key: str, given: Mapping[str, Any]) -> tuple[str, tuple[str, str], tuple[Array, Array]]:
-    """Name, bodies and points of a line."""
-    bodies, points = given["bodies"], given["points_mm"]
-    for part, value in (("bodies", bodies), ("points_mm", points)):
-        if not isinstance(value, list) or len(value) != 2:
-            raise fail(f"{key}.{part}", value, "two, one of each end")
-    first, second = (_numbers(f"{key}.points_mm", point, 3) for point in points)
-    return name, (str(bodies[0]), str(bodies[1])), (first, second)
+def _values(key: str, table: object, keys: tuple[str, ...]) -> dict[str, Any]:
+    """A table's values by key: names of bodies as they are, all others as numbers."""
+    given = table_of(key, table, keys, complete=True)
+    return {k: v if k in _NAMES else _numbers(f"{key}.{k}", v) for k, v in given.items()}
 
 
-def _ligament(name: str, table: object) -> Ligament:
-    key = f"ligaments.{name}"
-    given = table_of(key, table, ("bodies", "points_mm", "stiffness_n", "slack_length_mm"), complete=True)
-    stiffness, slack = (number(f"{key}.{size}", given[size], low=0.0) for size in ("stiffness_n", "slack_length_mm"))
-    return Ligament(*_line(name, key, given), stiffness, slack)
-
-
-def _pull(name: str, table: object) -> Pull:
-    key = f"pulls.{name}"
-    return Pull(*_line(name, key, table_of(key, table, ("bodies", "points_mm"), complete=True)))
-
-
-def _spring(name: str, table: object) -> Spring:
-    key = f"springs.{name}"
-    given = table_of(key, table, ("body", "stiffness", "rest"), complete=True)
-    stiffness, rest = (_numbers(f"{key}.{part}", given[part], 6) for part in ("stiffness", "rest"))
-    return Spring(name, str(given["body"]), stiffness, rest)
-
-
-def _numbers(key: str, value: object, count: int) -> Array:
-    if not isinstance(value, list) or len(value) != count:
-        raise fail(key, value, f"{count} numbers")
-    return np.array([number(key, part) for part in value])
+def _numbers(key: str, value: object) -> Any:
+    return [_numbers(key, part) for part in value] if isinstance(value, list) else number(key, value)
