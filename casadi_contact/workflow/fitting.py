@@ -74,7 +74,10 @@ def fit_surrogate(
     efforts = {regression.name: effort_for(fitting.efforts, regression.name) for regression in regressions}
     starts, networks = {}, dict(fitting.kept)
     if onward is not None:
-        starts = {name: widen(onward.networks[name], effort.sizes[0], seed=0) for name, effort in efforts.items()}
+        starts = {name: onward.networks[name] for name in efforts}
+        for name, effort in efforts.items():
+            if starts[name].hidden != effort.sizes[0]:
+                starts[name] = widen(starts[name], effort.sizes[0], seed=0)
         networks |= {name: starts[name] for name, effort in efforts.items() if effort.gflop == 0.0}
     restarts = TrainingSettings.restarts if onward is None else 0
     settings, chosen = {}, []
