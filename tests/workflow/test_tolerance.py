@@ -76,7 +76,7 @@ def asked(monkeypatch):
     return scales
 
 
-SMALL = ToleranceSettings(first_gflop=0.1)
+SMALL = ToleranceSettings(first_gflop=0.1, sizes=((4,), (8,), (8, 8), (12, 12)))
 
 
 def trained(folder, force_n, torque_nmm, **more):
@@ -85,17 +85,17 @@ def trained(folder, force_n, torque_nmm, **more):
         return tolerance.train_to_tolerance(project, executor=here, settings=replace(SMALL, **more))
 
 
-def test_a_loose_tolerance_takes_one_round_a_tight_one_more(tmp_path, asked):
-    small = trained(tmp_path / "loose", 100.0, 3000.0)
+def test_a_loose_tolerance_takes_one_round_a_tight_one_more_in_the_same_folder(tmp_path, asked):
+    small = trained(tmp_path, 100.0, 3000.0)
     assert asked == [SMALL.first_scale]
-    large = trained(tmp_path / "tight", 1.0, 30.0)
+    large = trained(tmp_path, 4.0, 120.0)
     rounds = asked[1:]
     assert len(rounds) > 1
     assert rounds == [SMALL.first_scale * 2**k for k in range(len(rounds))]
     assert misses(large, replace(smooth_samples(int(2400 * rounds[-1])), scene=large.scene), 0.8) == []
-    assert sum(n.parameter_count for n in small.networks.values()) <= sum(
-        n.parameter_count for n in large.networks.values()
-    )
+    sizes = [sum(network.parameter_count for network in each.networks.values()) for each in (small, large)]
+    assert sizes[0] <= sizes[1]
+    assert cc.load_surrogate(tmp_path / "patch.h5").scene.tolerances["Fy"] == 4.0
 
 
 def test_a_tolerance_out_of_reach_says_what_misses_and_keeps_what_there_is(tmp_path, asked):
@@ -119,39 +119,25 @@ def test_held_back_rows_meet_the_tolerance_too(tmp_path, asked, monkeypatch):
     assert len(asked) == 2
 
 
-def test_a_second_tolerance_finds_its_own_place_in_the_folder(tmp_path, asked):
-    for force_n in (100.0, 50.0):
-        trained(tmp_path / "out", force_n, 3000.0)
-        assert cc.load_surrogate(tmp_path / "out" / "patch.h5").scene.tolerances["Fy"] == force_n
-
-
 def test_what_another_build_made_is_not_replaced(tmp_path, asked):
-    of_preset, of_other_scene, text = (tmp_path / name for name in ("preset", "scene", "text"))
-    for folder in (of_preset, of_other_scene, text):
-        folder.mkdir()
-    write_samples(of_preset / "samples.h5", smooth_samples(120))
+    of_preset, of_killed, of_other_scene, text = (tmp_path / name for name in ("preset", "killed", "scene", "text"))
+    for folder in (of_preset, of_other_scene, text, of_killed / "within-100-3000" / "round-1"):
+        folder.mkdir(parents=True)
+    for folder in (of_preset, of_killed):
+        write_samples(folder / "samples.h5", smooth_samples(120))
     cc.load_surrogate("knee").save(of_other_scene / "patch.h5")
     (text / "samples.h5").write_text("notes\n")
     for folder, said in (
         (of_preset, "holds samples or surrogates that no build to a tolerance made"),
+        (of_killed, "that no build to a tolerance made"),
         (of_other_scene, "was trained for another scene"),
         (text, r"text/samples\.h5"),
     ):
-        before = {path: path.read_bytes() for path in folder.iterdir()}
+        before = {path: path.read_bytes() for path in folder.glob("*.h5")}
         with pytest.raises(ValueError, match=said):
             trained(folder, 100.0, 3000.0)
         assert asked == []
-        assert {
-            path: path.read_bytes() for path in folder.iterdir() if path.name in ("samples.h5", "patch.h5")
-        } == before
-
-
-def test_samples_of_a_preset_beside_what_a_killed_build_left_are_not_replaced(tmp_path, asked):
-    (tmp_path / "within-100-3000" / "round-1").mkdir(parents=True)
-    write_samples(tmp_path / "samples.h5", smooth_samples(120))
-    with pytest.raises(ValueError, match="that no build to a tolerance made"):
-        trained(tmp_path, 100.0, 3000.0)
-    assert asked == []
+        assert {path: path.read_bytes() for path in folder.glob("*.h5")} == before
 
 
 def test_the_record_names_the_build_with_its_tolerances(tmp_path, asked, monkeypatch):
@@ -204,32 +190,28 @@ def of_sizes(samples, sizes):
 ROOT = next(r.name for r in PatchSurrogate.regressions(smooth_samples(60)) if r.name.startswith("root"))
 
 
-def shrunk(met):
-    """Networks by name of a surrogate of seven neurons each that are made as small as `met` allows; what was fitted."""
+@pytest.mark.parametrize(
+    "met",
+    [
+        lambda sizes: sizes[ROOT] >= 3,  # nothing of the ratios
+        lambda sizes: sum(sizes.values()) >= 9,  # one after the other each would be small enough, together not
+    ],
+)
+def test_networks_end_at_the_smallest_sizes_that_together_meet_what_is_asked(met):
+    """What is asked goes by sizes alone here, of networks of seven neurons each."""
     samples, ladder, asked = smooth_samples(60), [(n,) for n in range(1, 8)], []
+
+    def sizes_of(surrogate):
+        return {name: network.hidden[0] for name, network in surrogate.networks.items()}
 
     def fitted(sizes, surrogate):
         asked.append(dict(sizes))
-        return of_sizes(samples, {name: net.hidden for name, net in surrogate.networks.items()} | dict(sizes))
+        return of_sizes(samples, {name: (n,) for name, n in sizes_of(surrogate).items()} | dict(sizes))
 
     seven = of_sizes(samples, {regression.name: (7,) for regression in PatchSurrogate.regressions(samples)})
-    small = smallest_networks(seven, samples, ladder, fitted, met)
-    assert set(small.record["test_errors"]) == {"D1", "D2"}
-    return small.networks, asked
-
-
-def test_networks_end_at_the_smallest_size_that_meets_what_is_asked():
-    """What is asked goes by sizes alone here: three neurons of the root, nothing of the ratios."""
-    networks, asked = shrunk(lambda surrogate: surrogate.networks[ROOT].hidden >= (3,))
-    assert networks.pop(ROOT).hidden == (3,)
-    assert {network.hidden for network in networks.values()} == {(1,)}
+    small = smallest_networks(seven, samples, ladder, fitted, lambda surrogate: met(sizes_of(surrogate)))
+    sizes = sizes_of(small)
+    assert met(sizes)
+    assert not any(met({**sizes, name: n - 1}) for name, n in sizes.items() if n > 1), "none can be smaller"
     assert len(asked) <= 3, "bisection: seven sizes take three steps"
-
-
-def test_networks_that_are_small_enough_one_by_one_are_judged_together():
-    def enough(networks):
-        return sum(network.hidden[0] for network in networks.values()) >= 9
-
-    networks, _ = shrunk(lambda surrogate: enough(surrogate.networks))
-    assert enough(networks)
-    assert any(network.hidden < (7,) for network in networks.values())
+    assert set(small.record["test_errors"]) == {"D1", "D2"}
