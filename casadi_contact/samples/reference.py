@@ -18,7 +18,7 @@ from casadi_contact.contact.sensitive import sensitive_directions
 from casadi_contact.contact.settle import SettleReport, settle
 from casadi_contact.core.conventions import POSE_NAMES, Array, Progress, pose_index
 from casadi_contact.core.quantities import quantity
-from casadi_contact.samples.envelopes import Envelopes
+from casadi_contact.samples.domains import Envelopes
 from casadi_contact.samples.settings import SamplePoint, SamplingSettings
 from casadi_contact.scenes.joint_cycle import driving_loads
 from casadi_contact.scenes.pose_space import PoseSpace
@@ -47,7 +47,7 @@ class ReferenceReport:
     """Convergence of each frame (cycles, frames): converged, residual [N, torques over 25 mm], reason.
 
     Frames that did not converge are interpolated between neighbours that did. assumed: assumed widths of inputs with
-    the same curve in all cycles (see `envelopes`).
+    the same curve in all cycles (see `domains`).
     """
 
     names: tuple[str, ...]

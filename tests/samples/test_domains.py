@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from casadi_contact.contact.settle import settle
 from casadi_contact.samples.chunk import plan_chunks
-from casadi_contact.samples.domains import hammersley, plan_domains
-from casadi_contact.samples.envelopes import Envelopes
+from casadi_contact.samples.domains import Envelopes, hammersley, plan_domains
 from casadi_contact.samples.liftoff import lift_all, lift_one
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION
 from casadi_contact.samples.settings import PAPER_COUNTS, SamplePoint, SamplingSettings

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from casadi_contact.samples.envelopes import Envelopes
+from casadi_contact.samples.domains import Envelopes
 from casadi_contact.scenes.normal_load import normal_loads
 
 # Two cycles, two frames. tx: 0..1 and 0..3 (widths 1, 3; mean 2).

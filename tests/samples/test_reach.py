@@ -6,8 +6,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact.settle import settle
 from casadi_contact.samples.chunk import Chunk, draw_chunk
-from casadi_contact.samples.domains import plan_domains
-from casadi_contact.samples.envelopes import Envelopes
+from casadi_contact.samples.domains import Envelopes, plan_domains
 from casadi_contact.samples.liftoff import lift_each
 from casadi_contact.samples.settings import SamplePoint, SamplingSettings
 from tests.support.two_spheres import RADIUS_MM, STIFFNESS, TwoSpheres, knee
