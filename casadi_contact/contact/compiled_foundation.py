@@ -34,8 +34,7 @@ from casadi_contact.networks.functions import (
     hessian_function,
     weighted_hessians,
 )
-from casadi_contact.networks.kernel.casadi_interface import casadi_interface
-from casadi_contact.networks.kernel.source import ExportedModel, c_text, roots_source
+from casadi_contact.networks.kernel.source import ExportedModel, c_text, casadi_interface, roots_source
 from casadi_contact.networks.names import UNNAMED, c_name, check_name, check_unused, name_of_batch, name_of_wrenches
 from casadi_contact.scenes.loading import load_scene, ready_scenes
 from casadi_contact.scenes.scene import Scene
@@ -211,7 +210,7 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
         kernel = FoundationKernel(self.scene, names, self._patch_source(), self.lanes)
         source = kernel.source(loads=len(names), roots=patches)
         wrenches = replace(kernel, loads=wrench_names(self.patch_names))
-        texts = [source, roots_source(range(patches), patches), c_text("export.h", C_FOLDER)]
+        texts = [source, roots_source(range(patches + 1)), c_text("export.h", C_FOLDER)]
         texts += [self._moments_source(), c_text("pressure_outputs.h", C_FOLDER)]
         return ExportedModel(
             name=self._export_name(),

@@ -34,7 +34,7 @@ import platformdirs
 
 from casadi_contact.core.compilation import announce
 from casadi_contact.core.conventions import Array
-from casadi_contact.core.files.reading import sha256_of, short
+from casadi_contact.core.files.reading import short
 
 FLAGS = ("-std=gnu99", "-O3", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
 NATIVE = ("-march=native",)
@@ -197,7 +197,7 @@ def is_private(path: Path) -> bool:
 
 
 def _digest(path: Path) -> str:
-    return sha256_of(path)[:32]
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:32]
 
 
 def _intact(folder: Path, key: str) -> Path | None:

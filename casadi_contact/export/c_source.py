@@ -14,8 +14,7 @@ from casadi_contact.core.compiler import DATA_FILE
 from casadi_contact.core.conventions import POSE_NAMES, POSE_UNITS, as_poses
 from casadi_contact.core.files.writing import write_bytes, write_text
 from casadi_contact.core.quantities import quantity
-from casadi_contact.networks.kernel.casadi_interface import casadi_interface
-from casadi_contact.networks.kernel.source import ExportedModel, c_text
+from casadi_contact.networks.kernel.source import ExportedModel, c_text, casadi_interface
 from casadi_contact.networks.names import (
     UNNAMED,
     check_name,

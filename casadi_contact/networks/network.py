@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -53,12 +54,12 @@ class Network:
                 "expected at least one layer, and no scale of 0"
             )
 
-    @property
+    @cached_property
     def hidden(self) -> tuple[int, ...]:
         """Neurons per hidden layer, for example (32, 32)."""
         return tuple(len(bias) for bias in self.biases[:-1])
 
-    @property
+    @cached_property
     def outputs(self) -> int:
         """Number m of outputs."""
         return len(self.biases[-1])

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
-from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 
 import casadi as ca
+import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -21,25 +22,32 @@ from casadi_contact.networks.kernel.source import ExportedModel, Kernel
 from casadi_contact.networks.names import c_name
 from casadi_contact.networks.network import Network, Regression
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.surrogate.arrays import BATCH_FROM, SurrogateArrays, compiled_arrays, map_in_chunks
 from casadi_contact.surrogate.confidence import Confidence
-from casadi_contact.surrogate.file import Content, write_file
+from casadi_contact.surrogate.file import Content, content_digest, write_file
 from casadi_contact.surrogate.functions import SurrogateFunctions
-from casadi_contact.surrogate.info import SurrogateInfo, describe
-from casadi_contact.surrogate.surrogate_kernel import OWN_ROOTS, SurrogateKernel
+from casadi_contact.surrogate.info import SurrogateInfo
+from casadi_contact.surrogate.kernel import BATCH_FROM, OWN_ROOTS, SurrogateArrays, SurrogateKernel, compiled_arrays
 
 if TYPE_CHECKING:
     from casadi_contact.samples.samples import Samples
 
 
-class Structure(ABC):
-    """How contact loads are shared out among networks; `Surrogate` is one whose networks are trained."""
+class Surrogate(SurrogateFunctions, ContactModel):
+    """Networks and the scene they were trained for; how loads are shared out among networks is the structure's.
+
+    networks: by name; record: what trained them (see `casadi_contact.surrogate.info`), plain JSON values; confidence:
+    what `validity` and `expected_error` are made of (see `casadi_contact.surrogate.calibration`).
+    ``load_names`` are the scene's loads that the given networks are enough for. compiled: arrays of `BATCH_FROM` poses
+    or more go through a C kernel (see `casadi_contact.surrogate.kernel`), as `load_surrogate` wants it.
+    """
 
     structure: ClassVar[str]
     title: ClassVar[str]
     """What charts call it."""
     budget_shares: ClassVar[Mapping[str, float]] = {}
     """Share of a size's budget [Gflop] that a network gets in a chart, by the start of its name; 1 for all others."""
+    ready_name = ""
+    """Name under which `load_surrogate` finds it; empty for one that does not come with the library."""
 
     @staticmethod
     def fits(scene: Scene) -> bool:
@@ -68,26 +76,13 @@ class Structure(ABC):
 
     @staticmethod
     def reflection(name: str, network: Network, scene: Scene) -> Network:
-        """The twin `name` of a network; raises ValueError for one that is not among `twins`."""
-        raise ValueError(f"network {name!r} is the mirror image of none, expected one of `twins`")
+        """The twin `name` of a network."""
+        raise NotImplementedError(f"network {name!r} is the mirror image of none")
 
     @classmethod
     @abstractmethod
     def networks_for(cls, scene: Scene, loads: Sequence[str]) -> list[str]:
         """Names of the networks that the loads need; raises ValueError for an unknown load."""
-
-
-class Surrogate(Structure, SurrogateFunctions, ContactModel):
-    """Networks and the scene they were trained for.
-
-    networks: by name; record: what trained them (see `casadi_contact.surrogate.info`), plain JSON values; confidence:
-    what `validity` and `expected_error` are made of (see `casadi_contact.surrogate.calibration`).
-    ``load_names`` are the scene's loads that the given networks are enough for. compiled: arrays of `BATCH_FROM` poses
-    or more go through a C kernel (see `casadi_contact.surrogate.arrays`), as `load_surrogate` wants it.
-    """
-
-    ready_name = ""
-    """Name under which `load_surrogate` finds it; empty for one that does not come with the library."""
 
     def __init__(
         self,
@@ -124,10 +119,6 @@ class Surrogate(Structure, SurrogateFunctions, ContactModel):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.scene.name}, networks: {len(self.networks)})"
-
-    def needed_networks(self, loads: Sequence[str]) -> list[str]:
-        """Names of the networks that the loads need; raises ValueError for an unknown load."""
-        return self.networks_for(self.scene, loads)
 
     @pose_or_poses
     def __call__(self, poses: Array, loads: Iterable[str] | None = None) -> Array:
@@ -198,9 +189,8 @@ class Surrogate(Structure, SurrogateFunctions, ContactModel):
 
     def _arrays(self, poses: Array, loads: Sequence[str]) -> SurrogateArrays | None:
         """The kernel for so many poses; None where they are few, for other loads, and without a compiler."""
-        if not self._compiled or len(poses) < BATCH_FROM or not set(loads) <= set(self.load_names):
-            return None
-        return self._compiled_arrays
+        many = self._compiled and len(poses) >= BATCH_FROM and set(loads) <= set(self.load_names)
+        return self._compiled_arrays if many else None
 
     @cached_property
     def _compiled_arrays(self) -> SurrogateArrays | None:
@@ -211,28 +201,20 @@ class Surrogate(Structure, SurrogateFunctions, ContactModel):
         """C of the loads, with all else that the networks and the calibration are enough for."""
         roots = all(name in self.networks for name in self._root_networks())
         kernel, confidence = self._kernel(loads, roots=roots), self.confidence if roots else None
-        bundles, roots_source = ([], "") if confidence is None else self._confidence_roots_source()
-        bundles = bundles if confidence is None else [*bundles, confidence.bundle()]
-        return SurrogateKernel(
-            Kernel([*kernel.bundles, *bundles], kernel.code),
-            tuple(loads),
-            self.load_names,
-            self._first_roots() if roots else (),
-            self._root_count() if roots else 0,
-            confidence,
-            roots_source,
-        )
+        bundles, roots_source = list(kernel.bundles), ""
+        if confidence is not None:
+            beside, roots_source = self._confidence_roots_source()
+            bundles += [*beside, confidence.bundle()]
+        bounds = self._root_bounds if roots else ()
+        whole = Kernel(bundles, kernel.code)
+        return SurrogateKernel(whole, tuple(loads), self.load_names, bounds, confidence, roots_source)
 
     def _confidence_roots_source(self) -> tuple[Sequence[Bundle], str]:
-        """Networks beside the kernel's, and C function confidence_roots (see `surrogate_kernel`)."""
+        """Networks beside the kernel's, and C function confidence_roots (see `SurrogateKernel`)."""
         return [], OWN_ROOTS
 
-    def _first_roots(self) -> Sequence[int]:
-        """Where the root loads of each patch begin among those that `_kernel` gives."""
-        return range(len(self.patch_names))
-
     def _missing(self, loads: Sequence[str]) -> list[str]:
-        return [name for name in self.needed_networks(loads) if name not in self.networks]
+        return [name for name in self.networks_for(self.scene, loads) if name not in self.networks]
 
     def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
         """The loads asked for (None: all of ``load_names``); ValueError where one is unknown or lacks a network."""
@@ -302,12 +284,8 @@ class Surrogate(Structure, SurrogateFunctions, ContactModel):
         so that two models never share a name."""
         if self.ready_name:
             return c_name(f"{self.ready_name} contact")
-        digest = hashlib.sha256(f"{self.scene.digest} {self.structure}".encode())
-        for name, network in self.networks.items():
-            digest.update(name.encode())
-            for array in (network.input_shift, network.input_scale, *network.weights, *network.biases):
-                digest.update(np.ascontiguousarray(array).tobytes())
-        return c_name(f"{self.scene.name} contact {digest.hexdigest()[:8]}")
+        digest = content_digest(self.structure, self.scene.digest, "", self.networks, None)
+        return c_name(f"{self.scene.name} contact {digest[:8]}")
 
     def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
         """C of the loads, and of all that the surrogate knows of them."""
@@ -348,8 +326,24 @@ class Surrogate(Structure, SurrogateFunctions, ContactModel):
 
     def info(self) -> SurrogateInfo:
         """What this surrogate is, what it was trained on and how wrong it is; print it."""
-        return describe(self.structure, self.scene, self.load_names, self.networks, self.record)
+        return SurrogateInfo(self.structure, self.scene, self.load_names, self.networks, self.record)
 
     def save(self, path: str | Path) -> None:
         """Write an HDF5 file that `load_surrogate` reads; raises OSError where it cannot be written."""
         write_file(path, Content(self.structure, self.scene, self.networks, self.record, self.confidence))
+
+
+_ROWS = 2000  # whatever the number of threads, so that this does not change a bit of the results
+_Arrays = TypeVar("_Arrays", bound=Array | tuple[Array, ...])
+
+
+def map_in_chunks(function: Callable[[Array], _Arrays], poses: Array) -> _Arrays:
+    """What a function of poses (n, 6) returns, an array (n, ...) or a tuple of such, from blocks of the poses."""
+    if len(poses) <= _ROWS:
+        return function(poses)
+    blocks = [poses[first : first + _ROWS] for first in range(0, len(poses), _ROWS)]
+    with ThreadPoolExecutor(numba.get_num_threads()) as pool:
+        found = list(pool.map(function, blocks))
+    if isinstance(found[0], tuple):
+        return cast(_Arrays, tuple(np.concatenate(parts) for parts in zip(*found, strict=True)))
+    return cast(_Arrays, np.concatenate(found))

@@ -9,7 +9,7 @@ z = W·pose are the pose parameters over their sampled ranges, and c_j are centr
 that is tied to another is first reduced by what it follows from; with that, and with locked ones, z leaves the samples
 within micrometres. x are columns of the pose, s the root loads of the patches; y is one network with an output for the
 classifier and one for each load. A pose is *wrong* if an error exceeds a few tolerances of the scene (see
-`structures.calibration`). Distances are too coarse to see the penetration depth; the root loads show it. The classifier
+`surrogate.calibration`). Distances are too coarse to see the penetration depth; the root loads show it. The classifier
 does not extrapolate; the distance does. Both together, smooth to every order:
 
     u = log(exp(u_1) + exp(u_2)),   validity = ½(1 - u/√(1 + u²))
@@ -84,22 +84,16 @@ class Confidence:
 
     def check_shapes(self, patches: int, loads: int) -> None:
         """Raise ValueError for arrays of other shapes than so many patches and loads have: C would read beyond them."""
-        network, found = self.network, {name: np.shape(array) for name, array in self.numbers().items()}
-        found |= {"network": (len(network.input_shift), network.outputs)}
-        columns = np.size(self.columns)
-        expected: dict[str, tuple[int, ...]] = {
-            "whitening": (6, 6),
-            "centres": (max(len(self.centres), 1), 6),
-            **dict.fromkeys(("bandwidth", "sharpness", "edge"), ()),
-            "columns": (columns,),
-            "growth": (loads,),
-            "network": (columns + patches, 1 + loads),
-        }
-        for name, shape in expected.items():
-            if found[name] != shape:
+        network, centres, columns = self.network, max(len(self.centres), 1), np.size(self.columns)
+        found = [np.shape(array) for array in self.numbers().values()]
+        expected = [(6, 6), (centres, 6), (), (), (), (columns,), (loads,)]
+        found.append((len(network.input_shift), network.outputs))
+        expected.append((columns + patches, 1 + loads))
+        for name, shape, wanted in zip((*self.numbers(), "network"), found, expected, strict=True):
+            if shape != wanted:
                 raise ValueError(
-                    f"confidence: {name} has shape {found[name]}, expected {shape} for {patches} patches and {loads} "
-                    "loads: build or calibrate the surrogate again"
+                    f"confidence: {name} has shape {shape}, expected {wanted} for {patches} patches and {loads} loads: "
+                    "build or calibrate the surrogate again"
                 )
 
     @property

@@ -43,9 +43,10 @@ class Content:
     confidence: Confidence | None = None
 
 
-def _digest(
+def content_digest(
     structure: str, scene: str, record: str, networks: Mapping[str, Network], confidence: Confidence | None
 ) -> str:
+    """SHA-256 of all that a surrogate is made of, of scene and record as text."""
     digest = hashlib.sha256()
     for text in (structure, scene, record):
         digest.update(text.encode() + b"\0")
@@ -75,7 +76,7 @@ def write_file(path: str | Path, content: Content) -> None:
         file.attrs["kind"] = KIND
         file.attrs["format"] = FORMAT
         file.attrs["structure"] = content.structure
-        file.attrs["digest"] = _digest(content.structure, scene, record, content.networks, content.confidence)
+        file.attrs["digest"] = content_digest(content.structure, scene, record, content.networks, content.confidence)
         file["scene"] = scene
         file["record"] = record
         networks = file.create_group("networks", track_order=True)
@@ -120,12 +121,12 @@ def read_file(path: str | Path) -> Content:
             content, digest = _read_content(file), file.attrs["digest"]
         except ValueError as error:
             raise ValueError(f"{path} is damaged ({one_line(error)}): delete and build it, or copy it again") from None
-    if _digest(*content) != digest:
+    if content_digest(*content) != digest:
         raise ValueError(f"{path} is damaged (its check sum does not match): delete and build it, or copy it again")
     structure, scene, record, networks, confidence = content
     try:
-        return Content(structure, Scene.from_toml(scene), networks, checked_record(json.loads(record)), confidence)
-    except (ValueError, RecursionError) as error:
+        return Content(structure, Scene.from_toml(scene), networks, dict(json.loads(record)), confidence)
+    except (TypeError, ValueError, RecursionError) as error:
         raise ValueError(f"{path}: {one_line(error)}") from None
 
 
@@ -155,54 +156,3 @@ def _read_confidence(group: h5py.Group) -> Confidence:
     arrays = {field.name: group[field.name][()] for field in fields(Confidence) if field.name != "network"}
     values: dict[str, Any] = {name: array if array.ndim else float(array) for name, array in arrays.items()}
     return Confidence(**values, network=_read_network(group["network"]))
-
-
-_LARGEST = 1e300  # JSON holds whole numbers that no float does
-# Key: how many tables lie in each other ("test_errors": domain, load, kind of error), what lies in the innermost, and
-# what it must hold.
-_FORMS: dict[str, tuple[Any, ...]] = {
-    "samples": (1, "a number"),
-    "dropped": (1, "a number"),
-    "pose_range": (1, "two numbers"),
-    "load_range": (1, "two numbers"),
-    "valid_share": (0, "a number"),
-    "training_errors": (1, "a number"),
-    "test_errors": (3, "a number", "rms", "max"),
-    "test_samples": (1, "a number"),
-    "coverage": (2, "a number"),
-    "model_errors": (1, "a number"),
-    "model_errors_against": (0, "text"),
-    "stop_reasons": (1, "text"),
-    "convergence": (2, "numbers", "gflop", "rms"),
-}
-
-
-def checked_record(record: object) -> dict[str, Any]:
-    """The record; raises ValueError, naming the key, for one that no table can be made of."""
-    if not isinstance(record, dict):
-        raise ValueError("the record is no table of what trained the surrogate")
-    for key, form in _FORMS.items():
-        if key in record:
-            _check(f"record.{key}", record[key], *form)
-    return record
-
-
-def _check(key: str, there: object, depth: int, leaf: str, *needed: str) -> None:
-    if depth:
-        if not isinstance(there, Mapping):
-            raise ValueError(f"{key} is {type(there).__name__}, expected a table")
-        if depth == 1 and not there.keys() >= set(needed):
-            raise ValueError(f"{key} lacks {' or '.join(needed)}")
-        for name, each in there.items():
-            _check(f"{key}.{name}", each, depth - 1, leaf, *needed)
-    elif not _is(there, leaf):
-        raise ValueError(f"{key} is {type(there).__name__}, expected {leaf}")
-
-
-def _is(there: object, leaf: str) -> bool:
-    if leaf == "text":
-        return isinstance(there, str)
-    if leaf == "a number":
-        return isinstance(there, int | float) and not isinstance(there, bool) and abs(there) < _LARGEST
-    numbers = isinstance(there, list) and all(_is(each, "a number") for each in there)
-    return numbers and (leaf == "numbers" or len(there) == 2)  # type: ignore[arg-type]

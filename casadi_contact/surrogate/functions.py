@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import casadi as ca
 
 from casadi_contact.core.compiler import CompilerError, warn_once
 from casadi_contact.networks.functions import ContactFunctions, function_with_derivatives
 from casadi_contact.networks.graph import Expressions, nan_if_not_finite, nan_marker
-from casadi_contact.networks.kernel.casadi_interface import compiled_function
-from casadi_contact.networks.kernel.source import Kernel
+from casadi_contact.networks.kernel.source import Kernel, compiled_function
 from casadi_contact.networks.names import name_of_parts
 from casadi_contact.surrogate.confidence import Confidence
 
@@ -39,12 +37,13 @@ class SurrogateFunctions(ContactFunctions):
     def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
         """The loads in C, and the root loads if asked for."""
 
-    def _root_count(self) -> int:
-        """Number of root loads that `_expressions` and `_kernel` give."""
-        return len(self.patch_names)
+    @property
+    def _root_bounds(self) -> Sequence[int]:
+        """Where the root loads of each patch begin among those of `_expressions` and `_kernel`, and their end."""
+        return range(len(self.patch_names) + 1)
 
     def _patch_roots(self, roots: ca.MX) -> ca.MX:
-        """Root loads of the patches (P x n) from those (`_root_count` x n) that `_expressions` and `_kernel` give."""
+        """Root loads of the patches (P x n) from those (parts x n) that `_expressions` and `_kernel` give."""
         return roots
 
     def _confidence_expressions(self, pose: ca.MX) -> tuple[ca.MX, ca.MX]:
@@ -67,7 +66,7 @@ class SurrogateFunctions(ContactFunctions):
     def _function(
         self, name: str, loads: Sequence[str], outputs: Sequence[str], compiled: bool, batch: int | None
     ) -> ca.Function:
-        if "roots" not in outputs or self._root_count() == len(self.patch_names):
+        if "roots" not in outputs or self._root_bounds[-1] == len(self.patch_names):
             return self._transcription(name, loads, outputs, compiled, batch)
         of_parts = self._transcription(name_of_parts(name), loads, outputs, compiled, batch)
         pose = ca.MX.sym("pose", 6, batch or 1)
@@ -80,7 +79,7 @@ class SurrogateFunctions(ContactFunctions):
         self, name: str, loads: Sequence[str], outputs: Sequence[str], compiled: bool, batch: int | None
     ) -> ca.Function:
         if compiled:
-            sizes = {"loads": len(loads), "roots": self._root_count()}
+            sizes = {"loads": len(loads), "roots": self._root_bounds[-1]}
             kernel = self._kernel(loads, roots="roots" in outputs)
             try:
                 return compiled_function(kernel, name, {key: sizes[key] for key in outputs}, batch or 1)
@@ -89,13 +88,6 @@ class SurrogateFunctions(ContactFunctions):
         pose = ca.MX.sym("pose", 6)
         function = function_with_derivatives(name, pose, self._outputs(pose, loads, outputs))
         return function if batch is None else function.map(batch)
-
-    def jacobian_function(self, loads: Iterable[str] | None = None, name: str = "contact_jacobian") -> ca.Function:
-        """casadi.Function pose (6) -> loads (L), Jacobian (L x 6) in one pass: for numbers, not for optimisation."""
-        pose = ca.MX.sym("pose", 6)
-        both = self._graph(pose, self.check_loads(loads), 1).loads
-        inputs: list[Any] = [pose]
-        return ca.Function(name, inputs, [both.value, both.jacobian], ["pose"], ["loads", "jacobian"])
 
     def _graph(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
         return nan_if_not_finite(pose, self._expressions(pose, loads, order))

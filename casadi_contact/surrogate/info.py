@@ -31,23 +31,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from casadi_contact.core.quantities import ANGLE, quantity, three_digits
-from casadi_contact.networks.network import Network
+from casadi_contact.networks.network import Network, size_text
 from casadi_contact.scenes.scene import Scene
 
 _TABLES = (
-    "samples",
-    "dropped",
-    "pose_range",
-    "load_range",
-    "valid_share",
-    "training_errors",
-    "test_errors",
-    "test_samples",
-    "coverage",
-    "model_errors",
-    "model_errors_against",
-    "convergence",
-)
+    "samples", "dropped", "pose_range", "load_range", "valid_share", "training_errors", "test_errors", "test_samples",
+    "coverage", "model_errors", "model_errors_against", "convergence",
+)  # fmt: skip
 _COVERAGE_ROWS = {  # see `calibration.coverage_by_group`
     "around": "poses of validity above 0.5, perturbed from the samples",
     "range": "poses of validity above 0.5, drawn evenly over the sampled ranges",
@@ -57,23 +47,13 @@ _COVERAGE_ROWS = {  # see `calibration.coverage_by_group`
 
 
 @dataclass(frozen=True)
-class NetworkInfo:
-    """Size of one network."""
-
-    hidden: tuple[int, ...]
-    activation: str
-    parameters: int
-
-
-@dataclass(frozen=True)
 class SurrogateInfo:
     """Structure, scene, networks, samples and errors of a surrogate; ``print`` it."""
 
     structure: str
-    scene: str
-    scene_digest: str
+    scene: Scene
     loads: tuple[str, ...]
-    networks: Mapping[str, NetworkInfo]
+    networks: Mapping[str, Network]
     record: Mapping[str, Any]
 
     @property
@@ -118,17 +98,16 @@ class SurrogateInfo:
         return self.record.get("coverage", {})
 
     def __str__(self) -> str:
-        parameters = sum(network.parameters for network in self.networks.values())
+        parameters = sum(network.parameter_count for network in self.networks.values())
         lines = [
-            f"{self.structure} surrogate of scene {self.scene} ({self.scene_digest[:12]})",
+            f"{self.structure} surrogate of scene {self.scene.name} ({self.scene.digest[:12]})",
             f"loads: {', '.join(quantity(load).label for load in self.loads)}",
             f"networks: {len(self.networks)}, {parameters} parameters",
         ]
         for name, network in self.networks.items():
-            size = "-".join(str(n) for n in network.hidden)
             error = self.training_errors.get(name)
             fit = "" if error is None else f"  fit {three_digits(error)}"
-            lines.append(f"  {name:<16} {size:<12} {network.activation}{fit}")
+            lines.append(f"  {name:<16} {size_text(network.hidden):<12} {network.activation}{fit}")
         if self.samples:
             counts = ", ".join(f"{domain} {count}" for domain, count in self.samples.items())
             lines.append(f"trained on {sum(self.samples.values())} samples: {counts}")
@@ -136,13 +115,9 @@ class SurrogateInfo:
             lines.append("trained on: not recorded")
         if lost := [f"{domain} {100.0 * share:.1f} %" for domain, share in self.dropped.items() if share]:
             lines.append(f"dropped, of the plan: {', '.join(lost)}")
-        if line := budget_line(self.record):
-            lines.append(line)
-        lines += self._reach_lines()
-        lines += self._test_lines()
-        lines += self._coverage_lines()
-        if line := model_line(self.record):
-            lines.append(line)
+        lines += filter(None, [budget_line(self.record)])
+        lines += [*self._reach_lines(), *self._test_lines(), *self._coverage_lines()]
+        lines += filter(None, [model_line(self.record)])
         lines += [f"{key}: {value}" for key, value in self.record.items() if key not in _TABLES]
         return "\n".join(lines)
 
@@ -197,14 +172,6 @@ def model_line(record: Mapping[str, Any]) -> str:
     said = ", ".join(f"{load} {three_digits(error)}" for load, error in errors.items())
     finer = record.get("model_errors_against", "a finer one")
     return f"these errors are against the contact model, which is itself off by (RMS against {finer}): {said}"
-
-
-def describe(
-    structure: str, scene: Scene, loads: tuple[str, ...], networks: Mapping[str, Network], record: Mapping[str, Any]
-) -> SurrogateInfo:
-    """Collect a surrogate's description."""
-    sizes = {n: NetworkInfo(net.hidden, net.activation, net.parameter_count) for n, net in networks.items()}
-    return SurrogateInfo(structure, scene.name, scene.digest, loads, sizes, record)
 
 
 def budget_line(record: Mapping[str, Any]) -> str:

@@ -9,7 +9,7 @@ from casadi_contact.scenes.loading import ready_scenes
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.file import read_file
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
-from casadi_contact.surrogate.two_stage.surrogate import TwoStageSurrogate
+from casadi_contact.surrogate.two_stage import TwoStageSurrogate
 
 STRUCTURES: dict[str, type[Surrogate]] = {kind.structure: kind for kind in (PatchSurrogate, TwoStageSurrogate)}
 """The structures, by name: a new structure is its own folder and one of these."""

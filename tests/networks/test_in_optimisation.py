@@ -134,27 +134,6 @@ def test_nlpsol_gets_the_right_second_derivatives(surrogate):
         np.testing.assert_allclose(got, want, rtol=1e-5, atol=1e-6 * np.abs(want).max())
 
 
-def test_ipopt_finds_the_poses_that_gave_the_loads():
-    surrogate = random_surrogate(load_scene("knee"), "patch", seed=4)
-    wanted = poses_in_contact(surrogate, 3)
-    targets = surrogate(wanted)
-    scale = np.abs(targets).max(axis=0)
-    x = ca.MX.sym("x", 6, 3)
-    residual = (surrogate.function().map(3)(x) - targets.T) / scale
-    # The four free parameters of a pose estimation (§3.3); the others stay at their values.
-    lower, upper = wanted - 3 * POSE_SPREAD, wanted + 3 * POSE_SPREAD
-    for column in (4, 5):
-        lower[:, column] = upper[:, column] = wanted[:, column]
-    solver = ca.nlpsol(
-        "solver", "ipopt", {"x": ca.vec(x), "f": ca.sumsqr(residual)}, {"ipopt.print_level": 0, "print_time": False}
-    )
-    start = wanted + 0.05 * POSE_SPREAD * np.random.default_rng(0).uniform(-1, 1, (3, 6))
-    solution = solver(x0=np.clip(start, lower, upper).ravel(), lbx=lower.ravel(), ubx=upper.ravel())
-    assert solver.stats()["success"]
-    found = solution["x"].full().reshape(3, 6)
-    np.testing.assert_allclose(surrogate(found), targets, atol=1e-3 * scale.max())
-
-
 def test_saved_function_keeps_its_derivatives(surrogate, tmp_path):
     function, path = surrogate.function(), tmp_path / "knee.casadi"
     function.save(str(path))

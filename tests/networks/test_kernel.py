@@ -78,14 +78,15 @@ def test_graph_and_kernel_equal_numpy_and_torch(scene, structure, activation, co
 @needs_compiler
 @pytest.mark.usefixtures("as_shipped")
 @pytest.mark.parametrize("structure", ["patch", "two_stage"])
-@pytest.mark.parametrize("batch", [33])
-def test_batches_equal_single_calls(structure, batch):
-    surrogate = random_surrogate(load_scene("knee"), structure, seed=9)
+def test_batches_equal_single_calls(structure):
+    surrogate, batch = random_surrogate(load_scene("knee"), structure, seed=9), 33
     poses = random_poses(batch, seed=6)
     function = surrogate.load_and_root_function(compiled=True, batch=batch)
     values, roots = function(poses.T)
     agree(values.full().T, surrogate(poses))
     agree(roots.full().T, surrogate.root_loads(poses)[0])
+    mapped = function.map(2, "thread")(np.vstack([poses, poses]).T)[0]
+    agree(mapped.full().T[batch:], surrogate(poses))
     loads = surrogate.function(compiled=True, batch=batch)
     jacobian = loads.jacobian()(poses.T, 0)
     assert jacobian.nnz() == batch * 6 * values.shape[0]
@@ -133,21 +134,6 @@ def test_second_derivatives_of_a_batch_are_each_pose_s_own():
 
 
 @needs_compiler
-def test_second_derivatives_are_nan_where_the_pose_is_not_a_number():
-    function = random_surrogate(load_scene("knee"), "patch", seed=9).function(compiled=True)
-    (tensor,) = by_jacobian_of_jacobian(function, [[0.0, np.nan, 0.0, 0.0, 0.0, 0.0]])
-    assert np.isnan(tensor).all()
-
-
-@needs_compiler
-def test_batches_map_over_threads():
-    surrogate = random_surrogate(load_scene("knee"), "patch", seed=9)
-    poses = random_poses(4 * 40, seed=6)
-    mapped = surrogate.function(compiled=True, batch=40).map(4, "thread")
-    agree(mapped(poses.T).full().T, surrogate(poses))
-
-
-@needs_compiler
 @pytest.mark.usefixtures("as_shipped")
 @pytest.mark.parametrize("name", ["knee", "knee_two_stage"])
 def test_ready_surrogates_agree_in_and_beyond_their_range(name):
@@ -173,7 +159,7 @@ def test_ready_surrogates_agree_in_and_beyond_their_range(name):
 def test_no_pose_however_far_gives_nan():
     surrogate = load_surrogate("knee")
     function = surrogate.function(compiled=True)
-    for reach in (1e3, 1e6, 1e20, 1e200, 1e300):
+    for reach in (1e3, 1e20, 1e300):
         for pose in reach * np.random.default_rng(3).uniform(-1.0, 1.0, (5, 6)):
             assert np.isfinite(function(pose).full()).all()
             assert np.isfinite(function.jacobian()(pose, 0).full()).all()
@@ -208,7 +194,7 @@ def test_however_many_parts_are_pressed_the_kernel_equals_numpy():
 
 
 @needs_compiler
-@pytest.mark.parametrize("name", ["kernel", "guarded", "roots", "which"])
+@pytest.mark.parametrize("name", ["kernel", "roots"])
 def test_a_patch_may_be_called_as_the_kernel_calls_its_own(name, tmp_path):
     scene = scene_of(tmp_path, ball_mesh(8.0, 2.0), sheet_mesh(8.0, 4.0), extra=f"[geometry.patches.{name}]\n")
     surrogate, poses = random_surrogate(scene, "patch", seed=3), random_poses(5, seed=1)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.surrogate.arrays import BATCH_FROM
+from casadi_contact.surrogate.kernel import BATCH_FROM
 from tests.support.agreement import close
 from tests.support.compiler import needs_compiler
 from tests.support.random_surrogates import IN_PARTS, random_confidence, random_poses, random_surrogate, scene_called
@@ -47,17 +47,8 @@ def test_the_kernel_gives_loads_derivatives_validity_and_expected_error_of_numpy
     weights = np.random.default_rng(2).normal(size=(len(POSES), len(subset)))
     few = POSES[:20]
     close(kernel.hessian(POSES, weights, subset)[:20], plain.hessian(few, weights[:20], subset), 10)
-
-
-def test_second_derivatives_are_those_of_the_jacobian():
-    _, plain = surrogates("knee", "patch")
-    poses, weights, step = POSES[:5], np.array([1.0, -2.0, 0.5, 0.3, 0.01, 0.02, -0.01]), 1e-5
-    for j in range(6):
-        beside = np.zeros(6)
-        beside[j] = step
-        slope = (plain.jacobian(poses + beside)[1] - plain.jacobian(poses - beside)[1]) / (2.0 * step)
-        got = plain.hessian(poses, weights)[:, j]
-        np.testing.assert_allclose(got, np.einsum("l,nli->ni", weights, slope), rtol=1e-4, atol=1e-2)
+    with pytest.raises(ValueError, match="weights has shape"):
+        plain.hessian(few, np.ones(99))
 
 
 @needs_compiler
@@ -112,19 +103,13 @@ def test_without_a_compiler_numpy_answers_after_one_warning(monkeypatch):
     np.testing.assert_array_equal(kernel.validity(POSES), plain.validity(POSES))
 
 
-@pytest.mark.parametrize("field", ["centres", "columns", "growth", "whitening"])
+@pytest.mark.parametrize("field", ["centres", "growth"])
 def test_a_confidence_of_too_few_numbers_is_refused_before_c_could_read_beyond_them(field):
     made, confidence = random_surrogate(scene_called("knee"), "patch"), random_confidence(2, 7)
     values = getattr(confidence, field)
     short = replace(confidence, **{field: values[:, :5] if values.ndim == 2 else values[:1]})
     with pytest.raises(ValueError, match="shape"):
         type(made)(made.scene, made.networks, {}, short, compiled=True).validity(POSES)
-
-
-def test_weights_of_another_shape_are_refused():
-    _, plain = surrogates("knee", "patch")
-    with pytest.raises(ValueError, match=r"weights has shape \(3,\), expected \(7,\) or \(2, 7\): Fy_med, Fy_lat"):
-        plain.hessian(POSES[:2], np.ones(3))
 
 
 @needs_compiler

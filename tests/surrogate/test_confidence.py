@@ -49,7 +49,7 @@ def test_first_and_second_derivatives_match_finite_differences(knee, walking):
         hessian, gradient = ca.hessian(output, pose)
         derivatives = ca.Function("d", [pose], [output, gradient, hessian])
         scales = knee.confidence.scales
-        line = [walking[30] + np.array([0.0, 0.0, t, 0.0, 0.0, 0.0]) for t in np.linspace(0.0, 3.0, 13)]
+        line = [walking[30] + np.array([0.0, 0.0, t, 0.0, 0.0, 0.0]) for t in np.linspace(0.0, 3.0, 7)]
         moves = step * np.diag(scales)
         largest = 0.0
         for at in line:
@@ -92,16 +92,8 @@ def test_validity_falls_and_the_error_grows_on_the_way_out(knee, walking, name):
     outside = np.flatnonzero(validity < 0.5)
     assert (validity[outside[0] :] < 0.5).all(), "once outside, it stays outside"
     assert (error[-1] > 10.0 * error[0]).all()
-
-
-def test_validity_falls_where_loads_leave_what_was_sampled(knee, walking):
-    """Pressed deeper than any sample, or lifted off further: 1 mm and 8 mm are well beyond both."""
-    up = np.zeros(6)
-    up[POSE_NAMES.index("ty")] = 1.0
-    pose = walking[30]
-    assert knee.validity([pose, pose + 1.0 * up])[0] > 0.98
-    assert knee.validity([pose - 1.0 * up])[0] < 0.05
-    assert knee.validity([pose + 8.0 * up])[0] < 0.01
+    deeper, off = walking[30] + np.array([[0.0, -1.0, 0.0, 0.0, 0.0, 0.0], [0.0, 8.0, 0.0, 0.0, 0.0, 0.0]])
+    assert knee.validity([deeper, off]).max() < 0.05, "pressed deeper than any sample, or lifted off further"
 
 
 def test_no_pose_far_away_is_called_valid(knee):
@@ -120,7 +112,7 @@ def test_no_pose_far_away_is_called_valid(knee):
     assert validity[false_contact].max() < 0.5
 
 
-@pytest.mark.parametrize("far", [1e3, 1e6, 1e12])
+@pytest.mark.parametrize("far", [1e3, 1e12])
 def test_any_distance_gives_numbers(knee, far):
     poses = far * np.random.default_rng(1).standard_normal((50, 6))
     assert knee.validity(poses).max() < 1e-4
@@ -137,6 +129,7 @@ def test_expected_error_covers_poses_moved_around_unseen_walking(name, walking):
     """1 mm and 2 degrees off: at least 93 % of the errors of the valid ones, over the loads carried, of
     a single load but for what so few tell; no valid pose errs by much more."""
     surrogate, rng = cc.load_surrogate(name), np.random.default_rng(19)
+    assert surrogate.validity(walking).min() > 0.9
     count = 2000
     moves = np.vstack([rng.uniform(-1.0, 1.0, (count, 6)), rng.standard_normal((count, 6))])
     poses = walking[rng.integers(len(walking), size=2 * count)] + moves * np.repeat([1.0, np.deg2rad(2.0)], 3)
@@ -153,17 +146,6 @@ def test_expected_error_covers_poses_moved_around_unseen_walking(name, walking):
     assert errors[:, :2].max() < (100.0 if name == "knee" else 60.0)
 
 
-@pytest.mark.parametrize("name", ["knee", "knee_two_stage"])
-def test_expected_error_covers_unseen_walking(name, walking):
-    """93 % of errors and more against the teacher grid lie below the expected error."""
-    surrogate = cc.load_surrogate(name)
-    scene = surrogate.scene
-    error = np.abs(surrogate(walking) - cc.ElasticFoundation(scene, scene.grids["teacher"])(walking))
-    share = np.mean(error <= surrogate.expected_error(walking))
-    assert share >= 0.93
-    assert surrogate.validity(walking).min() > 0.9
-
-
 @pytest.mark.parametrize("cycle", ["og1", "og4"])
 def test_expected_error_covers_measured_walking(knee, cycle):
     """Cycles of the instrumented knee that the built-in ones derive from, none of which is a sample."""
@@ -175,7 +157,7 @@ def test_expected_error_covers_measured_walking(knee, cycle):
     assert knee.validity(poses).min() > 0.9
 
 
-@pytest.mark.parametrize("frame", [10, 30, 75])
+@pytest.mark.parametrize("frame", [10, 75])
 def test_ipopt_keeps_to_the_learned_region_and_comes_back_to_it(knee, walking, frame):
     """Drawn to a pose far outside, the solution ends on the constraint, from a start inside and from one outside."""
     scales = knee.confidence.scales

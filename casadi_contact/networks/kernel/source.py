@@ -1,13 +1,16 @@
-"""A kernel's C: what a surrogate's structure gives, put together into one file without dependencies."""
+"""A kernel's C: what a surrogate's structure gives, put together into one file without dependencies; with the functions
+by which casadi.external finds it and its derivatives."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 
+import casadi as ca
 import numpy as np
 
+from casadi_contact.core.compiler import shared_library
 from casadi_contact.networks.kernel.network_functions import (
     LANES,
     activation_loops,
@@ -15,6 +18,7 @@ from casadi_contact.networks.kernel.network_functions import (
     network_functions,
 )
 from casadi_contact.networks.kernel.networks import WIDTH, Bundle
+from casadi_contact.networks.names import UNNAMED, check_name, check_unused, name_of_batch
 
 
 def c_text(name: str, package: str = f"{__package__}.c") -> str:
@@ -85,9 +89,9 @@ def _braces(table: np.ndarray) -> str:
     return "{" + ", ".join("NAN" if value != value else repr(value) for value in table.tolist()) + "}"
 
 
-def roots_source(first_parts: Sequence[int], count: int) -> str:
-    """C function patch_roots, and the table first_part of the `count` root loads that a kernel gives."""
-    return f"{table('first_part', np.array([*first_parts, count]))}\n" + c_text("roots.h")
+def roots_source(bounds: Sequence[int]) -> str:
+    """C function patch_roots, and the table first_part of the root loads that a kernel gives, with their end."""
+    return f"{table('first_part', np.array(bounds))}\n" + c_text("roots.h")
 
 
 def sigmoid_source(activation: str) -> str:
@@ -96,3 +100,132 @@ def sigmoid_source(activation: str) -> str:
     text = f"{c_text('core.h')}\n{activation_loops(activation)}"
     loop = f"for (int i = 0; i < repeats; i++) {activation}_0(n, z);"
     return f"{definitions}{text}\nvoid sigmoids(int repeats, int n, double *z) {{ {loop} }}\n"
+
+
+# --- the interface of casadi.external
+
+
+def _pattern(call: str, size: str) -> str:
+    """A sparsity pattern, filled in when it is asked for."""
+    return f"{{ static casadi_int pattern[{size}]; return {call}, pattern); }}"
+
+
+def _dense(rows: int) -> str:
+    return _pattern(f"dense({rows}", "3")
+
+
+def _empty(rows: str | int, columns: str = "BATCH") -> str:
+    """Without entries: of an input that is of no use here, or of a derivative by it."""
+    return _pattern(f"empty({rows}, {columns}", f"3 + {columns}")
+
+
+def _blocks(rows: int, columns: int) -> str:
+    return _pattern(f"block_diagonal({rows}, {columns}", f"PATTERN({rows}, {columns})")
+
+
+def _seconds(rows: int) -> str:
+    return _pattern(f"second_blocks({rows}", f"3 + 6 * BATCH + 36 * {rows} * BATCH")
+
+
+def _function(name: str, inputs: Sequence[str], outputs: Sequence[str], statements: Sequence[str]) -> str:
+    """A function as casadi.external wants it, with the sparsity of its inputs and outputs."""
+    lines = [
+        f"EXPORT casadi_int {name}_n_in(void) {{ return {len(inputs)}; }}",
+        f"EXPORT casadi_int {name}_n_out(void) {{ return {len(outputs)}; }}",
+    ]
+    for side, patterns in (("in", inputs), ("out", outputs)):
+        cases = "".join(f"    case {i}: {pattern}\n" for i, pattern in enumerate(patterns))
+        lines.append(
+            f"EXPORT const casadi_int *{name}_sparsity_{side}(casadi_int i) {{\n"
+            f"  switch (i) {{\n{cases}    default: return 0;\n  }}\n}}"
+        )
+    lines.append(
+        f"EXPORT int {name}_work(casadi_int *sz_arg, casadi_int *sz_res, casadi_int *sz_iw, casadi_int *sz_w) {{\n"
+        f"  return work_of({len(inputs)}, {len(outputs)}, sz_arg, sz_res, sz_iw, sz_w);\n}}"
+    )
+    body = "".join(f"  {statement}\n" for statement in statements)
+    lines.append(
+        f"EXPORT int {name}(const double **arg, double **res, casadi_int *iw, double *w, int mem) {{\n"
+        f"{body}  (void)iw, (void)w, (void)mem;\n  return 0;\n}}\n"
+    )
+    return "\n".join(lines)
+
+
+def casadi_interface(functions: Mapping[str, Mapping[str, int]], batch: int = 1) -> str:
+    """For every name in functions C functions name, jac_name, adj1_name, jac_adj1_name and jac_jac_name, for poses (6 x
+    batch).
+
+    functions: the outputs of each, "loads" and/or "roots" with their numbers of rows. jac_name gives the Jacobian's
+    blocks, adj1_name the product of an adjoint with it, and jac_adj1_name, its Jacobian, the Hessian of a Lagrangian:
+    all that nlpsol asks. jac_jac_name gives the second derivatives of every output, which a Jacobian of a Jacobian and
+    forward sensitivities of an integrator ask for.
+    """
+    texts = [_functions(name, outputs) for name, outputs in functions.items()]
+    return "\n".join([f"#define BATCH {batch}", c_text("casadi_interface.h"), *texts])
+
+
+def _functions(name: str, outputs: Mapping[str, int]) -> str:
+    """All of one name."""
+    keys, sizes, n = list(outputs), list(outputs.values()), len(outputs)
+
+    def pair(of: str, first: int, step: int = 1) -> str:
+        """The arguments for loads and roots, 0 for what this function does not give."""
+        places = {key: f"{of}[{first + step * place}]" for place, key in enumerate(keys)}
+        return ", ".join(places.get(key, "0") for key in ("loads", "roots"))
+
+    of_pose, unused, seeds = _dense(6), [_empty(size) for size in sizes], [_dense(size) for size in sizes]
+
+    def by_unused(rows: int, batch: str = "BATCH * BATCH") -> list[str]:
+        """Derivatives of so many rows by the inputs that are of no use."""
+        return [_empty(f"{rows} * {batch}", f"{size} * BATCH") for size in sizes]
+
+    functions = [
+        _function(name, [of_pose], seeds, [f"value_of_all(arg[0], {pair('res', 0)});"]),
+        _function(
+            f"jac_{name}",
+            [of_pose, *unused],
+            [_blocks(size, 6) for size in sizes],
+            [f"jacobian_of_all(arg[0], {pair('res', 0)}, 0);"],
+        ),
+        _function(
+            f"adj1_{name}",
+            [of_pose, *unused, *seeds],
+            [of_pose],
+            [f"adjoint_of_all(arg[0], {pair('arg', 1 + n)}, res[0]);"],
+        ),
+        _function(
+            f"jac_adj1_{name}",
+            [of_pose, *unused, *seeds, _empty(6)],
+            [_blocks(6, 6), *by_unused(6, "BATCH"), *(_blocks(6, size) for size in sizes)],
+            [
+                f"hessian_of_all(arg[0], {pair('arg', 1 + n)}, res[0]);",
+                f"jacobian_of_all(arg[0], {pair('res', 1 + n)}, 1);",
+            ],
+        ),
+        _function(
+            f"jac_jac_{name}",
+            [of_pose, *unused, *(_empty(f"{size} * BATCH", "6 * BATCH") for size in sizes)],
+            [block for size in sizes for block in (_seconds(size), *by_unused(6 * size))],
+            [f"seconds_of_all(arg[0], {pair('res', 0, 1 + n)});"],
+        ),
+    ]
+    names = " : ".join(f'i == {i} ? "{key}"' for i, key in enumerate(keys))
+    return "\n".join(
+        [
+            f'EXPORT const char *{name}_name_in(casadi_int i) {{ return i == 0 ? "pose" : 0; }}',
+            f"EXPORT const char *{name}_name_out(casadi_int i) {{ return {names} : 0; }}",
+            *functions,
+        ]
+    )
+
+
+def compiled_function(kernel: Kernel, name: str, outputs: Mapping[str, int], batch: int = 1) -> ca.Function:
+    """casadi.Function pose (6 x batch) -> outputs, compiled, with its own first- and second-order derivative functions.
+
+    outputs: "loads" and/or "roots" with their numbers. Raises CompilerError where it cannot be compiled.
+    """
+    name = name_of_batch(check_name(name), batch)
+    source = kernel.source(loads=outputs.get("loads", 0), roots=outputs.get("roots", 0))
+    check_unused(name, f"{source}\n{casadi_interface({UNNAMED: outputs}, batch)}")
+    library = shared_library(f"{source}\n{casadi_interface({name: outputs}, batch)}")
+    return ca.external(name, str(library))

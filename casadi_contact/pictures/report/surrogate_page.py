@@ -219,7 +219,7 @@ def _training(surrogate: Surrogate) -> str:
         hidden = "-".join(map(str, network.hidden))
         rows.append([name, hidden, "-" if fit is None else three_digits(fit), str(ended)])
     made = record.get("command", "not recorded")
-    said = paragraph(f"Samples: {samples}. Made by: {made}. Scene {info.scene_digest[:12]}.")
+    said = paragraph(f"Samples: {samples}. Made by: {made}. Scene {info.scene.digest[:12]}.")
     courses = record.get("convergence", {})
     drawn = (
         picture(lambda path: save_page(draw_convergence(courses), path), "RMS of the fit against the work done")

@@ -1,13 +1,14 @@
 """The networks of a patch: their names, outputs and inputs, and their mirror images.
 
 A parameter of the pose that the scene locks or ties never varies in the samples: networks have no input for it. A
-surrogate gives them one of weight zero (`with_all_inputs`), so that every network is a function of a whole local pose.
+surrogate gives them one of weight zero (`part_networks`), so that every network is a function of a whole local pose.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -17,19 +18,21 @@ from casadi_contact.scenes.scene import Scene
 
 
 @dataclass(frozen=True)
-class PatchNetworks:
-    """The networks of one patch or part, each of a whole local pose (6): root load s_p; ratios ρ_pk of the wrench
-    ``components``, None where none is needed. ``sensitive`` is the wrench component that is sign·N; None where every
-    component is a ratio.
+class PartNetworks:
+    """The networks of one patch or part, each of a whole local pose (6), or None where there is none: root load s, and
+    ratios ρ_k of the wrench ``components``. The sensitive component of the wrench, if any, is sign·N.
     """
 
     name: str
     anchor_mm: Array
-    sensitive: str | None
-    root: Network
-    ratios: Network | None
+    sign: float
+    root: Any
+    ratios: Any
     components: tuple[str, ...]
-    sign: float = -1.0
+    columns: list[int]
+    """Where the components stand in a wrench."""
+    own: Array
+    """Of each wrench component (6,), its share of the normal load itself: the sign for the sensitive one, else 0."""
 
 
 def root_name(part: str) -> str:
@@ -59,7 +62,19 @@ def ratio_outputs(scene: Scene) -> dict[str, tuple[str, ...]]:
     return {ratios_name(part): names for part, names in components.items() if names}
 
 
-def with_all_inputs(network: Network, columns: Sequence[int]) -> Network:
+def part_networks(scene: Scene, networks: Mapping[str, Network]) -> list[PartNetworks]:
+    """Of every part, the networks that are there."""
+    parts = []
+    for part, components in zip(scene.parts, part_components(scene).values(), strict=True):
+        whole = (networks.get(name) for name in (root_name(part.name), ratios_name(part.name)))
+        root, ratios = (net and _with_all_inputs(net, scene.pose_space.free) for net in whole)
+        normal, columns = part.normal, [WRENCH_NAMES.index(name) for name in components]
+        own = np.array([normal.sign if name == normal.component else 0.0 for name in WRENCH_NAMES])
+        parts.append(PartNetworks(part.name, part.anchor_mm, normal.sign, root, ratios, components, columns, own))
+    return parts
+
+
+def _with_all_inputs(network: Network, columns: Sequence[int]) -> Network:
     """The same function of a whole local pose (6), for a network of these columns: the other inputs weigh nothing."""
     if len(columns) == 6:
         return network

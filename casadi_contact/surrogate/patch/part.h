@@ -1,13 +1,14 @@
 /* C of one patch, or part of one: loads from its root load and its ratios. (void) is for a patch that none of the loads
- * needs. A template: a dollar sign marks what `kernel.py` fills in. */
+ * needs. A template: a dollar sign marks what `formulas.py` fills in. */
 INLINE void loads_on_${patch}(double normal, const double *ratio, double *loads) {
   (void)normal, (void)ratio, (void)loads;
 $loads
 }
 
 INLINE void slopes_on_${patch}(const Local *local, double normal, double s, const double *ds, const double *ratio,
-                            double (*d_ratio)[6], double (*loads_jacobian)[6]) {
-  (void)local, (void)normal, (void)ratio, (void)d_ratio, (void)loads_jacobian;
+                            double (*d_ratio)[6], double *loads, double (*loads_jacobian)[6]) {
+  (void)local, (void)d_ratio, (void)loads_jacobian;
+  loads_on_${patch}(normal, ratio, loads);
 $ratio_slopes
   for (int j = 0; j < 6; j++) {
     const double d_normal = 2.0 * $n0 * s * ds[j];

@@ -1,4 +1,4 @@
-/* The kernel's functions, which call those of each patch. A template: a dollar sign marks what `kernel.py` fills in. */
+/* The kernel's functions, which call those of each patch. A template: a dollar sign marks what `formulas.py` fills in. */
 static const double anchors[$patches][3] = {$anchors};
 
 FUNCTION void kernel_value(const double *given, double *loads, double *roots) {

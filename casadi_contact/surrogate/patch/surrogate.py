@@ -9,52 +9,29 @@ load is the magnitude of the force (`scenes.normal_load`). Networks are named ``
 second gives all ratios of a patch that the scene's loads need, from shared hidden neurons.
 
 A patch that a scene cuts into parts (`scenes.normal_load`) has these networks for each part (``root_med_1``); its
-wrench is the sum over its parts. Its root load is the smooth union of theirs (`structures.patch.roots`).
+wrench is the sum over its parts. Its root load is the smooth union of theirs (`patch_roots`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import casadi as ca
 import numpy as np
 
-from casadi_contact.core.conventions import WRENCH_NAMES, Array, pose_or_poses
+from casadi_contact.core.conventions import WRENCH_NAMES, Array, angular_velocity_map, pose_or_poses, rotation
 from casadi_contact.networks.graph import Expressions
 from casadi_contact.networks.kernel.source import Kernel
 from casadi_contact.networks.network import Network, Regression
-from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.surrogate.arrays import map_in_chunks
-from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.patch.graph import patch_expressions
-from casadi_contact.surrogate.patch.kernel import patch_kernel
-from casadi_contact.surrogate.patch.local_pose import local_pose_jacobian, local_poses
-from casadi_contact.surrogate.patch.networks import (
-    PatchNetworks,
-    ratio_outputs,
-    ratios_name,
-    reflected,
-    root_name,
-    with_all_inputs,
-)
-from casadi_contact.surrogate.patch.roots import patch_root_expressions, patch_roots
+from casadi_contact.surrogate.base import Surrogate, map_in_chunks
+from casadi_contact.surrogate.patch.formulas import LEAST_ROOT, patch_expressions, patch_kernel, patch_root_expressions
+from casadi_contact.surrogate.patch.networks import part_networks, ratio_outputs, ratios_name, reflected, root_name
 
 if TYPE_CHECKING:
     from casadi_contact.samples.samples import Samples
-
-
-class _Part(NamedTuple):
-    """What a part's wrench is made of: its anchor [mm]; its networks of a whole local pose, None where it has none; the
-    wrench components (columns) of the ratios, and of the normal load itself: ±1 there, else zero (own, (6,))."""
-
-    anchor_mm: Array
-    root: Any
-    ratios: Any
-    columns: list[int]
-    own: Array
 
 
 class PatchSurrogate(Surrogate):
@@ -63,6 +40,12 @@ class PatchSurrogate(Surrogate):
     structure = "patch"
     title = "patch surrogate"
     budget_shares: ClassVar[Mapping[str, float]] = {"ratios": 0.2}  # smoother than a root load, and sooner good enough
+
+    def __init__(self, scene: Scene, networks: Mapping[str, Network], *rest: Any, **options: Any) -> None:
+        super().__init__(scene, networks, *rest, **options)
+        self.parts = part_networks(scene, self.networks)
+        self._space = None if scene.pose_space.unconstrained else scene.pose_space
+        self._selections = {names: scene.part_selection(names) for names in (self.load_names, ())}
 
     @classmethod
     def network_inputs(cls, scene: Scene) -> dict[str, int]:
@@ -118,70 +101,37 @@ class PatchSurrogate(Surrogate):
     def _root_networks(self) -> list[str]:
         return [root_name(part.name) for part in self.scene.parts]
 
-    @cached_property
-    def _evaluated(self) -> dict[str, Network]:
-        """The networks, each as a function of a whole local pose."""
-        free = self.scene.pose_space.free
-        return {name: with_all_inputs(network, free) for name, network in self.networks.items()}
-
-    @cached_property
-    def _parts(self) -> list[_Part]:
-        parts, outputs = [], ratio_outputs(self.scene)
-        for part in self.scene.parts:
-            name, own = ratios_name(part.name), np.zeros(6)
-            if part.normal.component is not None:
-                own[WRENCH_NAMES.index(part.normal.component)] = part.normal.sign
-            columns = [WRENCH_NAMES.index(component) for component in outputs.get(name, ())]
-            root, ratios = self._evaluated.get(root_name(part.name)), self._evaluated.get(name)
-            parts.append(_Part(part.anchor_mm, root, ratios, columns, own))
-        return parts
-
-    @cached_property
-    def _selections(self) -> dict[tuple[str, ...], Array]:
-        return {}
-
-    def _selection(self, loads: Sequence[str]) -> Array:
+    def _selection(self, loads: Iterable[str]) -> Array:
         """`Scene.part_selection` (L, parts, 6), kept for the next call."""
-        if (key := tuple(loads)) not in self._selections:
-            self._selections[key] = self.scene.part_selection(loads)
-        return self._selections[key]
-
-    @cached_property
-    def _bound(self) -> PoseSpace | None:
-        """The scene's pose space where it locks or ties a parameter."""
-        return None if self.scene.pose_space.unconstrained else self.scene.pose_space
+        if (names := tuple(loads)) not in self._selections:
+            self._selections[names] = self.scene.part_selection(names)
+        return self._selections[names]
 
     def _loads(self, poses: Array, loads: Sequence[str], *, derivative: bool) -> tuple[Array, Array]:
-        selection = self._selection(loads)
-        values, jacobian = np.zeros((len(poses), len(loads))), np.zeros((len(poses) * derivative, len(loads), 6))
-        for p in np.flatnonzero(selection.any(axis=(0, 2))).tolist():
-            _, _, wrench, d_wrench = self._part(
-                poses, p, np.asarray(selection[:, p].any(axis=0)), derivative=derivative
-            )
-            values += wrench @ selection[:, p].T
-            jacobian += selection[:, p] @ d_wrench
-        return values, jacobian
+        needed = np.flatnonzero(self._selection(loads).any(axis=(0, 2))).tolist()
+        return self._of_parts(poses, loads, needed, derivative=derivative)[:2]
 
     def _roots(self, poses: Array, *, derivative: bool) -> tuple[Array, Array]:
-        none = np.zeros(6, dtype=bool)
-        parts = [self._part(poses, p, none, derivative=derivative) for p in range(len(self.scene.parts))]
-        return self._of_patches([part[:2] for part in parts])
+        s, ds = self._of_parts(poses, (), range(len(self.parts)), derivative=derivative)[2:]
+        return patch_roots(s, ds, self._root_bounds)
 
     def _jacobian_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
-        selection = self._selection(self.load_names)
-        values, jacobian = np.zeros((len(poses), len(selection))), np.zeros((len(poses), len(selection), 6))
-        roots = []
-        for p in range(len(self.scene.parts)):
-            s, ds, wrench, d_wrench = self._part(poses, p, np.asarray(selection[:, p].any(axis=0)), derivative=True)
+        loads, slopes, s, ds = self._of_parts(poses, self.load_names, range(len(self.parts)), derivative=True)
+        return loads, slopes, *patch_roots(s, ds, self._root_bounds)
+
+    def _of_parts(
+        self, poses: Array, loads: Sequence[str], parts: Sequence[int], *, derivative: bool
+    ) -> tuple[Array, Array, Array, Array]:
+        """Loads (n, L) of these parts, by the pose (n, L, 6); their root loads (n, parts), by the pose."""
+        selection, m = self._selection(loads), len(poses) * derivative
+        values, jacobian = np.zeros((len(poses), len(loads))), np.zeros((m, len(loads), 6))
+        roots, d_roots = np.empty((len(poses), len(parts))), np.empty((m, len(parts), 6))
+        for k, p in enumerate(parts):
+            used = np.asarray(selection[:, p].any(axis=0))
+            roots[:, k], d_roots[:, k], wrench, d_wrench = self._part(poses, p, used, derivative=derivative)
             values += wrench @ selection[:, p].T
             jacobian += selection[:, p] @ d_wrench
-            roots.append((s, ds))
-        return values, jacobian, *self._of_patches(roots)
-
-    def _of_patches(self, parts: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
-        """Root loads (n, P) and their derivatives of the patches, from those of all parts."""
-        s, ds = (np.stack(columns, axis=1) for columns in zip(*parts, strict=True))
-        return patch_roots(s, ds, self.scene.first_parts)
+        return values, jacobian, roots, d_roots
 
     @pose_or_poses
     def wrenches(self, poses: Array) -> Array:
@@ -190,7 +140,7 @@ class PatchSurrogate(Surrogate):
         used = np.ones(6, dtype=bool)
 
         def of_patches(block: Array) -> Array:
-            parts = range(len(self.scene.parts))
+            parts = range(len(self.parts))
             of_parts = np.stack([self._part(block, p, used, derivative=False)[2] for p in parts], axis=1)
             return np.add.reduceat(of_parts, self.scene.first_parts, axis=1)
 
@@ -202,7 +152,7 @@ class PatchSurrogate(Surrogate):
         used (6,): the wrench components that are needed; all ratios are zero where it needs none of them. Derivatives
         are (0, 6) and (0, 6, 6) if not asked for.
         """
-        part, space, n0 = self._parts[p], self._bound, self.scene.reference_load
+        part, space, n0 = self.parts[p], self._space, self.scene.reference_load
         on_space = poses if space is None else space.project(poses)
         x, by_pose = local_poses(on_space, part.anchor_mm), np.empty((0, 6, 6))
         if derivative:
@@ -210,7 +160,7 @@ class PatchSurrogate(Surrogate):
             by_pose = by_pose if space is None else space.pull_back(by_pose)
         s, ds = _in_pose(part.root, x, by_pose)
         ratios, d_ratios = np.tile(part.own, (len(x), 1)), np.zeros((len(by_pose), 6, 6))
-        if (used & (part.own == 0.0)).any():
+        if used[part.own == 0.0].any():
             values, gradients = _in_pose(part.ratios, x, by_pose)
             ratios[:, part.columns] = values.reshape(len(x), len(part.columns))
             d_ratios[:, part.columns] = gradients.reshape(len(by_pose), len(part.columns), 6)
@@ -219,38 +169,44 @@ class PatchSurrogate(Surrogate):
         d_wrench = ratios[: len(ds), :, None] * d_normal[:, None] + normal[: len(ds), None, None] * d_ratios
         return s, ds, normal[:, None] * ratios, d_wrench
 
-    def _root_count(self) -> int:
-        return len(self.scene.parts)
-
-    def _first_roots(self) -> Sequence[int]:
-        return self.scene.first_parts
+    @property
+    def _root_bounds(self) -> Sequence[int]:
+        return [*self.scene.first_parts, len(self.parts)]
 
     def _patch_roots(self, roots: ca.MX) -> ca.MX:
-        return patch_root_expressions(roots, self.scene.first_parts)
+        return patch_root_expressions(roots, self._root_bounds)
 
     def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
-        parts, selection = self.known_parts(loads)
-        return patch_expressions(parts, selection, self.scene.reference_load, pose, order, self.scene.pose_space)
+        known = self._with_roots
+        parts, selection = [self.parts[p] for p in known], self._selection(loads)[:, known]
+        return patch_expressions(parts, selection, self.scene.reference_load, self.scene.pose_space, pose, order)
 
     def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
-        parts, selection = self.known_parts(loads)
-        if not roots:
-            used = np.flatnonzero(selection.any(axis=(0, 2)))
-            parts, selection = [parts[p] for p in used], selection[:, used]
-        return patch_kernel(parts, selection, self.scene.reference_load, self.scene.pose_space)
+        selection = self._selection(loads)
+        known = self._with_roots if roots else np.flatnonzero(selection.any(axis=(0, 2))).tolist()
+        parts = [self.parts[p] for p in known]
+        return patch_kernel(parts, selection[:, known], self.scene.reference_load, self._space)
 
-    def known_parts(self, loads: Sequence[str]) -> tuple[list[PatchNetworks], Array]:
-        """The parts whose root is known, and what of the loads' selection (L, parts, 6) is theirs."""
-        known = [p for p, name in enumerate(self._root_networks()) if name in self.networks]
-        of_parts = []
-        for part in (self.scene.parts[p] for p in known):
-            name, normal = ratios_name(part.name), part.normal
-            components = ratio_outputs(self.scene).get(name, ())
-            root, ratios = self._evaluated[root_name(part.name)], self._evaluated.get(name)
-            of_parts.append(
-                PatchNetworks(part.name, part.anchor_mm, normal.component, root, ratios, components, normal.sign)
-            )
-        return of_parts, self.scene.part_selection(loads)[:, known]
+    @property
+    def _with_roots(self) -> list[int]:
+        """The parts whose root load is known."""
+        return [p for p, part in enumerate(self.parts) if part.root is not None]
+
+
+def local_poses(poses: Array, anchor_mm: Array) -> Array:
+    """x = (t + R·a, rx, ry, rz) (n, 6) for poses (n, 6): where an anchor a (3,) of the moving body is [mm], and how it
+    is turned."""
+    local = np.array(poses)
+    local[:, :3] += rotation(poses[:, 3:]) @ anchor_mm
+    return local
+
+
+def local_pose_jacobian(poses: Array, anchor_mm: Array) -> Array:
+    """dx/dpose of shape (n, 6, 6) = [[I, B], [0, I]] with columns B_i = e_i × (R a), e_i the axes of rotation."""
+    jacobian = np.broadcast_to(np.eye(6), (len(poses), 6, 6)).copy()
+    arm = rotation(poses[:, 3:]) @ anchor_mm
+    jacobian[:, :3, 3:] = np.cross(angular_velocity_map(poses[:, 3:]), arm[:, :, None], axis=1)
+    return jacobian
 
 
 def _in_pose(network: Network, x: Array, by_pose: Array) -> tuple[Array, Array]:
@@ -260,3 +216,34 @@ def _in_pose(network: Network, x: Array, by_pose: Array) -> tuple[Array, Array]:
         return network.value(x), np.empty((0, 6))
     value, gradient = network.value_and_gradient(x)
     return value, np.einsum("n...i,nij->n...j", gradient, by_pose)
+
+
+def patch_roots(s: Array, ds: Array, bounds: Sequence[int]) -> tuple[Array, Array]:
+    """S (n, P) and dS (n, P, 6) from s (n, parts) and ds (n, parts, 6), or (0, P, 6) from (0, parts, 6); bounds:
+    where the parts of each patch begin, and their end.
+
+    With the normal loads N_k = N0·max(s_k, 0)² of its parts a patch has N = Σ N_k, so that its root load is
+
+        S = √(Σ max(s_k, 0)²)    where a part is in contact,
+        S = -1/√(Σ s_k⁻²)        where none is: near the root load of the nearest part
+
+    This is smooth in and out of contact, and once continuously differentiable where a part comes into contact.
+    """
+    count = len(bounds) - 1
+    if count == s.shape[1]:
+        return s, ds
+    roots, slopes = np.empty((len(s), count)), np.empty((len(ds), count, ds.shape[2]))
+    for p, (a, b) in enumerate(pairwise(bounds)):
+        if b - a == 1:
+            roots[:, p], slopes[:, p] = s[:, a], ds[:, a]
+            continue
+        pressed, free = np.maximum(s[:, a:b], 0.0), np.minimum(s[:, a:b], -LEAST_ROOT)
+        inside, nearest = np.sqrt((pressed * pressed).sum(axis=1)), free.max(axis=1)
+        outside = nearest / np.sqrt(((nearest[:, None] / free) ** 2).sum(axis=1))
+        loaded = inside > 0.0
+        by_part = np.where(
+            loaded[:, None], pressed / np.where(loaded, inside, 1.0)[:, None], (outside[:, None] / free) ** 3
+        )
+        roots[:, p] = np.where(loaded, inside, outside)
+        slopes[:, p] = np.einsum("ni,nij->nj", by_part[: len(ds)], ds[:, a:b])
+    return roots, slopes

@@ -28,8 +28,8 @@ from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.samples.samples import VALIDATION, Samples
 from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.surrogate.patch.local_pose import local_poses
 from casadi_contact.surrogate.patch.regressions import root_target, root_weight
+from casadi_contact.surrogate.patch.surrogate import local_poses
 from casadi_contact.surrogate.sample_rows import fitted_rows
 
 

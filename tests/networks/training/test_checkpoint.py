@@ -31,19 +31,19 @@ def kill_after(iterations):
     return progress
 
 
-@pytest.mark.parametrize("save_s", [0.0, 1000.0])
-@pytest.mark.parametrize("limit", [{}, {"max_iterations": None, "max_gflop": 0.15}])
-def test_kill_and_resume_is_as_if_nothing_happened(tmp_path, save_s, limit):
-    settings = replace(GROWING, checkpoint_every_s=save_s, **limit)
+@pytest.mark.parametrize(
+    "limit", [{"checkpoint_every_s": 0.0}, {"checkpoint_every_s": 1000.0, "max_iterations": None, "max_gflop": 0.15}]
+)
+def test_kill_and_resume_is_as_if_nothing_happened(tmp_path, limit):
+    settings = replace(GROWING, **limit)
     whole, path = fit(smooth(), settings), tmp_path / "a.npz"
-    for iterations in (1, 33, 50):
+    for iterations in (1, 50):
         with pytest.raises(KilledError):
             fit(smooth(), settings, path, kill_after(iterations))
     resumed = fit(smooth(), settings, path)
     np.testing.assert_array_equal(flatten(resumed.network), flatten(whole.network))
-    for column in ("training_rms", "validation_rms", "size"):
+    for column in ("training_rms", "validation_rms", "size", "gflop"):
         np.testing.assert_array_equal(resumed.history[column], whole.history[column])
-    np.testing.assert_array_equal(resumed.history["gflop"], whole.history["gflop"])
     assert list(tmp_path.iterdir()) == [path]
 
 
@@ -115,8 +115,7 @@ def test_a_fit_goes_on_on_a_machine_that_rounds_its_data_otherwise(tmp_path):
     np.testing.assert_array_equal(flatten(first.network), flatten(again.network))
 
 
-@pytest.mark.parametrize("name", ["inputs", "targets", "weights"])
-@pytest.mark.parametrize("change", ["a row", "their order"])
+@pytest.mark.parametrize(("name", "change"), [("inputs", "a row"), ("targets", "their order"), ("weights", "a row")])
 def test_a_checkpoint_of_hardly_other_data_is_refused(tmp_path, name, change):
     path, values = tmp_path / "a.npz", getattr(smooth(), name).copy()
     fit(smooth(), FIXED, path)

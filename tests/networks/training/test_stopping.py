@@ -50,7 +50,7 @@ def test_an_error_falling_as_a_power_of_effort_is_extrapolated_and_a_rising_one_
     assert extrapolated_error(effort, 1.0 + 0.01 * effort, end=100.0) == pytest.approx(1.5)
 
 
-@pytest.mark.parametrize("sizes", [(), ((),), ((0,),), ((8,), (6,)), ((8, 8), (20,)), ((8,), (8,))])
+@pytest.mark.parametrize("sizes", [(), ((0,),), ((8,), (6,)), ((8, 8), (20,)), ((8,), (8,))])
 def test_sizes_that_do_not_contain_each_other_are_refused(sizes):
     with pytest.raises(ValueError, match="sizes"):
         TrainingSettings(sizes=sizes)

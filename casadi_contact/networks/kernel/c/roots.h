@@ -1,4 +1,4 @@
-/* Root loads of patches from those s of their parts, first[p] to first[p + 1] - 1 (structures/patch/roots.py); slopes
+/* Root loads of patches from those s of their parts, first[p] to first[p + 1] - 1 (surrogate/patch/surrogate.py); slopes
  * may be 0, else slopes[i] = d root / d s_i. */
 #define LEAST_ROOT 1e-9
 

@@ -8,27 +8,27 @@ Networks carry the names of their loads.
 
 Such networks give the same small load for a light contact and for a false one some millimetres apart. Where the samples
 hold gaps, small networks of the signed root loads (``root_med``; those of the patch structure) are therefore trained
-beside them. They give no load; they are inputs of the classifier of wrong poses (`structures.confidence`).
+beside them. They give no load; they are inputs of the classifier of wrong poses (`surrogate.confidence`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.networks.graph import Expressions
+from casadi_contact.networks.graph import Expressions, NetworkValue, network_value, stack
 from casadi_contact.networks.kernel.networks import Bundle
-from casadi_contact.networks.kernel.source import Kernel
-from casadi_contact.networks.network import Regression
+from casadi_contact.networks.kernel.source import Kernel, c_text, table
+from casadi_contact.networks.network import Network, Regression
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.patch.networks import root_name
+from casadi_contact.surrogate.patch.networks import PartNetworks, root_name
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
-from casadi_contact.surrogate.two_stage.formulas import root_network_source, two_stage_expressions, two_stage_kernel
 
 if TYPE_CHECKING:
     from casadi_contact.samples.samples import Samples
@@ -94,7 +94,7 @@ class TwoStageSurrogate(Surrogate):
         ]
         return [*of_loads, *(root_regressions(samples) if np.isfinite(samples.gaps).all() else [])]
 
-    @property
+    @cached_property
     def _root_surrogate(self) -> PatchSurrogate | None:
         """The root load networks as a surrogate; None where a patch has none."""
         names = [root_name(part.name) for part in self.scene.parts]
@@ -122,7 +122,7 @@ class TwoStageSurrogate(Surrogate):
         roots = self._root_surrogate
         if roots is None:
             return super()._confidence_roots_source()
-        return root_network_source(roots.known_parts(())[0], self.scene.first_parts)
+        return root_network_source(roots.parts, roots._root_bounds)
 
     @property
     def _smoothing_load(self) -> float:
@@ -148,7 +148,7 @@ class TwoStageSurrogate(Surrogate):
 
     def _loads(self, poses: Array, loads: Sequence[str], *, derivative: bool) -> tuple[Array, Array]:
         """By the chain rule through the clamped forces."""
-        first = [name for name in self.needed_networks(loads) if name in self.scene.sensitive_loads]
+        first = [name for name in self.networks_for(self.scene, loads) if name in self.scene.sensitive_loads]
         raw, d_raw = self._raw(poses, first, derivative=derivative)
         forces = np.minimum(raw, 0.0)
         d_forces = np.where((raw < 0.0)[: len(d_raw), :, None], d_raw, 0.0)
@@ -191,6 +191,120 @@ class TwoStageSurrogate(Surrogate):
         )
 
     def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
-        needed = {*self.needed_networks(loads), *(self._root_networks() if roots else ())}
+        needed = {*self.networks_for(self.scene, loads), *(self._root_networks() if roots else ())}
         first = {name: self.networks[name] for name in self.scene.sensitive_loads if name in needed}
         return two_stage_kernel(first, self.networks, loads, self.scene.reference_load, self._smoothing_load)
+
+
+# --- CasADi and C
+
+
+def two_stage_expressions(
+    first: Mapping[str, Network],
+    second: Mapping[str, Network],
+    load_names: Sequence[str],
+    reference_load: float,
+    smoothing_load: float,
+    pose: ca.MX,
+    order: int,
+) -> Expressions:
+    """[EF15 Eqs. 1-7]: sensitive forces f = min(net(pose), 0), every other load net(pose, f); derivatives up to order.
+
+    With u = (pose, f) and U = du/dpose: dF = g·U, d²F = Uᵀ·H·U + Σ_f g_f·d²f.
+    """
+    raw = {name: network_value(network, pose, order) for name, network in first.items()}
+    clamped = {name: _clamp(force) for name, force in raw.items()}
+    u = ca.vertcat(pose, *(force.value for force in clamped.values()))
+    tangent = None
+    if order > 0:
+        tangent = ca.vertcat(ca.MX(ca.DM.eye(6)), *(force.gradient for force in clamped.values()))
+    loads = []
+    for name in load_names:
+        if name in clamped:
+            loads.append(clamped[name])
+            continue
+        load = network_value(second[name], u, order, tangent)
+        if order > 1:
+            g = ca.vertsplit(load.input_gradient.T[6:])
+            hessian = load.hessian
+            for slope, force in zip(g, clamped.values(), strict=True):
+                hessian += slope * force.hessian
+            load = NetworkValue(load.value, load.gradient, hessian)
+        loads.append(load)
+    roots = [_root(force, reference_load, smoothing_load, order) for force in raw.values()]
+    return Expressions(roots=stack(roots, order), loads=stack(loads, order))
+
+
+def _clamp(force: NetworkValue) -> NetworkValue:
+    """min(f, 0), zero in every order where the network would pull."""
+    pressed = force.value < 0
+    return NetworkValue(ca.fmin(force.value, 0), pressed * force.gradient, pressed * force.hessian)
+
+
+def _root(force: NetworkValue, reference_load: float, smoothing_load: float, order: int) -> NetworkValue:
+    """s = n/(n² + e²)^(1/4), n = -f/N0: sign(n)·√|n| with the infinite slope at zero rounded off."""
+    n, e2 = force.value / -reference_load, (smoothing_load / reference_load) ** 2
+    q = n * n + e2
+    fourth = ca.sqrt(ca.sqrt(q))
+    slope = (0.5 * (n * n) + e2) / (q * fourth) / -reference_load
+    curvature = (-0.25 * (n * n) - 1.5 * e2) * n / (q * q * fourth) / reference_load**2
+    hessian = slope * force.hessian
+    if order > 1:
+        hessian += ca.mtimes((curvature * force.gradient).T, force.gradient)
+    return NetworkValue(n / fourth, slope * force.gradient, hessian)
+
+
+def two_stage_kernel(
+    first: Mapping[str, Network],
+    second: Mapping[str, Network],
+    load_names: Sequence[str],
+    reference_load: float,
+    smoothing_load: float,
+) -> Kernel:
+    """Kernel of loads, and of the root load of every first-stage force.
+
+    first and second hold the networks of the two stages by load, first in the order of the second stage's inputs.
+    """
+    learned = [name for name in load_names if name not in first]
+    inputs = 6 + len(first)
+
+    definitions = [
+        f"#define FORCES {len(first)}",
+        f"#define INPUTS {inputs}",
+        f"#define OUTPUTS {len(learned)}",
+        f"#define REFERENCE_LOAD {float(reference_load)!r}",
+        f"#define ROUNDING {(smoothing_load / reference_load) ** 2!r}",
+        "/* Which load each force and each output of the second stage is; -1 for none. */",
+        table("LOAD_OF_FORCE", np.array([*(load_names.index(n) if n in load_names else -1 for n in first), -1])),
+        table("LOAD_OF_OUTPUT", np.array([*(load_names.index(name) for name in learned), -1])),
+    ]
+    bundles = [Bundle("first", 6, first), Bundle("second", inputs, {name: second[name] for name in learned})]
+    return Kernel(bundles, "\n".join([*definitions, "", c_text("two_stage.h", __package__)]))
+
+
+def root_network_source(parts: Sequence[PartNetworks], bounds: Sequence[int]) -> tuple[list[Bundle], str]:
+    """Root load networks of the parts, and C function confidence_roots (see `SurrogateKernel`) that evaluates them."""
+    bundles = [Bundle(f"part_root_{k}", 6, {f"root {part.name}": part.root}) for k, part in enumerate(parts)]
+    anchors = table("part_anchor", np.array([part.anchor_mm for part in parts]))
+    first = table("first_root_part", np.array(bounds))
+    roots = "\n".join(
+        f"  local = local_of(pose, &frame, part_anchor[{k}][0], part_anchor[{k}][1], part_anchor[{k}][2], 0);\n"
+        f"  part_root_{k}_value(local.x, s + {k});"
+        for k in range(len(parts))
+    )
+    return (
+        bundles,
+        f"""\
+{c_text("pose.h")}
+{anchors}
+{first}
+INLINE void confidence_roots(const double *pose, const double *parts, double *roots) {{
+  const Frame frame = frame_of(pose);
+  double s[{len(parts)}];
+  Local local;
+{roots}
+  patch_roots(first_root_part, s, roots, 0);
+  (void)parts;
+}}
+""",
+    )

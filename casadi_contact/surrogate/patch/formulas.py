@@ -1,0 +1,254 @@
+"""The formulas of a patch surrogate (docs/method.md) as CasADi expressions, both derivatives written out, and in C.
+
+    N = N0·max(s, 0)²,  dN = 2·N0·max(s, 0)·ds,  d²N = 2·N0·([s > 0]·dsᵀds + max(s, 0)·d²s)
+    W_k = N·ρ_k,        dW_k = ρ_k·dN + N·dρ_k,  d²W_k = ρ_k·d²N + dNᵀdρ_k + dρ_kᵀdN + N·d²ρ_k
+
+in the local pose x = (t + R·a, rx, ry, rz) of a patch with anchor a. Values and gradients are continuous at liftoff,
+and every order is exactly zero outside contact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+from string import Template
+
+import casadi as ca
+import numpy as np
+
+from casadi_contact.core.conventions import Array
+from casadi_contact.networks.frames import rotation
+from casadi_contact.networks.graph import Expressions, NetworkValue, Output, network_value, network_values
+from casadi_contact.networks.kernel.network_functions import family_functions
+from casadi_contact.networks.kernel.networks import Bundle
+from casadi_contact.networks.kernel.source import Kernel, c_text
+from casadi_contact.networks.names import identifier
+from casadi_contact.scenes.pose_space import PoseSpace
+from casadi_contact.surrogate.patch.networks import PartNetworks
+
+LEAST_ROOT = 1e-9  # a part that just touches counts as this far off, so that no quotient is 0/0
+_FEW = 2  # patches, of which both are pressed as a rule
+
+
+# --- CasADi
+
+
+def patch_expressions(
+    parts: Sequence[PartNetworks],
+    selection: Array,
+    reference_load: float,
+    space: PoseSpace,
+    pose: ca.MX,
+    order: int,
+) -> Expressions:
+    """Root loads of the parts, and loads = Σ S·wrench, with derivatives up to order 0, 1 or 2.
+
+    selection S has shape (L, parts, 6); ratios that S does not touch are left out of the graph.
+    """
+    roots, loads = [], []
+    for p, part in enumerate(parts):
+        x, *slopes = _local_pose(part.anchor_mm, space, order).call([pose])
+        s = network_value(part.root, x, order)
+        roots.append(_in_pose([s], slopes))
+        used = [k for k in range(6) if selection[:, p, k].any()]
+        if not used:
+            continue
+        normal, ratios = _normal(s, reference_load, order), {}
+        if part.ratios is not None and (of := [k for k in part.columns if k in used]):
+            outputs = [part.columns.index(k) for k in of]
+            ratios = dict(zip(of, network_values(part.ratios, x, order, outputs), strict=True))
+        wrench = [_times(normal, ratios[k], order) if k in ratios else _signed(normal, part.sign) for k in used]
+        pick = ca.MX(ca.sparsify(ca.DM(selection[:, p, used])))
+        loads.append([ca.mtimes(pick, each) for each in _in_pose(wrench, slopes)])
+    return Expressions(
+        roots=Output(*(ca.vertcat(*each) for each in zip(*roots, strict=True))),
+        loads=Output(*(sum(each[1:], each[0]) for each in zip(*loads, strict=True))) if loads else Output(ca.MX(0, 1)),
+    )
+
+
+def _local_pose(anchor_mm: Array, space: PoseSpace, order: int) -> ca.Function:
+    """Pose (6) -> local pose x (6) on the space, A = dx/dpose (6 x 6), and, row by row, the stacked columns of
+    d²x_i/dpose² (3 x 36), up to the order."""
+    pose = ca.SX.sym("pose", 6)
+    on_space = pose if space.unconstrained else ca.mtimes(ca.sparsify(ca.DM(space.matrix)), pose) + ca.DM(space.offset)
+    x = ca.vertcat(on_space[:3] + ca.mtimes(rotation(on_space[3:]), ca.sparsify(ca.DM(anchor_mm))), on_space[3:])
+    bends = (ca.reshape(ca.hessian(x[i], pose)[0], 1, 36) for i in range(3))
+    outputs = [x, ca.jacobian(x, pose), ca.vertcat(*bends)]
+    return ca.Function("local_pose", [pose], outputs[: order + 1])
+
+
+def _in_pose(values: Sequence[NetworkValue], slopes: Sequence[ca.MX]) -> list[ca.MX]:
+    """Stacked values (m), Jacobian J·A (m x 6) and second derivatives Aᵀ·H·A + Σ_i J_i·d²x_i (m x 36) by the pose,
+    from those by the local pose."""
+    parts = [ca.vertcat(*(v.value for v in values))]
+    if slopes:
+        rows = ca.vertcat(*(v.gradient for v in values))
+        parts.append(ca.mtimes(rows, slopes[0]))
+    if len(slopes) > 1:
+        A, bends = slopes
+        halfway = ca.horzcat(*ca.vertsplit(ca.mtimes(ca.vertcat(*(v.hessian for v in values)), A), 6))
+        parts.append(ca.reshape(ca.mtimes(A.T, halfway), 36, len(values)).T + ca.mtimes(rows[:, :3], bends))
+    return parts
+
+
+def _normal(s: NetworkValue, reference_load: float, order: int) -> NetworkValue:
+    """N and its derivatives in the local pose."""
+    contact = ca.fmax(s.value, 0)
+    slope = 2 * reference_load * contact
+    value, gradient, hessian = reference_load * (contact * contact), ca.MX(), ca.MX()
+    if order > 0:
+        gradient = slope * s.gradient
+    if order > 1:
+        touching = (2 * reference_load) * (s.value > 0)
+        hessian = ca.mtimes((touching * s.gradient).T, s.gradient) + slope * s.hessian
+    return NetworkValue(value, gradient, hessian)
+
+
+def _times(normal: NetworkValue, ratio: NetworkValue, order: int) -> NetworkValue:
+    """N·ρ and its derivatives in the local pose."""
+    value, gradient, hessian = normal.value * ratio.value, ca.MX(), ca.MX()
+    if order > 0:
+        gradient = ratio.value * normal.gradient + normal.value * ratio.gradient
+    if order > 1:
+        mixed = ca.mtimes(normal.gradient.T, ratio.gradient)
+        hessian = ratio.value * normal.hessian + mixed + mixed.T + normal.value * ratio.hessian
+    return NetworkValue(value, gradient, hessian)
+
+
+def _signed(normal: NetworkValue, sign: float) -> NetworkValue:
+    """±N."""
+    return normal if sign > 0.0 else NetworkValue(-normal.value, -normal.gradient, -normal.hessian)
+
+
+def patch_root_expressions(s: ca.MX, bounds: Sequence[int]) -> ca.MX:
+    """S (P x n) from the parts' root loads s (parts x n), as `patch_roots` has it."""
+    patches = pairwise(bounds)
+    return ca.vertcat(*(s[a, :] if b - a == 1 else _union_root(ca.vertsplit(s[a:b, :])) for a, b in patches))
+
+
+def _union_root(rows: Sequence[ca.MX]) -> ca.MX:
+    squares = sum(ca.fmax(row, 0) ** 2 for row in rows)
+    loaded = squares > 0
+    free = [ca.fmin(row, -LEAST_ROOT) for row in rows]
+    nearest = free[0]
+    for row in free[1:]:
+        nearest = ca.fmax(nearest, row)
+    outside = nearest / ca.sqrt(sum((nearest / row) ** 2 for row in free))
+    return ca.if_else(loaded, ca.sqrt(ca.if_else(loaded, squares, 1)), outside)
+
+
+# --- C
+
+
+def _template(name: str) -> Template:
+    return Template(c_text(name, __package__))
+
+
+def _anchor(part: PartNetworks) -> str:
+    return ", ".join(repr(float(a)) for a in part.anchor_mm)
+
+
+def _lines(lines: Iterable[str]) -> str:
+    return "\n".join(f"  {line}" for line in lines)
+
+
+def _part_functions(
+    part: PartNetworks, row: int, selection: Array, reference_load: float
+) -> tuple[Bundle, Bundle, str]:
+    """Root load network, ratios and functions of one part, whose root load is the one at `row`; selection (L, 6) picks
+    its wrench components into loads."""
+    picked = [(int(load), k, float(selection[load, k])) for k, load in np.argwhere(selection.T)]
+    ratios, of_ratios = [], {}
+    if part.ratios is not None and any(k in part.columns for _, k, _ in picked):
+        ratios, of_ratios = part.columns, {f"{', '.join(part.components)} by N {part.name}": part.ratios}
+    sign = "-" if part.sign < 0.0 else ""
+
+    def sums(target: str, pressed: str, ratio: str) -> str:
+        """target of each load += its share of a wrench component; {m} stands for the ratio."""
+        return _lines(
+            f"{target.format(load=load)} += {share!r} * "
+            + (ratio.format(m=ratios.index(k)) if k in ratios else pressed)
+            + ";"
+            for load, k, share in picked
+        )
+
+    def weight(ks: Sequence[int]) -> str:
+        """Of the Hessian: the weighted sum of these components."""
+        return " + ".join(f"{share!r} * loads_weight[{load}]" for load, k, share in picked if k in ks) or "0.0"
+
+    slope = "(ratio[{m}] * d_normal + normal * d_ratio[{m}][j])"
+    code = _template("part.h").substitute(
+        patch=identifier(part.name),
+        row=row,
+        n0=repr(float(reference_load)),
+        anchor=_anchor(part),
+        ratio_slopes=_lines(f"gradient_in_pose(local, d_ratio[{m}]);" for m in range(len(ratios))),
+        ratio_sum=_lines(f"phi += c[{m}] * ratio[{m}];" for m in range(len(ratios))),
+        loads=sums("loads[{load}]", f"{sign}normal", "normal * ratio[{m}]"),
+        rows=sums("loads_jacobian[{load}][j]", f"({sign}d_normal)", slope),
+        lane_loads=sums("loads[{load}][l]", f"{sign}normal", "normal * all_ratios[{m} * LANES + l]"),
+        ratio_weights=", ".join(weight([k]) for k in ratios) or "0.0",
+        sign=sign,
+        sensitive_weight=weight(np.flatnonzero(part.own).tolist()),
+    )
+    root = Bundle(f"root_{part.name}", 6, {f"root {part.name}": part.root})
+    return root, Bundle(f"ratios_{part.name}", 6, of_ratios), code
+
+
+def _held(space: PoseSpace | None) -> tuple[str, str]:
+    """The pose that networks are evaluated at, from the one given (None: the same); and C of gradient_by_free(g,
+    stride), which turns a gradient by that pose into one by the given pose, in place."""
+    if space is None:
+        return "given", "INLINE void gradient_by_free(double *g, int stride) { (void)g, (void)stride; }\n"
+    matrix = space.matrix.tolist()
+    entries = [
+        f"given[{k}]" if row[k] else " + ".join([f"{m!r} * given[{j}]" for j, m in enumerate(row) if m] + [repr(c)])
+        for k, (row, c) in enumerate(zip(matrix, space.offset.tolist(), strict=True))
+    ]
+    bound = [k for k in range(6) if not matrix[k][k]]
+    lines = [f"  g[{j} * stride] += {m!r} * g[{k} * stride];" for k in bound for j, m in enumerate(matrix[k]) if m] + [
+        f"  g[{k} * stride] = 0.0;" for k in bound
+    ]
+    by_free = "\n".join(["INLINE void gradient_by_free(double *g, int stride) {", *lines, "}\n"])
+    return f"(const double[6]){{{', '.join(entries)}}}", by_free
+
+
+def patch_kernel(
+    parts: Sequence[PartNetworks], selection: Array, reference_load: float, space: PoseSpace | None
+) -> Kernel:
+    """Kernel of loads (selection (L, parts, 6) of the parts' wrenches) and of the root load of every part; space: None
+    where all pose parameters are free."""
+    held, by_free = _held(space)
+    made = [_part_functions(part, p, selection[:, p], reference_load) for p, part in enumerate(parts)]
+    roots, ratios, functions = zip(*made, strict=True)
+    count, many = len(parts), len(parts) > _FEW
+
+    def each(call: str) -> str:
+        return _lines(call.format(p=p, name=part.name) for p, part in enumerate(parts))
+
+    slopes = "local + {p}, normal[{p}], s[{p}], ds[{p}], ratio[{p}], d_ratio[{p}], loads, loads_jacobian"
+    whole = _template("patches.h").substitute(
+        held=held,
+        patches=count,
+        anchors=", ".join(f"{{{_anchor(part)}}}" for part in parts),
+        n0=repr(float(reference_load)),
+        values=each("if (normal[{p}] > 0.0) loads_on_{name}(normal[{p}], ratio[{p}], loads);"),
+        jacobians=each(f"if (normal[{{p}}] > 0.0) slopes_on_{{name}}({slopes});"),
+        bent=_template("bent.h").substitute(patches=count) if many else "",
+        hessians=each(
+            ("if (bent[{p}]) " if many else "")
+            + "hessian_on_{name}(pose, &frame, loads_weight, roots_weight, hessian);"
+        ),
+        batches=each("batch_on_{name}(pose, frame, loads, roots);"),
+    )
+    code = [
+        c_text("pose.h"),
+        c_text("patch.h", __package__),
+        f"#define RATIOS {max(1, *(len(part.columns) for part in parts))}\n",
+        family_functions("roots", roots),
+        family_functions("ratios", ratios),
+        *functions,
+        by_free,
+        whole,
+    ]
+    return Kernel([*roots, *ratios], "\n".join(code))

@@ -1,1 +1,0 @@
-"""The paper's structure: one network per load in two stages [EF15 Eqs. 1-7]."""
