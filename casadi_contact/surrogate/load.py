@@ -12,15 +12,13 @@ from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from casadi_contact.surrogate.two_stage import TwoStageSurrogate
 
 STRUCTURES: dict[str, type[Surrogate]] = {kind.structure: kind for kind in (PatchSurrogate, TwoStageSurrogate)}
-"""The structures, by name: a new structure is its own folder and one of these."""
+"""The structures, by name: a new structure is its own class and one of these."""
 
 
 def ready_surrogates() -> list[str]:
     """Names of the surrogates that come with the library."""
     folder = resources.files("casadi_contact.surrogate") / "ready"
-    return (
-        sorted(entry.name[:-3] for entry in folder.iterdir() if entry.name.endswith(".h5")) if folder.is_dir() else []
-    )
+    return sorted(entry.name[:-3] for entry in folder.iterdir() if entry.name.endswith(".h5"))
 
 
 def load_surrogate(name_or_path: str | Path, *, compiled: bool = True) -> Surrogate:
@@ -35,13 +33,10 @@ def load_surrogate(name_or_path: str | Path, *, compiled: bool = True) -> Surrog
     if isinstance(name_or_path, Path) or text.endswith(".h5") or "/" in text:
         return _load(Path(name_or_path), compiled)
     if text not in ready_surrogates():
-        possible = ", ".join(ready_surrogates()) or "(none are installed)"
-        untrained = (
-            f"; scene {text} needs none: cc.foundation({text!r}), in problems --scene {text}"
-            if text in ready_scenes()
-            else ""
-        )
-        raise ValueError(f"unknown surrogate {text!r}, expected one of {possible}, or a path to a .h5 file{untrained}")
+        known, cure = ", ".join(ready_surrogates()), ""
+        if text in ready_scenes():
+            cure = f"; scene {text} needs none: cc.foundation({text!r}), in problems --scene {text}"
+        raise ValueError(f"unknown surrogate {text!r}, expected one of {known}, or a path to a .h5 file{cure}")
     with resources.as_file(resources.files("casadi_contact.surrogate") / "ready" / f"{text}.h5") as path:
         surrogate = _load(path, compiled)
     surrogate.ready_name = text

@@ -303,56 +303,28 @@ def bundle_functions(bundle: Bundle) -> str:
 
 
 def family_functions(name: str, bundles: Sequence[Bundle]) -> str:
-    """NAME_value(count, which, x, y) and NAME_gradient(count, which, x, y, g): those of the bundles that are listed,
-    several side by side where all have networks of the same few neurons; x, y and g hold a pointer for each bundle."""
-    sides = _sides(bundles)
-    functions = []
-    if any(sides.values()):
-        rows = ", ".join(f"{{{', '.join(group.symbol for group in bundle.groups)}}}" for bundle in bundles)
-        groups = len(bundles[0].groups)
-        functions.append(f"static const double *const {name}_weights[{len(bundles)}][{groups}] = {{{rows}}};")
-    for what, outputs in (("value", "y"), ("gradient", "yg")):
+    """NAME_value(count, which, x, y) and NAME_gradient(count, which, x, y, g): those of the bundles that are listed;
+    several side by side where each is one network, all of the same few neurons. x, y and g hold a pointer for each."""
+    shapes = {bundle.groups[0].shape if bundle.groups else None for bundle in bundles}
+    shape = shapes.pop() if len(shapes) == 1 else None
+    weights = ", ".join(group.symbol for bundle in bundles for group in bundle.groups)
+    functions = [f"static const double *const {name}_weights[{len(bundles)}] = {{{weights}}};"] if shape else []
+    for what, outputs, most in (("value", "y", "VALUES_SIDE_BY_SIDE"), ("gradient", "yg", "SLOPES_SIDE_BY_SIDE")):
         pointers = "".join(f", double *const *{array}" for array in outputs)
         lines = [f"INLINE void {name}_{what}(int count, const int *which, const double *const *x{pointers}) {{"]
         lines.append("  int k = 0;")
-        most = "SLOPES_SIDE_BY_SIDE" if what == "gradient" else "VALUES_SIDE_BY_SIDE"
-        for side in sides[what]:
+        sides = [] if shape is None else [side for side in sides_of(shape, what) if side <= len(bundles)]
+        called = "" if shape is None else f"{shape.symbol}_{what}"
+        for side in sides:
+            kinds = {f"{name}_weights": "const double", "x": "const double", **dict.fromkeys(outputs, "double")}
+            given = (
+                f"({kind} *const[]){{{', '.join(f'{array}[which[k + {p}]]' for p in range(side))}}}"
+                for array, kind in kinds.items()
+            )
             lines.append(f"  for (; {side} <= {most} && k + {side} <= count; k += {side}) {{")
-            lines += [f"    {line}" for line in _together(bundles[0], name, what, outputs, side)]
-            lines.append("  }")
+            lines += [f"    {called}_{side}({', '.join(given)});", "  }"]
         lines += ["  for (; k < count; k++) {", "    const int i = which[k];", "    switch (i) {"]
         of_one = "".join(f", {array}[i]" for array in outputs)
         lines += [f"      case {p}: {b.symbol}_{what}(x[i]{of_one}); break;" for p, b in enumerate(bundles)]
         functions.append("\n".join([*lines, "    }", "  }", "}"]))
     return "\n\n".join(functions) + "\n"
-
-
-def _sides(bundles: Sequence[Bundle]) -> dict[str, list[int]]:
-    """How many of the bundles are evaluated side by side, the most first; none where their networks differ in shape."""
-    shapes = {tuple(group.shape for group in bundle.groups) for bundle in bundles}
-    if len(shapes) > 1 or not all(bundle.groups for bundle in bundles):
-        return {"value": [], "gradient": []}
-    return {
-        what: [
-            side
-            for side in min((sides_of(group.shape, what) for group in bundles[0].groups), key=len)
-            if side <= len(bundles)
-        ]
-        for what in ("value", "gradient")
-    }
-
-
-def _together(bundle: Bundle, name: str, what: str, outputs: str, side: int) -> list[str]:
-    """Calls for as many bundles of one kind, from which[k] on, a group of networks after the other."""
-    lines, m = [], 0
-    for number, group in enumerate(bundle.groups):
-        offset = {"x": 0, "y": m, "g": bundle.inputs * m}
-        arrays = [(f"{name}_weights", f"[{number}]", "const double"), ("x", "", "const double")]
-        arrays += [(array, f" + {offset[array]}" if offset[array] else "", "double") for array in outputs]
-        given = [
-            f"({kind} *const[]){{{', '.join(f'{array}[which[k + {p}]]{end}' for p in range(side))}}}"
-            for array, end, kind in arrays
-        ]
-        lines.append(f"{group.shape.symbol}_{what}_{side}({', '.join(given)});")
-        m += sum(network.outputs for network in group.networks)
-    return lines
