@@ -10,7 +10,6 @@ from casadi_contact.samples.calibration_poses import label_poses, perturbed_pose
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.surrogate.calibration import CalibrationSettings, calibrate, coverage_by_group, spread_centres
-from casadi_contact.surrogate.load import load_surrogate
 from tests.support.random_surrogates import POSE_CENTRE, POSE_SPREAD, random_surrogate
 
 SCENE = load_scene("sphere_on_plane")
@@ -81,16 +80,14 @@ def on_the_plane(surrogate, model):
 
 
 @pytest.fixture(scope="module")
-def progress():
-    return {}
-
-
-@pytest.fixture(scope="module")
-def with_model(surrogate, on_the_plane, model, progress):
-    def update(what, done, total, remark):
-        progress.setdefault(what, []).append(done / total)
-
-    return calibrate(surrogate, on_the_plane, model, update, RIM)
+def with_model(surrogate, on_the_plane, model):
+    told = {}
+    made = calibrate(
+        surrogate, on_the_plane, model, lambda what, n, of, _: told.setdefault(what, []).append(n / of), RIM
+    )
+    assert set(told) == {"patch: other poses", "patch: confidence"}
+    assert all(shares == sorted(shares) and shares[-1] == 1.0 for shares in told.values())
+    return made
 
 
 def pressed_poses(surrogate, seed, count=3000):
@@ -106,12 +103,6 @@ def test_the_stated_share_of_unseen_errors_lies_below_the_expected_one(surrogate
     for column, rows in zip(below.T, (target != 0.0).T, strict=True):
         assert 0.93 < column[rows].mean() < 0.975
     assert calibrated.info().coverage["D1"]["valid"] > 0.97
-
-
-def test_errors_three_times_as_large_are_expected_three_times_as_large(surrogate, samples, calibrated):
-    noisier = calibrate(surrogate, made_up_samples(surrogate, noise=3.0 * NOISE), settings=QUICK)
-    ratio = noisier.expected_error(samples.poses[:500]) / calibrated.expected_error(samples.poses[:500])
-    assert 2.0 < np.median(ratio) < 4.5
 
 
 def test_each_domain_has_its_share(surrogate):
@@ -145,7 +136,8 @@ def test_poses_between_the_samples_that_were_never_sampled_are_not_valid(calibra
 def test_a_surrogate_that_misses_a_few_tolerances_everywhere_is_nowhere_valid(surrogate, samples):
     """As usual for this surrogate is not good enough: it says twice the load."""
     off = replace(samples, wrenches=0.5 * samples.wrenches)
-    validity = calibrate(surrogate, off).validity(samples.poses)
+    settings = replace(CalibrationSettings(), hidden=(8, 8), iterations=60)
+    validity = calibrate(surrogate, off, settings=settings).validity(samples.poses)
     pressed = (np.abs(samples.loads(["Fy"])[:, 0])) > 100.0
     assert pressed.sum() > 500
     assert np.mean(validity[pressed] > 0.5) < 0.02
@@ -169,26 +161,6 @@ def test_errors_of_other_poses_are_covered_where_they_are_valid(surrogate, model
     below = np.abs(surrogate(poses) - label_poses(model, SCENE, poses).loads()) <= with_model.expected_error(poses)
     assert below.mean() > 0.92
     assert {"D1", "around", "range", "settled"} <= set(with_model.info().coverage)
-
-
-def test_each_step_tells_how_far_it_is(with_model, progress):
-    assert set(progress) == {"patch: other poses", "patch: confidence"}
-    for shares in progress.values():
-        assert shares == sorted(shares)
-        assert shares[-1] == 1.0
-
-
-def test_functions_and_file_say_the_same(surrogate, with_model, tmp_path):
-    with_model.save(tmp_path / "it.h5")
-    poses = pressed_poses(surrogate, 3, count=20)
-    again = load_surrogate(tmp_path / "it.h5")
-    np.testing.assert_array_equal(again.validity(poses), with_model.validity(poses))
-    np.testing.assert_array_equal(again.expected_error(poses), with_model.expected_error(poses))
-    assert again.info().coverage == with_model.info().coverage
-    validity, errors = with_model.validity_function(), with_model.expected_error_function()
-    np.testing.assert_allclose([float(validity(pose)) for pose in poses], with_model.validity(poses), atol=1e-12)
-    got = np.array([errors(pose).full().ravel() for pose in poses])
-    np.testing.assert_allclose(got, with_model.expected_error(poses), rtol=1e-9)
 
 
 def test_poses_at_which_the_model_gives_no_number_are_wrong(surrogate, model, on_the_plane):
@@ -266,12 +238,6 @@ def test_centres_lie_among_the_points_and_no_two_alike():
     assert len(np.unique(centres, axis=0)) == len(centres)
     np.testing.assert_array_equal(centres, spread_centres(points, 40, cell=0.1))
     assert len(spread_centres(points[:10], 40)) == 5
-
-
-def test_perturbed_poses_lie_within_a_few_millimetres_and_degrees(samples):
-    poses = perturbed_poses(samples, 2000)
-    nearest = np.array([np.abs(pose - samples.poses)[:, :3].max(axis=1).min() for pose in poses[:100]])
-    assert nearest.max() < 4.0
 
 
 def test_perturbations_have_the_stated_size(samples):

@@ -6,14 +6,11 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.core.conventions import POSE_NAMES
-from casadi_contact.optimisation.pose_estimation import PoseEstimation
 from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.settings import SamplingSettings
-from casadi_contact.scenes.load_cycle import read_cycle
 from casadi_contact.scenes.walking import reference_cycles
 from casadi_contact.workflow.benchmark.evaluate import unseen_walking
 from tests.support.random_surrogates import random_surrogate
-from tests.support.shared_data import shared_file
 
 
 @pytest.fixture(scope="module")
@@ -144,17 +141,6 @@ def test_expected_error_covers_poses_moved_around_unseen_walking(name, walking):
     for column, rows in zip(below.T, carried.T, strict=True):
         assert column[rows].mean() > 0.95 - 3.5 * np.sqrt(0.95 * 0.05 / rows.sum())
     assert errors[:, :2].max() < (100.0 if name == "knee" else 60.0)
-
-
-@pytest.mark.parametrize("cycle", ["og1", "og4"])
-def test_expected_error_covers_measured_walking(knee, cycle):
-    """Cycles of the instrumented knee that the built-in ones derive from, none of which is a sample."""
-    measured = read_cycle(shared_file(f"data/jw/{cycle}_loads.csv"))
-    poses = PoseEstimation.of_cycle(knee, measured).solve().poses
-    teacher = cc.ElasticFoundation(knee.scene, knee.scene.grids["teacher"])
-    share = np.mean(np.abs(knee(poses) - teacher(poses)) <= knee.expected_error(poses))
-    assert share >= 0.93
-    assert knee.validity(poses).min() > 0.9
 
 
 @pytest.mark.parametrize("frame", [10, 75])

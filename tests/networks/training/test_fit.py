@@ -112,19 +112,17 @@ def test_the_smallest_network_that_meets_the_tolerance_is_kept():
     assert result.hidden in GROWING.sizes[1:-1]
 
 
-def stalling(restarts):
-    """At most 20 iterations without halving the error: every seed stalls sooner or later."""
-    return replace(FIXED, max_iterations=400, stall_window=20, stall_improvement=0.5, restarts=restarts)
-
-
 def test_a_stalled_fit_restarts_from_other_seeds_and_the_best_is_kept():
-    alone = fit(smooth(), stalling(restarts=0))
-    result = fit(smooth(), stalling(restarts=2))
+    """At most 20 iterations without halving the error: every seed stalls sooner or later."""
+    stalling = replace(FIXED, max_iterations=400, stall_window=20, stall_improvement=0.5)
+    alone, result = (fit(smooth(), replace(stalling, restarts=restarts)) for restarts in (0, 2))
     assert alone.stop_reason == result.stop_reason == "stalled"
     rms = result.history["training_rms"]
     np.testing.assert_array_equal(rms[: len(alone.history["size"])], alone.history["training_rms"])
     assert np.sum(rms[1:] > 3.0 * rms[:-1]) == 2, "two restarts, each with a larger error"
     assert result.validation_rms == pytest.approx(result.history["validation_rms"].min(), rel=1e-9)
+    growing = replace(stalling, restarts=0, sizes=((2,), (6, 5)))
+    assert sizes_in_order(fit(smooth(), growing), growing) == [(2,), (6, 5)], "it grows while it can"
 
 
 @pytest.mark.parametrize(
@@ -251,12 +249,3 @@ def test_residuals_are_multiplied_and_their_mean_square_is_kept(outputs):
     with pytest.raises(ValueError, match="domain"):
         replace(before, domain=None).weighted({1: 2.0})
     np.testing.assert_allclose(ratio, 3.0 * np.array([16.0, 4.0, 1.0]) / 21.0)
-
-
-def test_a_small_network_is_more_accurate_where_rows_count_for_more():
-    """Too few neurons for all rows: what one domain gains others lose."""
-    settings = TrainingSettings(sizes=((3,),), max_iterations=150, restarts=0)
-    apart = regression(targets=np.where(DOMAIN == 1, 1.0, -1.0) * ROUGH)
-    even, weighted = (by_domain(apart.residuals(fit(r, settings).network)) for r in (apart, apart.weighted({1: 5.0})))
-    assert weighted[0] < 0.5 * even[0]
-    assert weighted[1:].sum() > even[1:].sum()
