@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from casadi_contact.networks.activations import ACTIVATIONS, Activation, activation_of
-from casadi_contact.networks.graph import network_value
 from casadi_contact.networks.network import Network
 from casadi_contact.scenes.loading import load_scene
 from tests.support.agreement import close, second_derivatives
@@ -82,26 +81,6 @@ def test_numpy_graph_and_kernel_agree_on_a_surrogate(name):
             close(f(x).full().ravel(), value, 10)
             close(jacobian(x, 0).full(), slopes, 9)
         close(pairs[0][2](x, weights).full(), pairs[1][2](x, weights).full(), 9)
-
-
-def test_the_graph_s_hessian_is_autograd_s(name):
-    rng = np.random.default_rng(0)
-    network = Network(
-        np.zeros(3),
-        np.ones(3),
-        (rng.normal(size=(5, 3)), rng.normal(size=(1, 5))),
-        (rng.normal(size=5), rng.normal(size=1)),
-        activation=name,
-    )
-    first, last = (torch.tensor(w) for w in network.weights)
-    bias = torch.tensor(network.biases[0])
-
-    def in_torch(x):
-        return (last @ activation_of(name).derivatives(torch, first @ x + bias, 0)[0]).sum()
-
-    x, symbol = rng.normal(size=3), ca.MX.sym("x", 3)
-    hessian = ca.Function("hessian", [symbol], [network_value(network, symbol, 2).hessian])(x).full()
-    close(hessian, torch.autograd.functional.hessian(in_torch, torch.tensor(x)).numpy(), 10)
 
 
 @pytest.mark.parametrize(

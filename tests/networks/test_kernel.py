@@ -201,17 +201,3 @@ def test_a_patch_may_be_called_as_the_kernel_calls_its_own(name, tmp_path):
     function = surrogate.function(compiled=True)
     assert function.class_name() == "External", "a graph takes the place of a kernel that does not compile"
     agree([function(each).full().ravel() for each in poses], surrogate(poses))
-
-
-def test_third_derivatives_exist():
-    """A user may differentiate once more; CasADi does that automatically on the Hessian's graph."""
-    surrogate = random_surrogate(load_scene("knee"), "patch")
-    pose = ca.MX.sym("pose", 6)
-    second = ca.hessian(ca.sum1(surrogate.function()(pose)), pose)[0]
-    entry = ca.Function("entry", [pose], [second[3, 1], ca.jacobian(second[3, 1], pose)])
-    x = random_poses(40)[int(np.argmax(surrogate.root_loads(random_poses(40))[0].min(axis=1)))]
-    step = 1e-6
-    by_difference = [float(entry(x + step * e)[0] - entry(x - step * e)[0]) / (2 * step) for e in np.eye(6)]
-    np.testing.assert_allclose(
-        entry(x)[1].full().ravel(), by_difference, rtol=1e-5, atol=1e-5 * np.abs(by_difference).max()
-    )

@@ -5,7 +5,6 @@ import numpy as np
 import casadi_contact as cc
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.conventions import LEVER_MM
-from casadi_contact.optimisation.starts import pose_bounds
 from casadi_contact.samples.chunk import draw_chunk, plan_chunks
 from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.samples import DOMAINS, load_errors, rms_by_kind
@@ -45,17 +44,3 @@ def test_the_shipped_knee_errs_on_new_poses_as_its_file_says():
             assert errors[load]["rms"] <= 1.5 * stated[load]["rms"], (domain, load)
     assert not knee(drawn["D5"]).any()
     assert cc.load_scene("knee").digest == knee.scene.digest
-
-
-def test_the_knee_of_the_whole_reach_is_right_where_both_sides_press_within_the_rim():
-    """Settled from anywhere in its range, poses that it and the foundation know carry what is wanted (within 20 N)."""
-    knee, random, pressed = cc.load_surrogate("knee_reach"), np.random.default_rng(5), ["Fy_med", "Fy_lat"]
-    foundation = cc.foundation(knee.scene)
-    starts = random.uniform(*pose_bounds(knee), (300, 6))
-    wanted = dict(zip(pressed, -random.uniform(20.0, 1500.0, (2, 300)), strict=True))
-    poses, report = cc.settle(knee, starts, ("ty", "rx"), wanted)
-    poses = poses[report.converged]
-    poses = poses[(knee.validity(poses) > 0.5) & ~foundation.at_edge(poses).any(axis=1)]
-    poses = poses[(foundation(poses, pressed) < 0.0).all(axis=1)]
-    assert len(poses) > 20
-    assert np.abs(knee(poses, pressed) - foundation(poses, pressed)).max() < 20.0

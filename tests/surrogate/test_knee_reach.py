@@ -19,8 +19,8 @@ def reach():
 def pressed(reach):
     """Poses all over the plan's ranges, 5 to 2,500 N a side, whose contact lies on the insert."""
     foundation, ranges = cc.foundation(reach.scene), reach.scene.sampling["reach"]
-    drawn = {name: np.random.default_rng(k).uniform(size=600) for k, name in enumerate(ranges)}
-    poses, forces = np.zeros((600, 6)), {}
+    drawn = {name: np.random.default_rng(k).uniform(size=300) for k, name in enumerate(ranges)}
+    poses, forces = np.zeros((300, 6)), {}
     for k, name in enumerate(("tx", "ty", "tz", "rx", "ry", "rz")):
         if name in ranges:
             low, high = ranges[name]
@@ -33,7 +33,7 @@ def pressed(reach):
 
 
 def test_errors_lie_within_what_the_docs_say(reach, pressed):
-    assert len(pressed) > 100
+    assert len(pressed) > 50
     off = np.abs(reach(pressed) - cc.foundation(reach.scene)(pressed))
     rms = dict(zip(reach.load_names, np.sqrt(np.mean(off**2, axis=0)), strict=True))
     assert max(rms[name] for name in ("Fy_med", "Fy_lat", "Fx", "Fz")) < 1.5
@@ -47,14 +47,14 @@ def test_lifted_off_unevenly_over_the_rim_it_carries_next_to_nothing(reach):
     """One side just off and the other farther out, the femur also beyond the insert: one valid pose in a hundred
     carried hundreds of newtons while all samples had both sides lifted alike."""
     foundation, ranges = cc.foundation(reach.scene), reach.scene.sampling["reach"]
-    rng, poses = np.random.default_rng(8), np.zeros((4000, 6))
+    rng, poses = np.random.default_rng(8), np.zeros((2000, 6))
     for k, name in enumerate(("tx", "ty", "tz", "rx", "ry", "rz")):
         if name in ranges:
-            poses[:, k] = rng.uniform(*ranges[name], 4000)
-    apart = lift_each(foundation, advance_to_contact(foundation, poses, {}), rng.uniform(0.0, 2.0, (4000, 2)))
+            poses[:, k] = rng.uniform(*ranges[name], 2000)
+    apart = lift_each(foundation, advance_to_contact(foundation, poses, {}), rng.uniform(0.0, 2.0, (2000, 2)))
     apart = apart[np.isfinite(apart).all(axis=1)]
     apart = apart[(foundation.gaps(apart) > 0.0).all(axis=1) & (reach.validity(apart) > 0.5)]
-    assert len(apart) > 1000
+    assert len(apart) > 500
     forces = np.abs(reach(apart)[:, [reach.load_names.index(name) for name in ("Fy_med", "Fy_lat")]]).max(axis=1)
     assert np.mean(forces > 20.0) < 0.002
     assert np.sqrt(np.mean(forces**2)) < 5.0
