@@ -166,6 +166,14 @@ def rotation(angles: ArrayLike) -> Array:
     return _matrices(rows, angles.shape[:-1])
 
 
+def local_poses(poses: Array, anchor_mm: Array) -> Array:
+    """x = (t + R·a, rx, ry, rz) (n, 6) for poses (n, 6): where an anchor a (3,) of the moving body is [mm], and how it
+    is turned."""
+    local = np.array(poses)
+    local[:, :3] += rotation(poses[:, 3:]) @ anchor_mm
+    return local
+
+
 def angular_velocity_map(angles: ArrayLike) -> Array:
     """E with ω = E·(ṙx, ṙy, ṙz), ω in the fixed frame: columns e_x, Rx·e_y, Rx·Ry·e_z; shape (..., 3, 3)."""
     angles = np.asarray(angles, dtype=np.float64)

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from casadi_contact.core.conventions import WRENCH_NAMES
+from casadi_contact.core.conventions import WRENCH_NAMES, local_poses
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.surrogate.patch.networks import ratio_outputs
 from casadi_contact.surrogate.patch.regressions import root_weight
-from casadi_contact.surrogate.patch.surrogate import PatchSurrogate, local_pose_jacobian, local_poses
+from casadi_contact.surrogate.patch.surrogate import PatchSurrogate, local_pose_jacobian
 from tests.support.random_surrogates import invented_samples, random_poses, random_surrogate
 
 KNEE = load_scene("knee")

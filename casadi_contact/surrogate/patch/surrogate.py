@@ -21,7 +21,14 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import casadi as ca
 import numpy as np
 
-from casadi_contact.core.conventions import WRENCH_NAMES, Array, angular_velocity_map, pose_or_poses, rotation
+from casadi_contact.core.conventions import (
+    WRENCH_NAMES,
+    Array,
+    angular_velocity_map,
+    local_poses,
+    pose_or_poses,
+    rotation,
+)
 from casadi_contact.networks.graph import Expressions
 from casadi_contact.networks.kernel.source import Kernel
 from casadi_contact.networks.network import Network, Regression
@@ -191,14 +198,6 @@ class PatchSurrogate(Surrogate):
     def _with_roots(self) -> list[int]:
         """The parts whose root load is known."""
         return [p for p, part in enumerate(self.parts) if part.root is not None]
-
-
-def local_poses(poses: Array, anchor_mm: Array) -> Array:
-    """x = (t + R·a, rx, ry, rz) (n, 6) for poses (n, 6): where an anchor a (3,) of the moving body is [mm], and how it
-    is turned."""
-    local = np.array(poses)
-    local[:, :3] += rotation(poses[:, 3:]) @ anchor_mm
-    return local
 
 
 def local_pose_jacobian(poses: Array, anchor_mm: Array) -> Array:

@@ -19,7 +19,7 @@ import numpy as np
 
 from casadi_contact.contact.cells.choice import CellChoice
 from casadi_contact.contact.cells.foundation import CellFoundation
-from casadi_contact.core.conventions import Array, Update
+from casadi_contact.core.conventions import Array, Update, local_poses
 from casadi_contact.core.quantities import FORCE, of_kind, three_digits
 from casadi_contact.core.workers import cancelled_if_left, worker_pool
 from casadi_contact.networks.network import Regression
@@ -29,7 +29,6 @@ from casadi_contact.samples.samples import VALIDATION, Samples
 from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.patch.regressions import root_target, root_weight
-from casadi_contact.surrogate.patch.surrogate import local_poses
 from casadi_contact.surrogate.sample_rows import fitted_rows
 
 
