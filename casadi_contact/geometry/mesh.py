@@ -28,7 +28,6 @@ from casadi_contact.geometry.triangle_mesh import TriangleMesh
 
 MM_PER_UNIT = {"m": 1000.0, "mm": 1.0, "cm": 10.0, "inch": 25.4}
 FILE_AXES = ("x", "y", "z")  # axes as they are in the file
-MIRRORS = FILE_AXES
 
 
 @dataclass(frozen=True)
@@ -53,7 +52,7 @@ class Placement:
         """Points (n, 3) [mm] where they lie in the body's frame."""
         if self == Placement():
             return points_mm
-        signs = [-1.0 if axis == self.mirror else 1.0 for axis in MIRRORS]
+        signs = [-1.0 if axis == self.mirror else 1.0 for axis in FILE_AXES]
         return (points_mm * signs) @ rotation(np.radians(self.rotation_deg)).T + self.offset_mm
 
     def faces(self, faces: np.ndarray) -> np.ndarray:

@@ -41,132 +41,65 @@ import numpy as np
 
 from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.elements import Cells, ElementGrid, grid_elements, scattered_elements
-from casadi_contact.geometry.mesh import FILE_AXES, MIRRORS, MM_PER_UNIT, axes_rotation, file_digest
+from casadi_contact.geometry.mesh import FILE_AXES, MM_PER_UNIT, axes_rotation, file_digest
 from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface
 from casadi_contact.scenes.shapes.checks import fail, identifier, number, table_of
 from casadi_contact.scenes.shapes.own_model import patch_anchors
 from casadi_contact.scenes.shapes.shape import Geometry, Range, Shape
 
 BODIES = ("moving", "fixed")
-ELEMENTS = ("grid", "triangles")
-OPEN_EDGES = ("cut", "rim")
-SHELLS = ("outer", "whole")
+_CHOICES: dict[str, Sequence[str]] = {
+    "units": tuple(MM_PER_UNIT),
+    "elements": ("grid", "triangles"),
+    "open_edges": ("cut", "rim"),
+    "shell": ("outer", "whole"),
+}
 _SPACINGS_MM = {"low": 1e-3, "high": 1.5}  # finer does not fit into memory, coarser loses a joint's surface
 _DIGESTS = {body: f"{body}_sha256" for body in BODIES}
-_NEEDED = (*BODIES, "units", "patches")
 _LISTS = {"pressing": 3, "cup_centre": 3, "start_pose": 6}
-_KNOWN = (
-    *(*_NEEDED, "axes", "elements", "spacing", "open_edges", "shell", "placement"),
-    *(*_LISTS, *_DIGESTS.values()),
-)
+_NEEDED = (*BODIES, "units", "patches")
+_OPTIONAL = (*_CHOICES, "axes", "spacing", "placement", *_LISTS, *_DIGESTS.values())
 _DEFAULTS: dict[str, Any] = {"axes": list(FILE_AXES), "elements": "grid", "spacing": 0.75, "open_edges": "cut"}
-
-
-def check_mesh_geometry(table: object) -> dict[str, Any]:
-    """The [geometry] of a mesh scene with its defaults filled in; raises ValueError naming the key at fault."""
-    values: dict[str, Any] = _DEFAULTS | table_of("geometry", table, _KNOWN, complete=False)
-    missing = [key for key in _NEEDED if key not in values]
-    if missing:
-        raise ValueError(f"scene: geometry lacks {', '.join(missing)}")
-    for key in (*BODIES, *(key for key in _DIGESTS.values() if key in values)):
-        if not isinstance(values[key], str) or not values[key]:
-            raise fail(f"geometry.{key}", values[key], "text")
-    for key, allowed in (("units", MM_PER_UNIT), ("elements", ELEMENTS), ("open_edges", OPEN_EDGES)):
-        if values[key] not in tuple(allowed):
-            raise fail(f"geometry.{key}", values[key], " or ".join(allowed))
-    if values.get("shell", "whole") not in SHELLS:
-        raise fail("geometry.shell", values["shell"], " or ".join(SHELLS))
-    axes_rotation(values["axes"])
-    for key, length in _LISTS.items():
-        if key in values:
-            values[key] = _numbers(f"geometry.{key}", values[key], length)
-    if "pressing" in values:
-        _check_direction("geometry.pressing", values["pressing"])
-    values["placement"] = {
-        body: _placement(f"geometry.placement.{body}", table)
-        for body, table in table_of("geometry.placement", values.get("placement", {}), BODIES, complete=False).items()
-    }
-    values["spacing"] = _spacing(values["spacing"])
-    patches = values["patches"]
-    if not isinstance(patches, Mapping) or not patches:
-        raise fail("geometry.patches", patches, "a table for each patch, e.g. [geometry.patches.med]")
-    for name in patches:
-        identifier("geometry.patches (a patch's name)", name)
-    values["patches"] = {name: _patch(f"geometry.patches.{name}", patch) for name, patch in patches.items()}
-    return values
-
-
-def _spacing(value: object) -> float | dict[str, float]:
-    if not isinstance(value, Mapping):
-        return number("geometry.spacing", value, **_SPACINGS_MM)
-    each = table_of("geometry.spacing", value, BODIES, complete=True)
-    return {body: number(f"geometry.spacing.{body}", each[body], **_SPACINGS_MM) for body in BODIES}
 
 
 def _patch(key: str, table: object) -> dict[str, Any]:
     values = table_of(key, table, ("x", "y", "z", "anchor", "pressing", "split_z"), complete=False)
-    for name, length in (("x", 2), ("y", 2), ("z", 2), ("anchor", 3)):
-        listed = _numbers(f"{key}.{name}", values.get(name, [0.0, 1.0, 2.0][:length]), length)
-        if length == 2 and listed[0] >= listed[1]:
-            raise fail(f"{key}.{name}", listed, "two rising numbers [mm]")
-    if "pressing" in values:
-        _check_direction(f"{key}.pressing", _numbers(f"{key}.pressing", values["pressing"], 3))
+    for name, length in (("x", 2), ("y", 2), ("z", 2), ("anchor", 3), ("pressing", 3)):
+        if name in values:
+            listed = _numbers(f"{key}.{name}", values[name], length)
+            if length == 2 and listed[0] >= listed[1]:
+                raise fail(f"{key}.{name}", listed, "two rising numbers [mm]")
     if "split_z" in values:
         _check_cuts(f"{key}.split_z", values["split_z"], values.get("z"))
     return values
 
 
-def _check_direction(key: str, direction: list[float]) -> None:
-    if math.hypot(*direction) < 1e-6:
-        raise fail(key, direction, "a direction, for example [0.0, -1.0, 0.0]")
-
-
 def _numbers(key: str, value: object, length: int) -> list[float]:
+    """So many numbers, and of a direction to press in not only zeros."""
     if not isinstance(value, list | tuple) or len(value) != length:
         unit = "tx, ty, tz [mm], rx, ry, rz [rad]" if length == 6 else "[mm]"
         raise fail(key, value, f"{length} numbers {unit}")
-    return [number(key, each) for each in value]
+    numbers = [number(key, each) for each in value]
+    if key.endswith("pressing") and math.hypot(*numbers) < 1e-6:
+        raise fail(key, value, "a direction, for example [0.0, -1.0, 0.0]")
+    return numbers
 
 
 def _placement(key: str, table: object) -> dict[str, Any]:
     values = table_of(key, table, ("mirror", "rotation_deg", "offset"), complete=False)
-    for name in ("rotation_deg", "offset"):
-        if name in values:
-            values[name] = _numbers(f"{key}.{name}", values[name], 3)
-    if values.get("mirror", "x") not in MIRRORS:
-        raise fail(f"{key}.mirror", values["mirror"], " or ".join(MIRRORS))
+    for name in sorted({"rotation_deg", "offset"} & set(values)):
+        values[name] = _numbers(f"{key}.{name}", values[name], 3)
+    if values.get("mirror", "x") not in FILE_AXES:
+        raise fail(f"{key}.mirror", values["mirror"], " or ".join(FILE_AXES))
     return values
 
 
 def _check_cuts(key: str, cuts: object, bounds: Sequence[float] | None) -> None:
     if bounds is None:
         raise ValueError(f"scene: {key} = {cuts!r} needs the patch's z, its bounds [mm]")
-    expected = f"a list of rising numbers between {bounds[0]:g} and {bounds[1]:g} [mm]"
-    if not isinstance(cuts, list | tuple):
-        raise fail(key, cuts, expected)
-    ends = [bounds[0], *(number(key, value) for value in cuts), bounds[1]]
-    if any(a >= b for a, b in itertools.pairwise(ends)):
-        raise fail(key, cuts, expected)
-
-
-def with_files(geometry: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """The [geometry] with absolute mesh paths (relative ones start at the folder) and the files' digests.
-
-    Raises FileNotFoundError for a missing mesh, ValueError for one that is not the one the scene was made with.
-    """
-    located = dict(geometry)
-    for body, key in _DIGESTS.items():
-        path = (folder / geometry[body]).resolve()
-        digest = file_digest(path)
-        if geometry.get(key, digest) != digest:
-            raise ValueError(f"scene: geometry.{body}: {path} has changed since the scene was made with it")
-        located |= {body: str(path), key: digest}
-    return located
-
-
-def without_places(geometry: Mapping[str, Any]) -> dict[str, Any]:
-    """The [geometry] with each mesh named by its digest (if known) instead of its path."""
-    return {key: value for key, value in geometry.items() if _DIGESTS.get(key) not in geometry}
+    listed = [number(key, value) for value in cuts] if isinstance(cuts, list | tuple) else [math.nan]
+    if not all(a < b for a, b in itertools.pairwise([bounds[0], *listed, bounds[1]])):
+        raise fail(key, cuts, f"a list of rising numbers between {bounds[0]:g} and {bounds[1]:g} [mm]")
 
 
 class Mesh(Shape):
@@ -180,7 +113,29 @@ class Mesh(Shape):
 
     def check(self, table: object) -> dict[str, Any]:
         """Files, units, axes and patches, with the defaults filled in."""
-        return check_mesh_geometry(table)
+        values: dict[str, Any] = _DEFAULTS | table_of("geometry", table, _NEEDED, complete=True, optional=_OPTIONAL)
+        for key in sorted({*BODIES, *_DIGESTS.values()} & set(values)):
+            if not isinstance(values[key], str) or not values[key]:
+                raise fail(f"geometry.{key}", values[key], "text")
+        for key in sorted(set(_CHOICES) & set(values)):
+            if values[key] not in _CHOICES[key]:
+                raise fail(f"geometry.{key}", values[key], " or ".join(_CHOICES[key]))
+        axes_rotation(values["axes"])
+        for key in sorted(set(_LISTS) & set(values)):
+            values[key] = _numbers(f"geometry.{key}", values[key], _LISTS[key])
+        placed = table_of("geometry.placement", values.get("placement", {}), BODIES, complete=False)
+        values["placement"] = {body: _placement(f"geometry.placement.{body}", each) for body, each in placed.items()}
+        if isinstance(spacing := values["spacing"], Mapping):
+            spacings = table_of("geometry.spacing", spacing, BODIES, complete=True)
+            values["spacing"] = {k: number(f"geometry.spacing.{k}", v, **_SPACINGS_MM) for k, v in spacings.items()}
+        else:
+            values["spacing"] = number("geometry.spacing", spacing, **_SPACINGS_MM)
+        if not isinstance(values["patches"], Mapping) or not values["patches"]:
+            raise fail("geometry.patches", values["patches"], "a table for each patch, e.g. [geometry.patches.med]")
+        for name in values["patches"]:
+            identifier("geometry.patches (a patch's name)", name)
+        values["patches"] = {name: _patch(f"geometry.patches.{name}", each) for name, each in values["patches"].items()}
+        return values
 
     def patches(self, geometry: Geometry) -> tuple[str, ...]:
         """As named."""
@@ -192,10 +147,10 @@ class Mesh(Shape):
 
     def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
         """The moving mesh's field, which faces every patch."""
-        from casadi_contact.scenes.shapes.mesh_bodies import body_field, check_shells
+        from casadi_contact.scenes.shapes import mesh_bodies as bodies
 
-        check_shells(geometry)
-        field = body_field(geometry, "moving")
+        bodies.check_shells(geometry)
+        field = bodies.body_field(geometry, "moving")
         return [MovingSurface(MESH_FIELD, field.parameters)] * len(geometry["patches"])
 
     def start_pose(self, geometry: Geometry) -> Array:
@@ -205,23 +160,18 @@ class Mesh(Shape):
     def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
         """Grids laid over each patch of the fixed mesh, from where the moving body presses it."""
         from casadi_contact.geometry.mesh_elements import grid_on_mesh
-        from casadi_contact.scenes.shapes.mesh_bodies import (
-            body_field,
-            body_surface,
-            check_patches,
-            check_shared,
-            patch_box,
-            patch_mesh,
-            patch_projection,
-        )
+        from casadi_contact.scenes.shapes import mesh_bodies as bodies
 
-        check_patches(geometry)
-        field, cells = body_field(geometry, "fixed"), []
+        bodies.check_patches(geometry)
+        field, surface, cells = (
+            bodies.body_field(geometry, "fixed"),
+            partial(bodies.body_surface, geometry, "fixed"),
+            [],
+        )
         for patch in geometry["patches"]:
-            mesh, box = patch_mesh(geometry, patch, reaching=True), patch_box(geometry, patch)
-            projection = patch_projection(geometry, patch)
-            cells.append(grid_on_mesh(mesh, field, grid, box, projection, partial(body_surface, geometry, "fixed")))
-        check_shared(geometry, cells)
+            mesh, box = bodies.patch_mesh(geometry, patch, reaching=True), bodies.patch_box(geometry, patch)
+            cells.append(grid_on_mesh(mesh, field, grid, box, bodies.patch_projection(geometry, patch), surface))
+        bodies.check_shared(geometry, cells)
         return cells
 
     def elements(
@@ -229,34 +179,36 @@ class Mesh(Shape):
     ) -> list[ElementGrid]:
         """As of any shape, or each patch's triangles, whatever the grid; outermost are those where the patch is cut."""
         from casadi_contact.geometry.mesh_elements import open_triangles, triangles_on_mesh
-        from casadi_contact.scenes.shapes.mesh_bodies import (
-            body_field,
-            check_patches,
-            check_shared,
-            cut_cells,
-            patch_mesh,
-        )
+        from casadi_contact.scenes.shapes import mesh_bodies as bodies
 
-        field, elements = body_field(geometry, "fixed"), []
+        field, elements = bodies.body_field(geometry, "fixed"), []
         if geometry["elements"] == "grid":
             for patch, cells, ranges in zip(geometry["patches"], self.cells(geometry, grid), z_ranges_mm, strict=True):
-                centres, normals, areas = cells
-                cut = cut_cells(geometry, patch, cells, field)
-                elements += [grid_elements(centres, normals, areas, z_mm, cut) for z_mm in ranges]
+                cut = bodies.cut_cells(geometry, patch, cells, field)
+                elements += [grid_elements(*cells, z_mm, cut) for z_mm in ranges]
             return elements
-        check_patches(geometry)
-        meshes = [patch_mesh(geometry, patch) for patch in geometry["patches"]]
+        bodies.check_patches(geometry)
+        meshes = [bodies.patch_mesh(geometry, patch) for patch in geometry["patches"]]
         triangles = [triangles_on_mesh(mesh, field) for mesh in meshes]
-        check_shared(geometry, triangles)
-        for mesh, (centres, normals, areas), ranges in zip(meshes, triangles, z_ranges_mm, strict=True):
-            outermost = open_triangles(mesh)
-            elements += [scattered_elements(centres, normals, areas, outermost, z_mm) for z_mm in ranges]
+        bodies.check_shared(geometry, triangles)
+        for mesh, of_patch, ranges in zip(meshes, triangles, z_ranges_mm, strict=True):
+            elements += [scattered_elements(*of_patch, open_triangles(mesh), z_mm) for z_mm in ranges]
         return elements
 
     def locate_files(self, geometry: Geometry, folder: Path) -> Geometry:
-        """Absolute paths of the mesh files, and their digests."""
-        return with_files(geometry, folder)
+        """Absolute paths of the mesh files (relative ones start at the folder), and the files' digests.
+
+        Raises FileNotFoundError for a missing mesh, ValueError for one that is not the one the scene was made with.
+        """
+        located = dict(geometry)
+        for body, key in _DIGESTS.items():
+            path = (folder / geometry[body]).resolve()
+            digest = file_digest(path)
+            if geometry.get(key, digest) != digest:
+                raise ValueError(f"scene: geometry.{body}: {path} has changed since the scene was made with it")
+            located |= {body: str(path), key: digest}
+        return located
 
     def identity(self, geometry: Geometry) -> Geometry:
-        """The files' digests instead of their paths."""
-        return without_places(geometry)
+        """The files' digests, where they are known, instead of their paths."""
+        return {key: value for key, value in geometry.items() if _DIGESTS.get(key) not in geometry}

@@ -76,14 +76,11 @@ def check_shells(geometry: Geometry, most_spacing: float = 0.4) -> None:
         what = f"scene: the {body} mesh {Path(source.path).name} is a thin shell about {thickness:.2g} mm thick"
         if body == "moving" and "shell" not in geometry:
             raise ValueError(
-                f"{what}: pressed about as deep, its inside is reached and the load falls. Set geometry.shell to "
-                "'outer' to count the side away from the anchors alone, or to 'whole' where overlaps are far smaller"
+                f"{what}, which loses load where it is pressed as deep: set geometry.shell to 'outer' to count the "
+                "side away from the anchors alone, or to 'whole' where overlaps are far smaller"
             )
-        if (spacing := field_spacing(geometry, body)) > most_spacing * thickness:
-            raise ValueError(
-                f"{what}, and geometry.spacing = {spacing:g} mm too coarse for it: expected at most "
-                f"{most_spacing * thickness:.2g} mm"
-            )
+        if (spacing := field_spacing(geometry, body)) > (allowed := most_spacing * thickness):
+            raise ValueError(f"{what}, geometry.spacing = {spacing:g} mm is too coarse: expected {allowed:.2g} at most")
 
 
 def shell_thickness(mesh: TriangleMesh) -> float:
@@ -128,32 +125,21 @@ def patch_view(geometry: Geometry, patch: str) -> tuple[list[float], list[float]
 
 
 def _source(geometry: Geometry, body: str) -> _Source:
+    """contact: where the fixed body is touched, its patches; the moving one may be touched anywhere."""
     if body not in geometry:
         raise ValueError(f"the scene's geometry names no mesh of its {body} body, expected a scene of the shape mesh")
     path = Path(geometry[body])
     digest = file_digest(path)
     if geometry.get(f"{body}_sha256", digest) != digest:
         raise ValueError(f"scene: {path} has changed since the scene was made with it: load it again")
-    about = None
-    if body == "moving" and geometry.get("shell") == "outer":
-        about = tuple(tuple(anchor) for anchor in patch_anchors(geometry).tolist())
-    return _Source(
-        str(path),
-        digest,
-        geometry["units"],
-        tuple(geometry["axes"]),
-        _contact(geometry, body),
-        Placement.from_table(geometry.get("placement", {}).get(body, {})),
-        about,
-    )
-
-
-def _contact(geometry: Geometry, body: str) -> tuple[Box, ...] | None:
-    """Where the fixed body is touched: its patches. The moving one may be touched anywhere."""
-    if body == "moving":
-        return None
-    boxes = (patch_box(geometry, patch) for patch in geometry["patches"])
-    return tuple((tuple(low.tolist()), tuple(high.tolist())) for low, high in boxes)
+    about = contact = None
+    if body == "fixed":
+        boxes = (np.array(patch_box(geometry, patch)).tolist() for patch in geometry["patches"])
+        contact = tuple((tuple(low), tuple(high)) for low, high in boxes)
+    elif geometry.get("shell") == "outer":
+        about = tuple(map(tuple, patch_anchors(geometry).tolist()))
+    placement = Placement.from_table(geometry.get("placement", {}).get(body, {}))
+    return _Source(str(path), digest, geometry["units"], tuple(geometry["axes"]), contact, placement, about)
 
 
 @lru_cache(maxsize=8)
@@ -165,8 +151,8 @@ def _mesh(source: _Source) -> TriangleMesh:
     if both > MOST_BOTH_SIDES:
         raise ValueError(
             f"scene: geometry.shell = 'outer' keeps both sides of the moving mesh {mesh.name} over {both:.0%} of what "
-            "it keeps, expected one: the side away from the anchors is no one side of a saddle or a flat shell. Cut "
-            "the mesh to the side that touches, or set geometry.shell to 'whole' where overlaps are far smaller"
+            "it keeps, expected one (no saddle or flat shell): cut the mesh to the side that touches, or set "
+            "geometry.shell to 'whole' where overlaps are far smaller"
         )
     return mesh.part(outer)
 
@@ -209,15 +195,12 @@ def bare_mesh(geometry: Geometry, longest_mm: float, *, within: bool) -> Triangl
         seen = np.array([_seen(geometry, patch, centres, mesh.normals) for patch in patches])
         return np.asarray(boxed.any(axis=0)), np.asarray((boxed & seen).any(axis=0))
 
-    def chosen(mesh: TriangleMesh) -> TriangleMesh:
-        boxed, borne = covered(mesh, [mesh.corners_mm.mean(axis=1)])
-        return mesh.part(boxed & ~borne if within else ~boxed)
-
     mesh = body_mesh(geometry, "fixed")
-    if geometry["elements"] == "triangles":
-        return chosen(mesh).subdivided(longest_mm)
-    bare = mesh.part(~covered(mesh, list(np.moveaxis(mesh.corners_mm, 1, 0)))[1])
-    return chosen(bare.subdivided(longest_mm))
+    if on_grid := geometry["elements"] == "grid":
+        mesh = mesh.part(~covered(mesh, list(np.moveaxis(mesh.corners_mm, 1, 0)))[1]).subdivided(longest_mm)
+    boxed, borne = covered(mesh, [mesh.corners_mm.mean(axis=1)])
+    chosen = mesh.part(boxed & ~borne if within else ~boxed)
+    return chosen if on_grid else chosen.subdivided(longest_mm)
 
 
 def _seen(geometry: Geometry, patch: str, points: Array, normals: Array) -> np.ndarray:
@@ -303,19 +286,15 @@ def cut_cells(
     Within ``edge_cells`` steps of an open edge of the mesh, geometry.open_edges decides instead.
     """
     centres, normals, areas = cells
-    mesh, cut = body_mesh(geometry, "fixed"), np.zeros(areas.shape, dtype=bool)
+    mesh, cut, present = body_mesh(geometry, "fixed"), np.zeros(areas.shape, dtype=bool), np.pad(areas > 0.0, 1)
     ends = mesh.vertices_mm[mesh.boundary_edges]
     along = np.linspace(0.0, 1.0, 9)[:, None, None]
     points = ((1.0 - along) * ends[:, 0] + along * ends[:, 1]).reshape(-1, 3)
     open_edges = cKDTree(points) if len(points) else None
     others = [other for other in geometry["patches"] if other != patch]
     for axis, step in ((0, -1), (0, 1), (1, -1), (1, 1)):
-        present = areas > 0.0
-        beside = np.roll(areas, -step, axis) > 0.0
-        at_end = [slice(None), slice(None)]
-        at_end[axis] = slice(-1, None) if step > 0 else slice(0, 1)
-        beside[tuple(at_end)] = False
-        rows = np.nonzero(present & ~beside)
+        beside = np.roll(present, -step, axis)
+        rows = np.nonzero((present & ~beside)[1:-1, 1:-1])
         centre, normal, sideways = centres[rows], normals[rows], step * _along(cells, axis, rows)
         width = np.maximum(np.linalg.norm(sideways, axis=1), field_spacing(geometry, "fixed"))
         tangent = sideways - np.einsum("nk,nk->n", normal, sideways)[:, None] * normal
@@ -328,8 +307,7 @@ def cut_cells(
         borne = _upward(geometry, patch, beyond, gradient) > flat_cosine * size
         ends_here = _in_box(geometry, patch, beyond) & (turned_away | borne)
         goes_on = (np.abs(distance) < same_surface * width) & ~(turned & (away > 0.0)) & ~ends_here
-        for other in others:
-            goes_on &= ~_in_box(geometry, other, beyond)
+        goes_on &= ~np.any([_in_box(geometry, other, beyond) for other in others], axis=0)
         if open_edges is not None:
             near = open_edges.query(centre)[0] < edge_cells * width
             goes_on = np.where(near, geometry["open_edges"] == "cut", goes_on)
