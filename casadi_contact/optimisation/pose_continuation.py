@@ -3,13 +3,14 @@
 A surrogate knows only the range that it has learned, and near a rim a pose is found only from a start that is close.
 So unsolved frames settle (Newton's method, exact Jacobian, no bounds) on the reference model, from where they stand;
 else they are followed from a neighbour's equilibrium while loads and rotations change to the frame's own, in steps
-halved where one fails; else they begin at the middle pose. Where contact carries the same loads in several poses, the
-motion with the fewest leaps is taken (`Motion.without_leaps`).
+halved where one fails. Where contact carries the same loads in several poses, the motion with the fewest leaps is taken
+(`Motion.without_leaps`).
 """
 
 from __future__ import annotations
 
 import time
+from collections import deque
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +18,7 @@ import numpy as np
 from casadi_contact.contact.continuity import Motion, follow
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.settle import settle
-from casadi_contact.core.conventions import Array, pose_index
+from casadi_contact.core.conventions import Array
 from casadi_contact.optimisation.ipopt import FrameOutcome
 from casadi_contact.optimisation.pose_estimation import PoseEstimation, PoseResult
 from casadi_contact.optimisation.starts import pose_bounds
@@ -72,11 +73,10 @@ def _on_reference(problem: PoseEstimation, result: PoseResult, reference: Contac
     rows = np.flatnonzero(left & found)
     loads[rows] = reference(poses[rows])[:, columns]
     rows = rows[targets.met(targets.errors(loads))[rows]]
-    frame_solver = problem.frame_solver()
     final = result.poses.copy()
     begin = problem.contact.variables(poses).reshape(len(poses), -1)
     for k in rows.tolist():
-        answer, spent = frame_solver.solve(begin[k], k) if problem.in_range(poses[[k]])[0] else (None, 0)
+        answer, spent = problem.solve_frame(begin[k], k) if problem.in_range(poses[[k]])[0] else (None, 0)
         iterations += spent
         if answer is None:
             final[k], outcome[k] = poses[k], FrameOutcome.ON_REFERENCE
@@ -100,49 +100,18 @@ def _search(
     """Poses (n, 6) that meet the targets on a model, of the frames left (n,), and which are found (n,)."""
     poses, found = result.poses.copy(), result.solved.copy()
     loads, tolerance_n = problem.targets.as_loads() or {}, problem.targets.settle_tolerance_n
-    measured = {pose_index(name): curve for name, curve in problem.measured.items()}
-    tried: set[tuple[int, int]] = set()
-
-    def settle_from(rows: np.ndarray, begin: Array) -> None:
-        for tolerance in np.unique(tolerance_n[rows]):
-            some = rows[tolerance_n[rows] == tolerance]
-            start = begin[some]
-            for column, curve in measured.items():
-                start[:, column] = curve[some]
-            given = {name: curve[some] for name, curve in loads.items()}
-            settled, report = settle(model, start, problem.free, given, tolerance=tolerance)
-            poses[some[report.converged]] = settled[report.converged]
-            found[some[report.converged]] = True
-
-    def follow_neighbours() -> None:
-        """From each neighbour that is found, once, until no new frame is."""
-        while pairs := _pairs(left & ~found, found) - tried:
-            tried.update(pairs)
-            for frame, neighbour in sorted(pairs):
-                if found[frame]:
-                    continue
-                to = poses[frame].copy()
-                for column, curve in measured.items():
-                    to[column] = curve[frame]
-                now, then = ({name: curve[at] for name, curve in loads.items()} for at in (neighbour, frame))
-                pose, share = follow(model, poses[neighbour], to, problem.free, now, then, tolerance_n[frame])
-                if share == 1.0:
-                    poses[frame], found[frame] = pose, True
-
-    settle_from(np.flatnonzero(left), poses)
-    follow_neighbours()
-    rows = np.flatnonzero(left & ~found)
-    if len(rows):
-        middle, sensitive = problem.contact.start_poses(), problem.model.scene.sensitive_pose
-        forces = {name: curve[rows] for name, curve in problem.targets.pressing.items()}
-        if forces and set(sensitive) <= set(problem.free):
-            middle[rows], _ = settle(model, middle[rows], sensitive, forces, tolerance=1.0)
-        settle_from(rows, middle)
-        follow_neighbours()
+    given = {name: curve[left] for name, curve in loads.items()}
+    settled, report = settle(model, poses[left], problem.free, given, tolerance=float(tolerance_n[left].min()))
+    rows = np.flatnonzero(left)[report.converged]
+    poses[rows], found[rows] = settled[report.converged], True
+    waiting = deque((k, k + step) for k in np.flatnonzero(found).tolist() for step in (-1, 1))
+    while waiting:
+        begin, frame = waiting.popleft()
+        if not 0 <= frame < len(poses) or found[frame] or not left[frame]:
+            continue
+        now, then = ({name: curve[at] for name, curve in loads.items()} for at in (begin, frame))
+        pose, share = follow(model, poses[begin], poses[frame], problem.free, now, then, tolerance_n[frame])
+        if share == 1.0:
+            poses[frame], found[frame] = pose, True
+            waiting.extend([(frame, frame - 1), (frame, frame + 1)])
     return poses, found
-
-
-def _pairs(missing: np.ndarray, found: np.ndarray) -> set[tuple[int, int]]:
-    """Frames missing (n,), each with a neighbour that is found (n,)."""
-    frames = np.flatnonzero(missing).tolist()
-    return {(k, j) for k in frames for j in (k - 1, k + 1) if 0 <= j < len(found) and found[j]}

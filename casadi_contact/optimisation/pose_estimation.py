@@ -22,6 +22,7 @@ import time
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -30,11 +31,11 @@ import numpy as np
 from casadi_contact.contact.approach import loading_directions
 from casadi_contact.contact.settle import settle
 from casadi_contact.contact.symbolic import SymbolicContact
-from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, Array, pose_index
+from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, Array
 from casadi_contact.optimisation.contact_frames import ContactFrames
 from casadi_contact.optimisation.ipopt import FrameOutcome, IpoptOutcome, frame_outcomes, least_squares_options
 from casadi_contact.optimisation.pose_targets import PoseTargets
-from casadi_contact.optimisation.starts import pose_bounds, pose_steps, start_or_default, touching
+from casadi_contact.optimisation.starts import pose_bounds, pose_steps, settle_in_range, start_or_default, touching
 from casadi_contact.scenes.joint_cycle import JointCycle
 from casadi_contact.scenes.load_cycle import LoadCycle
 
@@ -168,18 +169,25 @@ class PoseEstimation:
         outcome = frame_outcomes(met, (~targets.loaded, FrameOutcome.NO_LOAD))
         return PoseResult(poses, loads, errors, outcome, ipopt, 0.0)
 
-    def frame_solver(self) -> FrameSolver:
-        """One frame alone."""
+    @cached_property
+    def _frame_solver(self) -> ca.Function:
+        """nlpsol of one frame alone, whose parameters are its targets and measured pose parameters, objective ½|r|²."""
         names, locked = tuple(self.targets.values), tuple(self.measured)
         given = ca.MX.sym("given", len(names) + len(locked))
         parts = ca.vertsplit(given)
         targets, measured = dict(zip(names, parts, strict=False)), dict(zip(locked, parts[len(names) :], strict=True))
         contact = ContactFrames(self.model, 1, locked=measured, loads=self.targets.load_names, compiled=self.compiled)
         nlp = {"x": ca.vec(contact.q), "p": given, "f": 0.5 * ca.sumsqr(contact.misfit(targets))}
-        solver = ca.nlpsol("one_frame", "ipopt", nlp, least_squares_options(max_iterations=100))
-        values = np.column_stack([*self.targets.values.values(), *self.measured.values()])
+        return ca.nlpsol("one_frame", "ipopt", nlp, least_squares_options(max_iterations=100))
+
+    def solve_frame(self, x: Array, frame: int, solved_n: float = 0.01) -> tuple[Array | None, int]:
+        """One frame alone from x (f,): the solution, None where none leaves |r| <= solved_n, and IPOPT's iterations."""
         lower, upper = (bound[: len(self.free)] for bound in (self.contact.lower, self.contact.upper))
-        return FrameSolver(solver, values, lower, upper)
+        given = [curve[frame] for curve in (*self.targets.values.values(), *self.measured.values())]
+        answer = self._frame_solver(x0=np.clip(x, lower, upper), p=given, lbx=lower, ubx=upper)
+        ipopt = IpoptOutcome.of(self._frame_solver)
+        solved = ipopt.solved and np.sqrt(2.0 * float(answer["f"])) <= solved_n
+        return np.asarray(answer["x"]).ravel() if solved else None, ipopt.iterations
 
     def _solve_from_neighbours(self, x: Array, solved: np.ndarray) -> int:
         """Solve loaded frames (rows of x (n, f), in place) alone, solved ones from where they are, the others outwards
@@ -188,14 +196,14 @@ class PoseEstimation:
         All frames in one problem share step lengths and regularisation, so that a few hard ones use up the iterations
         of all, and solved ones may be left short of IPOPT's tolerance.
         """
-        frame_solver, loaded, iterations = self.frame_solver(), self.targets.loaded, 0
+        loaded, iterations = self.targets.loaded, 0
         done = np.zeros(len(x), dtype=bool)
         waiting = deque((k, k) for k in np.flatnonzero(solved).tolist())
         while waiting:
             begin, frame = waiting.popleft()
             if not 0 <= frame < len(x) or done[frame] or not loaded[frame]:
                 continue
-            answer, spent = frame_solver.solve(x[begin], frame)
+            answer, spent = self.solve_frame(x[begin], frame)
             iterations += spent
             if answer is not None:
                 x[frame], done[frame] = answer, True
@@ -205,32 +213,15 @@ class PoseEstimation:
     def settle_start(self, poses: Array) -> Array:
         """Poses (n, 6) brought into the learned range and settled, frame by frame, under the targets.
 
-        First the sensitive parameters settle under the normal loads, inside the range: outside it s may have another
-        root, from which IPOPT does not come back. Where that fails (a ball beyond the rim of its cup) they begin at the
-        first touch. Then all free parameters settle under all targets, which leaves IPOPT 8 iterations in place of 21
-        on the built-in walk. Targets that are only parts of normal loads settle from a little beyond the first touch.
+        First the sensitive parameters settle under the normal loads, inside the range (`settle_in_range`): outside it s
+        may have another root, from which IPOPT does not come back. Then all free parameters settle under all targets,
+        which leaves IPOPT 8 iterations in place of 21 on the built-in walk. Targets that are only parts of normal loads
+        settle from a little beyond the first touch.
         """
-        model, targets, columns = self.model, self.targets, self.contact.columns
-        low, high = pose_bounds(model)
-        poses = poses.copy()
-        poses[:, columns] = np.clip(poses[:, columns], low[columns], high[columns])
-        for name, curve in self.measured.items():
-            poses[:, pose_index(name)] = curve
-        poses = model.scene.pose_space.project(poses)
-        pressing, sensitive, rows = targets.pressing, model.scene.sensitive_pose, np.arange(self.frames)
-        if not pressing:
-            return self._settle_from_touch(poses, self._settle_rows(poses, rows))
-        if not set(sensitive) <= set(self.free):
-            return poses
-        poses, report = settle(model, poses, sensitive, pressing, tolerance=0.1, max_iterations=30)
-        left = np.flatnonzero(~report.converged)
-        if len(left):
-            forces = {name: curve[left] for name, curve in pressing.items()}
-            begin = touching(model, self.contact.start_poses()[left], self.free, forces)
-            again, report = settle(model, begin, sensitive, forces, tolerance=0.1, max_iterations=30)
-            poses[left[report.converged]] = again[report.converged]
-        self._settle_rows(poses, rows)
-        return poses
+        pressing = self.targets.pressing
+        poses = settle_in_range(self.model, poses, self.contact.start_poses(), self.free, pressing, tolerance_n=0.1)
+        left = self._settle_rows(poses, np.arange(self.frames))
+        return poses if pressing else self._settle_from_touch(poses, left)
 
     def _settle_rows(self, poses: Array, rows: np.ndarray) -> np.ndarray:
         """Settle all free parameters of these rows under all targets, in place where that ends inside the learned
@@ -262,23 +253,3 @@ class PoseEstimation:
             poses[rows, :3] += beyond_mm * along[again]
             rows = self._settle_rows(poses, rows)
         return poses
-
-
-@dataclass(frozen=True)
-class FrameSolver:
-    """One frame alone: nlpsol of variables within lower and upper (f,), whose parameters are the frame's row of values
-    (n, targets + measured) and whose objective is ½|r|², r in N."""
-
-    solver: ca.Function
-    values: Array
-    lower: Array
-    upper: Array
-    solved_n: float = 0.01  # norm of the residuals of a solved frame
-
-    def solve(self, x: Array, frame: int) -> tuple[Array | None, int]:
-        """From x (f,): the solution, None if there is none, and IPOPT's iterations."""
-        x0 = np.clip(x, self.lower, self.upper)
-        answer = self.solver(x0=x0, p=self.values[frame], lbx=self.lower, ubx=self.upper)
-        ipopt = IpoptOutcome.of(self.solver)
-        solved = ipopt.solved and np.sqrt(2.0 * float(answer["f"])) < self.solved_n
-        return np.asarray(answer["x"]).ravel() if solved else None, ipopt.iterations
