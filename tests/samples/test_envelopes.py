@@ -61,6 +61,14 @@ def test_cycles_that_differ_by_what_settling_leaves_count_as_the_same():
     assert Envelopes.over(("tx",), [[[0.0], [0.0]], [[0.01], [0.01]]]).assumed_widths == {}
 
 
+def test_an_input_that_never_changes_or_whose_width_is_the_same_in_all_frames():
+    still = Envelopes.over(("tx",), np.zeros((2, 3, 1)))
+    np.testing.assert_array_equal(still.extremes(0.25, 2.0, {"tx": 0.5}).upper, [[0.5]])
+    np.testing.assert_array_equal(still.extremes(0.25, 2.0, {}).upper, [[2.0]])
+    even = np.stack([np.zeros((101, 1)), np.full((101, 1), 0.3)])  # the mean of the widths differs in the last digit
+    np.testing.assert_allclose(Envelopes.over(("tx",), even).expand(0.2, 0.5, {}).upper, 0.36)
+
+
 def test_a_load_that_never_changes_varies_by_a_twentieth_of_the_largest_of_its_kind():
     """1,000 N and no N, one cycle: each by 50 N. Torques are of another kind: 2,000 N·mm by 100, and none by none."""
     still = np.array([[[-1000.0, 0.0, 2000.0]] * 3])
@@ -68,22 +76,6 @@ def test_a_load_that_never_changes_varies_by_a_twentieth_of_the_largest_of_its_k
         {"Fy": 50.0, "Fz": 50.0, "Tz": 100.0}
     )
     assert Envelopes.over(("Fy", "Tz"), still[..., :2]).assumed_widths == {"Fy": 50.0, "Tz": 0.0}
-
-
-def test_a_declared_input_takes_its_offset_whatever_its_width():
-    np.testing.assert_allclose(REFERENCE.expand(0.2, 0.5, {"tx": 0.25}).upper[:, 0], [1.25, 3.25])
-
-
-def test_frames_of_equal_width_are_not_narrow():
-    """The mean of 101 equal widths may differ in the last digit; ±20 % it stays."""
-    curves = np.stack([np.zeros((101, 1)), np.full((101, 1), 0.3)])
-    np.testing.assert_allclose(Envelopes.over(("tx",), curves).expand(0.2, 0.5, {}).upper, 0.36)
-
-
-def test_an_input_that_never_changes():
-    still = Envelopes.over(("tx",), np.zeros((2, 3, 1)))
-    np.testing.assert_array_equal(still.extremes(0.25, 2.0, {"tx": 0.5}).upper, [[0.5]])
-    np.testing.assert_array_equal(still.extremes(0.25, 2.0, {}).upper, [[2.0]])
 
 
 @given(

@@ -127,16 +127,10 @@ def test_samples_of_a_model_that_has_changed_since_are_refused(project, what, wh
     assert {path.name: kept[path] == before[path] for path in before} == {path.name: True for path in before}
 
 
-def test_a_table_leaves_no_motion_of_a_draw_behind(project, tmp_path):
-    from tests.support.own_contact import table_rows, write_csv
-
-    stopped(project, model(project))
-    pipeline.take_table(project, write_csv(tmp_path / "table.csv", table_rows(60)))
-    assert not project.motion_path.exists()
-
-
-def test_a_damaged_motion_is_refused(project):
+def test_a_damaged_motion_is_refused_and_a_table_leaves_none_behind(project, tmp_path):
     stopped(project, model(project))
     project.motion_path.write_bytes(project.motion_path.read_bytes()[:300])
     with pytest.raises(ValueError, match=r"motion\.npz is damaged"):
         drawn(project, model(project))
+    pipeline.take_table(project, own_contact.write_csv(tmp_path / "table.csv", own_contact.table_rows(60)))
+    assert not project.motion_path.exists()

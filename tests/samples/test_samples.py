@@ -43,15 +43,11 @@ def test_a_file_gives_back_what_was_written(tmp_path, count):
     assert [p.name for p in tmp_path.iterdir()] == ["s.h5"]
 
 
-def test_named_loads_come_from_the_wrenches():
+def test_loads_and_selection_by_domain_and_role():
     samples = some_samples()
     med, lat = samples.wrenches[:, 0], samples.wrenches[:, 1]
     np.testing.assert_allclose(samples.loads(["Fy_lat", "Tx"]), np.column_stack([lat[:, 1], med[:, 3] + lat[:, 3]]))
     assert samples.loads().shape == (20, 7)
-
-
-def test_selection_by_domain_and_role():
-    samples = some_samples()
     chosen = samples.select(domain="D2", role=TEST)
     rows = (samples.domain == 2) & (samples.role == TEST)
     np.testing.assert_array_equal(chosen.poses, samples.poses[rows])
@@ -81,11 +77,6 @@ def test_dropped_poses_survive_the_file_and_stay_with_every_selection(tmp_path):
     assert len(samples.join_samples(samples).dropped) == 4
     with pytest.raises(ValueError, match=r"dropped poses have shapes"):
         Dropped(np.zeros((2, 5)), np.zeros(2))
-
-
-def test_mismatched_columns_are_refused():
-    with pytest.raises(ValueError, match=r"wrenches has shape \(3, 1, 6\), expected \(3, 2, 6\)"):
-        Samples(load_scene("knee"), np.zeros((3, 6)), np.zeros((3, 1, 6)), np.zeros((3, 2)), np.ones(3), np.zeros(3))
 
 
 @pytest.fixture
@@ -135,14 +126,13 @@ def test_a_damaged_or_foreign_file_is_refused_in_one_line(file, harm):
     assert str(file) in str(error.value)
 
 
-def test_absent_and_incomplete(tmp_path):
+def test_what_is_not_there_not_complete_or_of_other_shapes_is_refused(tmp_path):
     with pytest.raises(FileNotFoundError, match="does not exist"):
         read_samples(tmp_path / "s.h5")
     partial_folder(tmp_path / "s.h5").mkdir()
     with pytest.raises(FileNotFoundError, match="is not complete"):
         read_samples(tmp_path / "s.h5")
-
-
-def test_a_folder_that_is_not_there_is_one_line(tmp_path):
     with pytest.raises(OSError, match="cannot write"):
         write_samples(tmp_path / "none" / "s.h5", some_samples())
+    with pytest.raises(ValueError, match=r"wrenches has shape \(20, 1, 6\), expected \(20, 2, 6\)"):
+        replace(some_samples(), wrenches=np.zeros((20, 1, 6)))

@@ -1,5 +1,7 @@
 """Timings and the unseen walking that errors are stated on are what their names say."""
 
+from types import SimpleNamespace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -14,12 +16,16 @@ from casadi_contact.workflow.benchmark.evaluate import unseen_walking
 from casadi_contact.workflow.benchmark.timing import compare, time_batch, time_single_calls
 
 
+def unseen(cycles):
+    """A reference motion of so many cycles of 11 frames, and two unseen cycles beside it."""
+    model = cc.ElasticFoundation(cc.load_scene("knee"), (40, 20))
+    settings = SamplingSettings.from_scene(model.scene, frames=11)
+    motion, _ = reference_motion(model, reference_cycles(count=cycles, frames=11), settings)
+    return motion, unseen_walking(model, motion, count=2)
+
+
 def test_unseen_walking_lies_inside_the_envelopes_and_is_new():
-    scene = cc.load_scene("knee")
-    model = cc.ElasticFoundation(scene, (40, 20))
-    settings = SamplingSettings.from_scene(scene, frames=11)
-    motion, _ = reference_motion(model, reference_cycles(count=3, frames=11), settings)
-    poses = unseen_walking(model, motion, count=2)
+    motion, poses = unseen(3)
     assert len(poses) >= 21
     envelopes = motion.envelopes
     tx = poses[:11, 0]
@@ -30,10 +36,7 @@ def test_unseen_walking_lies_inside_the_envelopes_and_is_new():
 
 
 def test_unseen_cycles_of_a_single_one_lie_beside_it_inside_d1():
-    scene = cc.load_scene("knee")
-    settings = SamplingSettings.from_scene(scene, frames=11)
-    motion, _ = reference_motion(cc.ElasticFoundation(scene, (40, 20)), reference_cycles(count=1, frames=11), settings)
-    poses = unseen_walking(cc.ElasticFoundation(scene, (40, 20)), motion, count=2)
+    motion, poses = unseen(1)
     assert len(poses) >= 21
     seen, offset = motion.poses[0], {"tx": 0.5, "ry": 0.02}  # half of the least assumed width; the setting's own
     for name, most in offset.items():
@@ -43,18 +46,8 @@ def test_unseen_cycles_of_a_single_one_lie_beside_it_inside_d1():
     assert not np.allclose(poses[:11], poses[-11:])
 
 
-class HandClock:
-    """A clock that stands still unless somebody moves it on."""
-
-    def __init__(self):
-        self.now = 100.0
-
-    def perf_counter(self):
-        return self.now
-
-
 def test_times_are_seconds_per_pose_of_single_calls_and_of_batches(monkeypatch):
-    clock = HandClock()
+    clock = SimpleNamespace(now=100.0, perf_counter=lambda: clock.now)  # stands still unless somebody moves it on
     monkeypatch.setattr(timing_module, "time", clock)
 
     class Slow(ca.Callback):
