@@ -7,19 +7,16 @@ import pytest
 
 from casadi_contact.contact.callable_model import CallableModel
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.samples.draw import draw_samples
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, partial_folder, read_samples
 from casadi_contact.samples.settings import SamplingSettings
-from tests.support import two_spheres
 from tests.support.two_spheres import SETTINGS, TwoSpheres, draw, knee, sphere_motion
 
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
     path = tmp_path_factory.mktemp("drawn") / "samples.h5"
-    with ThreadPoolExecutor(1) as executor:
-        draw(path, executor)
+    draw(path)
     return path
 
 
@@ -59,12 +56,9 @@ def test_loads_of_each_domain(samples):
 
 @pytest.mark.parametrize("kind", ["threads", "processes"])
 def test_the_executor_does_not_matter(kind, file, tmp_path):
-    executors = {
-        "threads": lambda: ThreadPoolExecutor(4),
-        "processes": lambda: ProcessPoolExecutor(2, mp_context=get_context("spawn")),
-    }
+    spawned = {"mp_context": get_context("spawn")}
     seen = []
-    with executors[kind]() as executor:
+    with ThreadPoolExecutor(4) if kind == "threads" else ProcessPoolExecutor(2, **spawned) as executor:
         draw(tmp_path / "samples.h5", executor, progress=lambda done, total: seen.append((done, total)))
     assert seen == [(k, seen[0][1]) for k in range(seen[0][1] + 1)]
     assert (tmp_path / "samples.h5").read_bytes() == file.read_bytes()
@@ -77,10 +71,7 @@ def test_what_does_not_settle_is_dropped_and_counted(tmp_path):
     lost[..., 1] += 3000.0
     motion = ReferenceMotion(sphere_motion().point, sphere_motion().curves, lost)
     settings = SamplingSettings(counts={"D1": 30, "D4": 30}, frames=21)
-    with ThreadPoolExecutor(1) as executor:
-        samples = draw_samples(
-            knee(), motion, tmp_path / "s.h5", settings=settings, executor=executor, models=two_spheres.models
-        )
+    samples = draw(tmp_path / "s.h5", settings=settings, motion=motion)
     assert len(samples) == 0
     (reason,) = samples.provenance["dropped"]["D1"]
     assert reason.startswith("not settled: ")
@@ -102,10 +93,7 @@ def sticky_models(scene, settings):
 
 def test_a_model_that_pulls_has_those_samples_dropped(tmp_path):
     settings = SamplingSettings(counts={"D1": 20, "D5": 30}, frames=21)
-    with ThreadPoolExecutor(1) as executor:
-        samples = draw_samples(
-            knee(), sphere_motion(), tmp_path / "s.h5", settings=settings, executor=executor, models=sticky_models
-        )
+    samples = draw(tmp_path / "s.h5", settings=settings, models=sticky_models)
     assert samples.provenance["dropped"] == {"D5": {"pulls": 30}}
     assert len(samples) == 20
 
@@ -128,15 +116,7 @@ def rimmed_models(scene, settings):
 
 
 def test_samples_whose_contact_reaches_the_edge_are_dropped_and_no_others(samples, tmp_path):
-    with ThreadPoolExecutor(1) as executor:
-        kept = draw_samples(
-            knee(),
-            sphere_motion(),
-            tmp_path / "s.h5",
-            settings=replace(SETTINGS, most_dropped=1.0),
-            executor=executor,
-            models=rimmed_models,
-        )
+    kept = draw(tmp_path / "s.h5", settings=replace(SETTINGS, most_dropped=1.0), models=rimmed_models)
     edge = Rimmed(knee()).at_edge(samples.poses).any(axis=1)
     assert 0.1 < edge.mean() < 0.9
     np.testing.assert_array_equal(kept.poses, samples.poses[~edge])
@@ -176,10 +156,7 @@ def gapless_models(scene, settings):
 @pytest.mark.parametrize("models", [users_models, gapless_models])
 def test_a_users_own_model_goes_the_same_way(models, tmp_path):
     settings = SamplingSettings(counts={"D1": 20, "D3": 20, "D4": 30, "D5": 30}, frames=21)
-    with ThreadPoolExecutor(1) as executor:
-        samples = draw_samples(
-            knee(), sphere_motion(), tmp_path / "s.h5", settings=settings, executor=executor, models=models
-        )
+    samples = draw(tmp_path / "s.h5", settings=settings, models=models)
     assert len(samples) == 100
     assert np.isnan(samples.gaps).all() == (models is gapless_models)
     lifted = TwoSpheres(knee()).gaps(samples.select(domain=4).poses).max(axis=1).reshape(-1, 3)
@@ -189,4 +166,4 @@ def test_a_users_own_model_goes_the_same_way(models, tmp_path):
 def test_another_sample_point_than_the_motions_is_refused(tmp_path):
     settings = SamplingSettings(inputs=("tx", "Fy_med", "tz", "Tx", "ry", "rz"))
     with pytest.raises(ValueError, match="the reference motion has inputs"):
-        draw(tmp_path / "s.h5", None, settings)
+        draw(tmp_path / "s.h5", settings=settings)

@@ -16,11 +16,9 @@ from tests.support.two_spheres import SETTINGS, draw, knee, sphere_motion
 
 KILLED_DRAW = """
 import os, signal, sys
-from concurrent.futures import ThreadPoolExecutor
 sys.path.insert(0, sys.argv[2])
 from tests.support.two_spheres import draw
-with ThreadPoolExecutor(1) as executor:
-    draw(sys.argv[1], executor, progress=lambda done, total: done < 4 or os.kill(os.getpid(), signal.SIGKILL))
+draw(sys.argv[1], progress=lambda done, total: done < 4 or os.kill(os.getpid(), signal.SIGKILL))
 """
 
 
@@ -28,16 +26,14 @@ with ThreadPoolExecutor(1) as executor:
 def whole(tmp_path_factory):
     """The file of an uninterrupted draw."""
     path = tmp_path_factory.mktemp("whole") / "samples.h5"
-    with ThreadPoolExecutor(1) as executor:
-        draw(path, executor)
+    draw(path)
     return path.read_bytes()
 
 
 def resume(path, **options):
     """Finish the draw; returns how many chunks were there at the start, and how many there are."""
     seen = []
-    with ThreadPoolExecutor(1) as executor:
-        draw(path, executor, progress=lambda done, total: seen.append((done, total)), **options)
+    draw(path, progress=lambda done, total: seen.append((done, total)), **options)
     return seen[0]
 
 
@@ -71,8 +67,8 @@ def stopped(tmp_path):
         if done == 3:
             raise StopError
 
-    with pytest.raises(StopError), ThreadPoolExecutor(1) as executor:
-        draw(tmp_path / "samples.h5", executor, progress=stop)
+    with pytest.raises(StopError):
+        draw(tmp_path / "samples.h5", progress=stop)
     assert len(chunks(tmp_path / "samples.h5")) == 3
     return tmp_path / "samples.h5"
 
@@ -125,7 +121,6 @@ def test_a_damaged_record_is_refused(stopped):
 def test_a_kill_between_the_last_rename_and_the_clearing_up(stopped, whole):
     folder = partial_folder(stopped)
     stopped.write_bytes(whole)
-    with ThreadPoolExecutor(1) as executor:
-        samples = draw(stopped, executor, progress=lambda done, total: pytest.fail("drew again"))
+    samples = draw(stopped, progress=lambda done, total: pytest.fail("drew again"))
     assert not folder.exists()
     np.testing.assert_array_equal(samples.poses, read_samples(stopped).poses)

@@ -3,6 +3,8 @@
 A sphere of radius r with its centre at c = t + R(q)·a carries N = k·max(r - c_y, 0)² at (c_x, 0, c_z).
 """
 
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cache
 
@@ -129,6 +131,8 @@ def sphere_motion() -> ReferenceMotion:
     return reference_motion(model, cycles(model)[0], SETTINGS)[0]
 
 
-def draw(path, executor, settings=SETTINGS, **options):
-    """Draw the samples into a file, as `draw_samples`."""
-    return draw_samples(knee(), sphere_motion(), path, settings=settings, executor=executor, models=models, **options)
+def draw(path, executor=None, *, settings=SETTINGS, motion=None, models=models, **options):
+    """Draw the samples into a file, as `draw_samples`, in this process where no executor is given."""
+    motion = sphere_motion() if motion is None else motion
+    with nullcontext(executor) if executor else ThreadPoolExecutor(1) as workers:
+        return draw_samples(knee(), motion, path, settings=settings, executor=workers, models=models, **options)
