@@ -3,7 +3,6 @@
 import re
 import subprocess
 import sys
-from importlib import import_module
 from pathlib import Path
 
 import casadi as ca
@@ -14,6 +13,7 @@ import casadi_contact as cc
 from casadi_contact.cli import pipeline
 from casadi_contact.cli.tables import read_kernel_speed
 from casadi_contact.samples.samples import load_errors, rms_by_kind
+from casadi_contact.workflow.benchmark import kernel_speed as speed_module
 from casadi_contact.workflow.benchmark import measure as measuring
 from casadi_contact.workflow.benchmark.evaluate import unseen_walking
 from casadi_contact.workflow.benchmark.front_file import read_front, shipped_front
@@ -21,8 +21,6 @@ from casadi_contact.workflow.benchmark.kernel_speed import MachineLimit
 from casadi_contact.workflow.benchmark.timing import Timing
 from casadi_contact.workflow.project import Project, available_motion, available_surrogates, built_in_motion
 from tests.support.own_contact import SCENE as SOCKET
-
-speed_module = import_module("casadi_contact.workflow.benchmark.kernel_speed")
 
 
 @pytest.fixture(scope="module")
@@ -108,11 +106,11 @@ def test_a_folder_with_samples_speaks_for_itself(tmp_path):
 def test_speed_times_the_shipped_surrogates_on_poses_of_the_built_in_cycles(project, motion, monkeypatch):
     timed = {}
 
-    def kernel_speed(surrogate, poses):
+    def timed_speed(surrogate, poses):
         timed[surrogate.structure] = surrogate.scene.digest, len(poses)
         return {"value, kernel": Timing(1.0, 1.0, 1.0)}, MachineLimit(1, 1, 1.0, 1.0)
 
-    monkeypatch.setattr(speed_module, "kernel_speed", kernel_speed)
+    monkeypatch.setattr(speed_module, "kernel_speed", timed_speed)
     monkeypatch.setattr(speed_module, "available_poses", lambda project: motion.poses.reshape(-1, 6))
     content = read_kernel_speed(speed_module.speed(project))
     assert timed == dict.fromkeys(("patch", "two_stage"), (project.scene.digest, 505))
