@@ -14,7 +14,7 @@ from casadi_contact.core.conventions import POSE_NAMES
 from casadi_contact.core.files.writing import writable_folder, write_text
 from casadi_contact.core.terminal import progress_bars
 from casadi_contact.geometry.mesh import MM_PER_UNIT
-from casadi_contact.pictures.contact_picture import draw_scene
+from casadi_contact.pictures.contact_picture import draw_contact
 from casadi_contact.samples.models import model_pair
 from casadi_contact.scenes.joint_cycle import joint_cycle_from_curves, write_joint_cycle
 from casadi_contact.scenes.load_cycle import cycle_from_curves, write_cycle
@@ -81,7 +81,7 @@ def scene(
         )
     remarks = [f"Proposed from {moving.name} (moving) and {fixed.name} (fixed):", *str(proposal).splitlines()]
     write_text(path, scene_text(proposal.scene, remarks, path.parent))
-    draw_scene(ElasticFoundation(load_scene(path)), proposal.rest_pose, proposal.poses, picture)
+    draw_contact(ElasticFoundation(load_scene(path)), proposal.rest_pose[None], picture)
     say(proposal, f"scene in {path}, picture in {picture}")
 
 

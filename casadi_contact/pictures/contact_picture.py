@@ -143,42 +143,6 @@ def contact_pose(model: ElasticFoundation) -> Array:
     return pose_at(_FARTHEST_MM - way_mm)[0]
 
 
-_COLOURS = (("tab:orange", "#fde3cb"), ("tab:green", "#d3ecd3"), ("tab:purple", "#e6dcf2"), ("tab:brown", "#e5d8d5"))
-_SCENE_DISC = 2.0  # diameter of an element's disc over its side: cells twice as long as wide leave no gap
-_MOST_CENTRES = 120
-
-
-def draw_scene(model: ElasticFoundation, pose: Array, poses: Array, path: str | Path) -> None:
-    """Write a picture: the fixed surface by patch with the centres of pressure of poses (n, 6), seen as the moving body
-    presses, and the pose (6,) in section across all patches and along each."""
-    pose, poses = as_poses([pose])[0], as_poses(poses)
-    maps, view = model.pressure_maps(pose), view_of(model)
-    figure, seen = page_of_sections(model, pose, maps, view)
-    _draw_patches(seen, model, poses, view)
-    at = ", ".join(f"{name} {value:.4g}" for name, value in zip(POSE_NAMES, pose, strict=True))
-    said = loads_text(model, pose, model.scene.sensitive_loads)
-    figure.suptitle(f"{model.scene.name}: at rest at {at} [mm, rad], {said}", fontsize=9)
-    save(figure, path)
-
-
-def _draw_patches(axis: Any, model: ElasticFoundation, poses: Array, view: View) -> None:
-    chosen = poses[:: max(1, len(poses) // _MOST_CENTRES)]
-    travelled = [model.pressure_maps(pose) for pose in chosen]
-    for number, elements in enumerate(model.scene.elements(model.grid)):
-        (colour, pale), name = _COLOURS[number % len(_COLOURS)], patch_title(model.patch_names[number])
-        discs(axis, elements.centres_mm, _SCENE_DISC * np.sqrt(elements.areas_mm2), view, facecolors=pale)
-        centres = [maps[number].centre_mm for maps in travelled]
-        found = np.array([centre for centre in centres if centre is not None]).reshape(-1, 3)
-        axis.plot(view.right.of(found), view.up.of(found), ".", color=colour, markersize=4, label=name)
-        edge = elements.edge_centres_mm
-        axis.plot(view.right.of(edge), view.up.of(edge), ".", color="0.4", markersize=1)
-    origin = np.zeros((1, 3))
-    axis.plot(view.right.of(origin), view.up.of(origin), "k+", markersize=8, label="origin")
-    axis.legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0)
-    axis.set_title(f"patches and centres of pressure,\nseen towards {view.name}; grey: cut edges", fontsize=9)
-    name_axes(axis, view)
-
-
 _UM_PER_MM = 1000.0
 _COLOURED_SHARE = 0.98  # of either body's vertices lie within the colour bar
 

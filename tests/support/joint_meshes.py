@@ -62,10 +62,3 @@ def ball_on_box(triangles_mm=None):
     if triangles_mm:
         box = box.subdivide_to_size(triangles_mm)
     return checked_mesh("ball", ball + np.array([0.0, 20.0, 0.0]), faces), checked_mesh("box", box.vertices, box.faces)
-
-
-def revolved(radius, half_angle, half_width):
-    """A surface of revolution about the z axis, its middle at the bottom, seen from the axis: vertices, faces."""
-    points, faces = sheet_mesh(2.0, 0.04)
-    angle, z = half_angle * points[:, 0], half_width * points[:, 2]
-    return np.stack([radius(z) * np.sin(angle), -radius(z) * np.cos(angle), z], axis=1), faces

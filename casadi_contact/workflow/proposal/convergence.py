@@ -1,18 +1,16 @@
-"""Convergence tests of a proposed scene: its pose at rest, the spacing of its distance fields, its element grids."""
+"""A proposed scene tried out: its pose at rest, the spacing of thin bodies' distance fields, its element grids."""
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.settle import settle
 from casadi_contact.core.conventions import Array
-from casadi_contact.geometry.distance_field import SPACING_MM, field_fits
+from casadi_contact.geometry.distance_field import field_fits
 from casadi_contact.geometry.projection import DOWN
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.scenes.normal_load import normal_forces
@@ -22,37 +20,25 @@ from casadi_contact.workflow.proposal.joint_geometry import Joint
 REST_SHARE = 0.3  # of the reference load, on every patch of a body at rest
 
 
-@dataclass(frozen=True, eq=False)
-class RestPose:
-    """A scene's model and its pose at rest (6,); reason: why there is none, "" if there is.
-
-    spacing_remark: on the spacing of its distance fields, "" if no body is thin. fine_enough: they have converged.
-    """
-
-    model: ElasticFoundation
-    pose: Array
-    reason: str
-    spacing_remark: str = ""
-    fine_enough: bool = True
-
-
 def rest_pose(
     model: ElasticFoundation,
     joint: Joint,
     direction: Sequence[float],
     lifted_mm: Sequence[float] = (0.0, 0.5, 1.0, 2.0),
-) -> RestPose:
-    """The pose near the start pose in which every patch carries 0.3 of the scene's reference load.
+) -> tuple[Array, str]:
+    """The pose (6,) near the start pose in which every patch carries 0.3 of the scene's reference load, and in words
+    why there is none, "" if there is.
 
     It is also sought from poses lifted against the direction of pressing, because bodies of one scan may overlap.
     """
     scene = model.scene
     out = np.outer(lifted_mm, np.asarray(direction) / np.linalg.norm(direction))
     starts = scene.start_pose - np.pad(out, ((0, 0), (0, 3)))
-    target = rest_loads(scene, joint, REST_SHARE * scene.reference_load)
-    poses, report = settle(model, starts, scene.sensitive_pose, target)
+    poses, report = settle(
+        model, starts, scene.sensitive_pose, rest_loads(scene, joint, REST_SHARE * scene.reference_load)
+    )
     first = int(report.converged.argmax())
-    return RestPose(model, poses[first], str(report.reason[first]))
+    return poses[first], str(report.reason[first])
 
 
 def rest_loads(scene: Scene, joint: Joint, size_n: float) -> dict[str, float]:
@@ -73,64 +59,24 @@ def gap_slope(model: ElasticFoundation, pose: Array, direction: Sequence[float])
     return float(f"{max(np.median(np.polyfit(depth_mm, roots, 1)[0]), 0.1):.2g}")
 
 
-def converged_spacing(
-    tables: Mapping[str, Any],
+def thin_spacing(
     meshes: Mapping[str, TriangleMesh],
     thickness_mm: Mapping[str, float],
-    joint: Joint,
-    direction: Sequence[float],
-    *,
-    shares: Sequence[float] = (0.25, 0.15, 0.1),
-    least_refinement: float = 0.8,
-    tolerance: float = 0.01,
-    order: int = 4,
-) -> RestPose:
-    """The scene of the tables at rest, with the coarsest distance fields that are fine enough.
+    usual_mm: float,
+    shares: Sequence[float] = (0.15, 0.25),
+) -> dict[str, float]:
+    """The spacing [mm] of each body's distance field: of thin bodies a share of the thickness, the first that fits into
+    memory.
 
     Half way through a body of thickness t its distance has a kink, which a cubic spline carries to both of its
-    surfaces: at a spacing of t/4 by up to 0.004 t, at 0.15 t by 0.0005 t. Spacings are ``shares`` of the thickness. One
-    is fine enough if a finer one changes the forces at rest by less than the tolerance. A refinement from h to h' is
-    fine enough if it changed them by less than the tolerance times (h/h')⁴ - 1.
-
+    surfaces: at a spacing of t/4 by up to 0.004 t, at 0.15 t by 0.0005 t.
     thickness_mm: of both bodies, infinite for open surfaces.
     """
-    usual = tables["geometry"].get("spacing", SPACING_MM)
-    tried: list[dict[str, float]] = []
-    for share in shares:
-        spacing = {body: min(usual, round(share * thickness, 3)) for body, thickness in thickness_mm.items()}
-        if not tried or any(mm < least_refinement * tried[-1][body] for body, mm in spacing.items()):
-            tried.append(spacing)
-
-    def at_rest(spacing_mm: Mapping[str, float]) -> RestPose:
-        equal = len(set(spacing_mm.values())) == 1
-        geometry = {**tables["geometry"], "spacing": spacing_mm["fixed"] if equal else dict(spacing_mm)}
-        return rest_pose(ElasticFoundation(Scene.from_tables({**tables, "geometry": geometry})), joint, direction)
-
-    def text(spacing_mm: Mapping[str, float]) -> str:
-        below = [f"{mm:g}" for mm in spacing_mm.values() if mm < usual] or [f"{usual:g}"]
-        return f"a distance field of {' and '.join(below)} mm, as thin bodies need"
-
-    rest = at_rest(tried[0])
-    for coarse, fine in itertools.pairwise(tried):
-        if not all(field_fits(meshes[body], mm) for body, mm in fine.items()):
-            remark = f"{text(coarse)}: whether it is fine enough; a finer one does not fit into memory"
-            return replace(rest, spacing_remark=remark, fine_enough=False)
-        finer = at_rest(fine)
-        forces, other = (model.wrenches(rest.pose)[..., :3] for model in (rest.model, finer.model))
-        size = float(np.linalg.norm(forces))
-        change = float(np.linalg.norm(other - forces)) / size if size else np.inf
-        if change < tolerance:
-            return replace(
-                rest, spacing_remark=f"{text(coarse)}: a finer one changes the forces at rest by {change:.1%}"
-            )
-        ratio = min(coarse[body] / mm for body, mm in fine.items() if mm < coarse[body])
-        enough = change < tolerance * (ratio**order - 1.0)
-        question = "" if enough else "whether it is fine enough; "
-        remark = f"{text(fine)}: {question}a coarser one changes the forces at rest by {change:.1%}"
-        rest = replace(finer, spacing_remark=remark, fine_enough=enough)
-        if enough:
-            break
-    return rest
+    tried = [
+        {body: min(usual_mm, round(share * thickness, 3)) for body, thickness in thickness_mm.items()}
+        for share in shares
+    ]
+    return next((each for each in tried if all(field_fits(meshes[b], mm) for b, mm in each.items())), tried[-1])
 
 
 CANDIDATES = (
@@ -161,12 +107,11 @@ def converged_grids(scene: Scene, poses: Array, most_to_settle: int = 80 * 80) -
     "settle" may be wrong by 2 tolerances and "coarse" by 8, both with at most `most_to_settle` elements, because
     thousands of poses are settled on them.
     """
-    tolerances = scene.tolerances_of()
     truth = ElasticFoundation(scene, CONVERGED)(poses)
     errors: dict[tuple[int, int], float] = {}
     for grid in CANDIDATES:
         off = ElasticFoundation(scene, grid)(poses) - truth
-        errors[grid] = float((np.sqrt(np.mean(off**2, axis=0)) / tolerances).max())
+        errors[grid] = float((np.sqrt(np.mean(off**2, axis=0)) / scene.tolerances_of()).max())
         if errors[grid] < 0.5 and grid[0] == grid[1]:
             break
     grids = {}

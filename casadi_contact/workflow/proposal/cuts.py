@@ -52,8 +52,8 @@ class CutSettings:
 
 @dataclass(frozen=True)
 class PatchCuts:
-    """A patch's bounds (low, high) along z [mm], the cuts between them, and the validation error [N] of small networks
-    for the whole patch and for the parts together."""
+    """A patch's bounds along z [mm], the cuts between them, and the validation error [N] of small networks for the
+    whole patch and for the parts together."""
 
     patch: str
     bounds_mm: tuple[float, float]

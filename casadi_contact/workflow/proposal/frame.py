@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -49,10 +48,10 @@ def frame_of(geometry: JointGeometry, side: str | None = None, axes: Sequence[st
     patches, kind = geometry.patches, geometry.joint.kind
     if turned_deg := float(np.degrees(Rotation.from_matrix(geometry.rotation).magnitude())):
         findings.append(f"the bodies stand askew by {turned_deg:.0f} degrees: turned, see placement")
-    if axes is not None and not _allowed([tuple(axes)], patches.axis):
+    if axes is not None and patches.axis is not None and not axes_rotation(axes)[2, patches.axis]:
         raise ValueError(
             f"--axes {','.join(axes)}: the patches lie beside each other along the file's "
-            f"{'xyz'[patches.axis or 0]}, expected it as the third axis, z"
+            f"{'xyz'[patches.axis]}, expected it as the third axis, z"
         )
     mirror = "z" if side == "left" and kind != "other" else ""
     if kind != "other":
@@ -90,30 +89,13 @@ def _axes(geometry: JointGeometry, mirror: str, findings: list[str], questions: 
     elif kind == "other":
         questions.append("what x and z stand for: kept as in the file where they can be (--axes)")
 
-    def agreement(axes: tuple[str, ...]) -> float:
-        rows = axes_rotation(axes)
-        return round(sum(float(rows[row] @ direction) for row, direction in target.items()), 6)
-
-    return max(_allowed(_all_axes(), geometry.patches.axis), key=agreement)
-
-
-def _allowed(candidates: list[tuple[str, ...]], patch_axis: int | None) -> list[tuple[str, ...]]:
-    """The candidates whose z is the file's axis along which patches lie side by side; all if there is one patch."""
-    if patch_axis is None:
-        return candidates
-    return [axes for axes in candidates if abs(axes_rotation(list(axes))[2, patch_axis]) > 0.5]
-
-
-def _all_axes() -> list[tuple[str, ...]]:
-    """The 24 right-handed axes, those nearest to the file's own first."""
-    signed = [
-        tuple(sign + axis for sign, axis in zip(signs, order, strict=True))
-        for order in itertools.permutations("xyz")
-        for signs in itertools.product(("", "-"), repeat=3)
-    ]
-    matrices = {axes: np.array([[("-" + a == b) * -1.0 + (a == b) for a in "xyz"] for b in axes]) for axes in signed}
-    right_handed = [axes for axes in signed if np.linalg.det(matrices[axes]) > 0.5]
-    return sorted(right_handed, key=lambda axes: -float(np.trace(matrices[axes])))
+    turns = Rotation.create_group("O").as_matrix().round()  # onto the library's axes from any right-handed ones
+    if geometry.patches.axis is not None:
+        turns = turns[turns[:, 2, geometry.patches.axis] != 0.0]
+    agreement = np.sum([turns[:, row] @ direction for row, direction in target.items()], axis=0)
+    kept = np.trace(turns, axis1=1, axis2=2)  # among equals those nearest to the file's own
+    best = turns[np.lexsort((kept, agreement.round(6)))[-1]]
+    return tuple(("-" if row.sum() < 0.0 else "") + "xyz"[np.abs(row).argmax()] for row in best)
 
 
 def _posterior(
@@ -154,10 +136,8 @@ def _offsets(
 
     - Files whose origin lies more than `far_mm` from the bodies, as a scan's: to the centre of curvature of the moving
       body near contact, of a ball in a cup to the cup's centre; the same for both bodies of one scan.
-    - The ball of a cup, if its centre lies more than `lever_mm` from its origin: to its centre. Otherwise a rotation
-      would move it by more than the clearance of the cup.
-    - The fixed body of a knee of one scan: to the middle of contact, between the patches, as a tray's, because centres
-      of pressure refer to it.
+    - The ball of a cup, more than `lever_mm` from its origin: to its centre, or rotations would use up the clearance.
+    - The fixed body of a knee of one scan: to the middle of contact, because centres of pressure refer to it.
     """
     pair, placement, patches, joint = geometry.pair, geometry.placement, geometry.patches, geometry.joint
     centre = patches.anchors_mm.mean(axis=0) + placement.translation_mm if joint.pressing else patches.centre_mm
@@ -177,7 +157,7 @@ def _offsets(
             "placement"
         )
     to_ball_mm = float(np.linalg.norm(patches.anchors_mm[0]))
-    if not joint.pressing and patches.centred and not origins["moving"].any() and to_ball_mm > pair.scale * lever_mm:
+    if not joint.pressing and not origins["moving"].any() and to_ball_mm > pair.scale * lever_mm:
         origins["moving"] = patches.anchors_mm[0]
         findings.append(
             f"the moving body's origin lies {to_ball_mm:.3g} mm from what it turns about in its cup: moved there, see "

@@ -3,7 +3,7 @@ which way the moving one presses."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -58,11 +58,6 @@ class Pair:
         field = build_field(moving, scale * SETTINGS.spacing_mm)
         points = fixed.corners_mm[chosen].mean(axis=1)
         return cls(points, vectors / areas[:, None], areas, field, moving, scale, is_open)
-
-    def turned_inside_out(self) -> Pair:
-        """The same pair with the orientation of the moving surface reversed."""
-        moving = TriangleMesh(self.moving.name, self.moving.vertices_mm, self.moving.faces[:, ::-1])
-        return replace(self, field=build_field(moving, self.scale * SETTINGS.spacing_mm), moving=moving)
 
     def distances(self, R: Array, t: Array) -> tuple[Array, Array]:
         """Signed distances (n,) [mm] of the fixed points from the moving body at (R, t), and their gradients (n, 3) in
@@ -142,19 +137,6 @@ def centre_of_normals(points_mm: Array, normals: Array, weights: Array, regulari
     return np.asarray(middle + np.linalg.solve(matrix, np.einsum("n,nij,nj->i", weights, across, points_mm - middle)))
 
 
-def axis_of_normals(points_mm: Array, normals: Array, weights: Array) -> tuple[Array, Array]:
-    """A point (3,) on the axis of revolution of a surface, and the axis' unit direction (3,).
-
-    With the velocity v + ω × x of a point x, it minimises Σ w (n·v + (x × n)·ω)² with |ω| = 1 over all screws.
-    """
-    middle = weights @ points_mm / weights.sum()
-    rows = np.sqrt(weights)[:, None] * np.hstack([normals, np.cross(points_mm - middle, normals)])
-    of_v, mixed, of_w = rows[:, :3].T @ rows[:, :3], rows[:, :3].T @ rows[:, 3:], rows[:, 3:].T @ rows[:, 3:]
-    best_v = -np.linalg.pinv(of_v, hermitian=True) @ mixed  # for each ω
-    turn = np.linalg.eigh(of_w + mixed.T @ best_v)[1][:, 0]
-    return np.asarray(middle + np.cross(turn, best_v @ turn)), turn
-
-
 REACH_MM = 2.0  # surfaces nearer than this count as near contact
 
 
@@ -187,28 +169,10 @@ def contact_placement(pair: Pair) -> ContactPlacement:
     placement = placement or _after_drop(pair)
     if placement is None:
         raise ValueError("the bodies meet along no axis: are both surfaces' outsides turned to each other?")
-    _check_moving_outside(pair, placement)
     return placement
 
 
-def _check_moving_outside(pair: Pair, placement: ContactPlacement, most_gain: float = 2.0) -> None:
-    """Raise ValueError for an open moving surface whose reverse would be near the fixed one over a far larger area."""
-    if not len(pair.moving.boundary_edges):
-        return
-    turned = pair.turned_inside_out()
-    other = _as_placed(turned) or _after_drop(turned)
-    if other is None:
-        return
-    area, turned_area = _near_area_mm2(pair, placement), _near_area_mm2(turned, other)
-    if turned_area > most_gain * area:
-        raise ValueError(
-            f"the moving surface {pair.moving.name} comes near the fixed one over {area:.3g} mm², and over "
-            f"{turned_area:.3g} mm² with its inside out, expected its outside towards it: turn its triangles round"
-        )
-
-
 def _as_placed(pair: Pair) -> ContactPlacement | None:
-    """The placement of the files if the bodies just touch there."""
     near = _near_as_placed(pair)
     if near is None:
         return None
@@ -263,11 +227,6 @@ def _are_planes(pair: Pair, near: np.ndarray, translation_mm: Array) -> bool:
         if area @ (normals @ mean > 0.998) < 0.6 * area.sum():
             return False
     return True
-
-
-def _near_area_mm2(pair: Pair, placement: ContactPlacement) -> float:
-    near = pair.near(np.eye(3), placement.translation_mm, pair.scale * REACH_MM)
-    return float(pair.areas_mm2[near].sum())
 
 
 def _pressing(pair: Pair, near: np.ndarray) -> tuple[Array, float]:

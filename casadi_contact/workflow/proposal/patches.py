@@ -14,7 +14,6 @@ from casadi_contact.workflow.proposal.pair import (
     REACH_MM,
     ContactPlacement,
     Pair,
-    axis_of_normals,
     centre_of_normals,
     unit_rows,
 )
@@ -35,8 +34,6 @@ class PatchSettings:
     straight_cos: float = 0.85  # least cosine between a normal and the direction to the centre, for most of a cup
     socket_cos: float = 0.985  # the same for `socket_share` of a ball's socket, which has one patch
     socket_share: float = 0.9
-    steep_share: float = 0.02  # least share of a notch's walls invisible along the direction of pressing
-    hidden_share: float = 0.2  # largest part of these walls that is invisible from the notch's axis too
     round_share: float = 0.95  # least share of convex moving surface, for a round body
 
 
@@ -51,8 +48,6 @@ class Patches:
     other (None for one patch). cuts_mm: coordinates between neighbouring patches, rising. centre_mm (3,): centre of
     curvature of the fixed body near contact. anchors_mm (patches, 3): centre of curvature of the moving body for each
     patch. round: the moving body is convex wherever it touches. hollow: the fixed body is a cup about the centre.
-    cup_mm (3,): point from which all of a cup or steep notch is visible; None for other bodies. centred: most of the
-    moving normals pass through the anchors, as a ball's do and a spool's do not.
     """
 
     weight: Array
@@ -62,12 +57,15 @@ class Patches:
     anchors_mm: Array
     round: bool
     hollow: bool
-    cup_mm: Array | None
-    centred: bool
 
     def patch_of(self, points_mm: Array) -> np.ndarray:
         """Number of the patch (n,) that each point belongs to, by rising coordinate."""
         return _patch_numbers(points_mm, self.axis, self.cuts_mm)
+
+    def mean_normals(self, pair: Pair) -> Array:
+        """Unit mean normals (patches, 3) of the fixed surface near contact."""
+        of_patch = self.patch_of(pair.points_mm) == np.arange(len(self.anchors_mm))[:, None]
+        return unit_rows((self.weight * of_patch) @ pair.normals)
 
 
 def find_patches(
@@ -106,7 +104,6 @@ def find_patches(
     )
     outward_cos = np.einsum("nk,nk->n", unit_rows(on_moving - anchors[numbers]), normals)
     visible, straight = share(towards_centre > LEAST_UPWARD), share(towards_centre > SETTINGS.straight_cos)
-    hollow = visible > SETTINGS.cup_share and straight > 0.5
     return Patches(
         weight,
         axis,
@@ -114,9 +111,7 @@ def find_patches(
         centre,
         anchors,
         round=float(areas @ (outward_cos > 0.0)) > SETTINGS.round_share * float(areas.sum()),
-        hollow=hollow,
-        cup_mm=centre if hollow else _centre_of_notch(pair, weight, centre, placement.pressing),
-        centred=float(areas @ (np.abs(outward_cos) > SETTINGS.straight_cos)) > 0.5 * float(areas.sum()),
+        hollow=visible > SETTINGS.cup_share and straight > 0.5,
     )
 
 
@@ -143,20 +138,6 @@ def _centre_and_pivot(pair: Pair, placement: ContactPlacement) -> tuple[Array, A
     rolled_mm = np.sin(np.radians(max(SETTINGS.turns_deg))) * float(np.linalg.norm(fixed - moving))
     share = min(1.0, float(np.sqrt(pair.areas_mm2[spot].sum() / np.pi)) / rolled_mm)
     return fixed, moving + share * (fixed - moving)
-
-
-def _centre_of_notch(pair: Pair, weight: Array, centre: Array, pressing: Array) -> Array | None:
-    """The point (3,) on a notch's axis nearest to the centre.
-
-    None if all of the contact area is visible along the direction of pressing, or much is invisible from there too.
-    """
-    near = weight > 0.0
-    on_axis, way = axis_of_normals(pair.points_mm[near], pair.normals[near], weight[near])
-    point = on_axis + ((centre - on_axis) @ way) * way
-    from_point = np.einsum("nk,nk->n", unit_rows(point - pair.points_mm), pair.normals)
-    steep, hidden = (float(weight @ (cos <= LEAST_UPWARD)) for cos in (-pair.normals @ pressing, from_point))
-    is_notch = steep > SETTINGS.steep_share * float(weight.sum()) and hidden < SETTINGS.hidden_share * steep
-    return point if is_notch else None
 
 
 def _deepest_valleys(

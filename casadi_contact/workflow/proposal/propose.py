@@ -12,6 +12,7 @@ import numpy as np
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.conventions import Array, Update
 from casadi_contact.core.quantities import FORCE, TORQUE, of_kind, quantity, three_digits
+from casadi_contact.geometry.distance_field import SPACING_MM
 from casadi_contact.geometry.mesh import MM_PER_UNIT, load_mesh
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.optimisation.reference import unmodelled_load_shares, unmodelled_load_words
@@ -23,16 +24,17 @@ from casadi_contact.scenes.walking import reference_motion_cycles
 from casadi_contact.workflow.proposal.convergence import (
     REST_SHARE,
     converged_grids,
-    converged_spacing,
     gap_slope,
     rest_loads,
+    rest_pose,
+    thin_spacing,
 )
 from casadi_contact.workflow.proposal.frame import Frame, frame_of
 from casadi_contact.workflow.proposal.joint_geometry import Joint, JointGeometry, joint_geometry
 from casadi_contact.workflow.proposal.pair import extent_mm
 from casadi_contact.workflow.proposal.tables import MATERIALS, direction_of, first_tables
 
-_STEPS = ("surfaces", "pose at rest", "two cycles", "element grids", "reference motion", "done")
+_STEPS = ("surfaces", "pose at rest", "reference motion", "element grids", "done")
 _UNMODELLED = {
     "beyond_open_edges": "whether the moving part ends at its open edges",
     "on_walls": "what walls carry",
@@ -43,28 +45,27 @@ _UNMODELLED = {
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A scene, its pose at rest (6,), and the poses (n, 6) of those frames of its reference motion that settle.
+    """A scene and its pose at rest (6,); settled, frames: how many of its reference motion have a pose, and were tried.
 
-    frames: how many were tried. findings: what was recognised in the meshes; open_questions: what the user must check.
+    findings: what was recognised in the meshes; open_questions: what the user must check.
     """
 
     scene: Scene
     joint: Joint
     rest_pose: Array
-    poses: Array
+    settled: int
     frames: int
     findings: list[str]
     open_questions: list[str]
 
     def __str__(self) -> str:
         kind = "" if self.joint.kind == "other" else f"a joint like a {self.joint.kind}, "
-        settled, share = len(self.poses), len(self.poses) / max(self.frames, 1)
         return "\n".join(
             [
                 f"{kind}patches: {', '.join(self.joint.patches)}",
                 *self.findings,
                 *(f"not given by the meshes: {question}" for question in self.open_questions),
-                f"{settled} of {self.frames} reference frames settle ({share:.1%})",
+                f"{self.settled} of {self.frames} reference frames settle ({self.settled / self.frames:.1%})",
             ]
         )
 
@@ -82,12 +83,9 @@ def propose(
     progress: Update = lambda what, done, total, remark: None,
     test_cycles: int = 2,
     test_poses: int = 40,
-    least_settled: float = 0.9,
 ) -> Proposal:
-    """Analyse the meshes, propose a scene, and try it.
-
-    Element grids are chosen at ``test_poses`` poses of the first ``test_cycles`` cycles. The whole reference motion is
-    tried if at least ``least_settled`` of these frames settle: frames without a pose take seconds each.
+    """Analyse the meshes, propose a scene, and try it in the first ``test_cycles`` cycles of its reference motion;
+    element grids are chosen at ``test_poses`` of these poses.
 
     Raises FileNotFoundError, and ValueError for meshes that cannot work, with the remedy.
     """
@@ -120,25 +118,29 @@ def propose(
         tables["geometry"]["shell"] = _shell(geometry)
 
     begin("pose at rest")
-    one_sided = tables["geometry"].get("shell") == "outer"  # only one of its surfaces has a distance field
+    # Of a shell that counts on one side alone, only that surface has a distance field.
+    one_sided = tables["geometry"].get("shell") == "outer"
     thickness_mm = {**shells_mm, "moving": np.inf if one_sided else shells_mm["moving"]}
-    rest = converged_spacing(tables, meshes, thickness_mm, joint, direction)
-    scene, pose = rest.model.scene, rest.pose
-    if rest.spacing_remark:
-        tables["geometry"]["spacing"] = scene.geometry["spacing"]
-        (findings if rest.fine_enough else questions).append(rest.spacing_remark)
-    if rest.reason:
+    usual_mm = tables["geometry"].get("spacing", SPACING_MM)
+    spacing = thin_spacing(meshes, thickness_mm, usual_mm)
+    if min(spacing.values()) < usual_mm:
+        tables["geometry"]["spacing"] = spacing
+        findings.append(f"a distance field of {min(spacing.values()):g} mm, as thin bodies need")
+    scene = Scene.from_tables(tables)
+    model = ElasticFoundation(scene)
+    pose, reason = rest_pose(model, joint, direction)
+    if reason:
         load = three_digits(REST_SHARE * scene.reference_load)
-        questions.append(f"a pose at rest under {load} N a patch: {rest.reason}")
+        questions.append(f"a pose at rest under {load} N a patch: {reason}")
         pose = scene.start_pose
     tables["geometry"]["start_pose"] = [round(float(v), 4) for v in pose]
-    tables["loads"]["gap_slope"] = gap_slope(rest.model, pose, direction)
+    tables["loads"]["gap_slope"] = gap_slope(model, pose, direction)
     tables["sampling"] = _sampling(joint, geometry.pair.scale)
     tables |= made_up_motion(scene, joint)
 
-    begin("two cycles")
+    begin("reference motion")
     poses, report = _reference(tables, test_cycles)
-    tables["tolerances"] = _tolerances(rest.model, poses)
+    tables["tolerances"] = _tolerances(model, poses)
     begin("element grids")
     convergence = converged_grids(Scene.from_tables(tables), poses[:: max(1, len(poses) // test_poses)])
     tables["grids"] = convergence.grids
@@ -146,14 +148,13 @@ def propose(
         findings.append(str(convergence))
     else:
         questions.append(f"enough elements: {convergence}")
-    begin("reference motion")
-    if report.converged.mean() > least_settled:
-        poses, report = _reference(tables)
     model = ElasticFoundation(Scene.from_tables(tables))
-    tables["sampling"] |= _dropped_at_edges(model, poses)
+    if model.at_edge(poses).any():
+        tables["sampling"]["most_dropped"] = 0.6  # of its plan: poses whose contact reaches an edge are no samples
     questions += _questions_about_motion(model, poses, report, shells_mm)
     begin("done")
-    return Proposal(Scene.from_tables(tables), joint, pose, poses, report.converged.size, findings, questions)
+    frames = report.converged.size
+    return Proposal(Scene.from_tables(tables), joint, pose, len(poses), frames, findings, questions)
 
 
 def load_meshes(
@@ -188,9 +189,6 @@ def _remarks(
     together = geometry.placement.together
     findings = [f"both files are in {unit}", *frame.findings]
     findings.insert(1, "the files place both bodies in one frame" if together else "each body has its own frame")
-    if geometry.contact_areas > len(geometry.joint.patches):
-        areas = geometry.contact_areas
-        findings.append(f"the bodies touch in {areas} places, one patch: turning shifts no load between them")
     if chosen:
         why = " (--material)"
     elif together:
@@ -232,13 +230,8 @@ def made_up_motion(scene: Scene, joint: Joint, load_ratio: float = 1.5) -> dict[
     return {"motion": {"cycles": 4, "duration_s": 1.0, "deviation": 0.03, "harmonics": harmonics}}
 
 
-def _dropped_at_edges(model: ElasticFoundation, poses: Array, most_dropped: float = 0.6) -> dict[str, Any]:
-    """If contact reaches an edge in the poses (n, 6), sampling may drop a larger share of its plan."""
-    return {"most_dropped": most_dropped} if model.at_edge(poses).any() else {}
-
-
-def _reference(tables: Mapping[str, Any], cycles: int | None = None) -> tuple[Array, ReferenceReport]:
-    """The settled poses (n, 6) of the scene's reference motion, or of its first cycles."""
+def _reference(tables: Mapping[str, Any], cycles: int) -> tuple[Array, ReferenceReport]:
+    """The settled poses (n, 6) of the first cycles of the scene's reference motion."""
     scene = Scene.from_tables(tables)
     model = ElasticFoundation(scene, scene.grids["settle"])
     poses, report = reference_poses(model, reference_motion_cycles(scene, ())[:cycles], every_cycle=False)

@@ -51,8 +51,8 @@ def first_tables(
     pressing = direction_of(geometry, frame)
     if pressing != list(DOWN):
         table["pressing"] = pressing
-    if not joint.pressing and geometry.patches.cup_mm is not None:
-        table["cup_centre"] = (frame.points(geometry.patches.cup_mm[None], "fixed")[0].round(2) + 0.0).tolist()
+    if not joint.pressing and geometry.patches.hollow:
+        table["cup_centre"] = (frame.points(geometry.patches.centre_mm[None], "fixed")[0].round(2) + 0.0).tolist()
     moving, fixed = (np.array(frame.offsets_mm[body]) for body in ("moving", "fixed"))
     start = frame.directions(geometry.placement.translation_mm) + fixed - moving
     table["start_pose"] = [*start.round(3).tolist(), 0.0, 0.0, 0.0]

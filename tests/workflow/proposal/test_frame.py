@@ -5,7 +5,7 @@ import pytest
 
 from casadi_contact.core.conventions import rotation
 from casadi_contact.geometry.mesh import Placement, axes_rotation, checked_mesh
-from tests.support.joint_meshes import DOWN, POLE, analysed, ball_in_cup, button_on_groove, condyles_in_dishes, revolved
+from tests.support.joint_meshes import DOWN, POLE, analysed, ball_in_cup, button_on_groove, condyles_in_dishes
 from tests.support.meshes import ball_mesh, shell_mesh
 
 
@@ -88,12 +88,3 @@ def test_given_axes_are_kept_as_they_are():
     meshes = [checked_mesh("body", points @ R.T, faces) for points, faces in condyles_in_dishes()]
     frame = analysed(*meshes, axes=("x", "y", "z"))[3]
     assert frame.rotation_deg == (0.0, 0.0, 0.0)
-
-
-def test_a_spool_turns_about_the_axis_of_its_file():
-    """Its normals meet in no point: about the one nearest to all of them flexion would move it across its notch."""
-    spool, faces = revolved(lambda z: 9.0 + 0.466 * np.sqrt(z**2 + 2.0), 2.6, 9.0)
-    notch = checked_mesh("notch", *revolved(lambda z: 9.3 + 0.45 * np.sqrt(z**2 + 2.0), 1.5, 8.0))
-    _, _, joint, frame = analysed(checked_mesh("spool", spool, faces[:, ::-1]), notch)
-    assert not joint.pressing
-    assert frame.offsets_mm["moving"] == (0.0, 0.0, 0.0)
