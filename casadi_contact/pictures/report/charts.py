@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -66,42 +66,36 @@ def errors_of(front: Front) -> list[tuple[Kind, str]]:
     return [(kind, name) for kind, name in _ERRORS if of_kind(front.loads, kind)]
 
 
-def panels(front: Front, count: int, title: str, measured: str | None = None, note: str = "") -> tuple[Any, Any]:
+def panels(front: Front, count: int, title: str, measured: str | None = None) -> tuple[Any, Any]:
     """A figure and its axes side by side, one or two; measured says on what (poses of its motion that no model has seen
-    if left out); note goes below, and failures of the file's models are listed there too."""
+    if left out). Failures of the file's models are listed below."""
     width = 14.0 if count == 2 else 10.0
     figure = new_page(width, 6.8)
     header = front.header
     seen = header.get("walking_poses", "?")
     unseen = f"{seen} unseen poses of its motion, errors against {header.get('reference', '?')}"
-    machine = ", ".join(
-        (
-            header.get("processor", "unknown processor"),
-            *filter(None, (header.get("instruction_set"),)),
-            f"{header.get('threads', '?')} thread",
-        )
-    )
+    processor = (header.get("processor", "unknown processor"), header.get("instruction_set"))
+    machine = ", ".join(filter(None, (*processor, f"{header.get('threads', '?')} thread")))
     said = textwrap.fill(f"{measured or unseen}; {machine}", int(13.0 * (width - 2.0 * _LEGEND_INCHES)))
     figure.suptitle(f"{header['scene']}: {title}\n{said}", fontsize=10, x=0.01, ha="left")
-    failed = [f"{point.name}: {point.failure}" for point in front.points if point.failure]
-    footnote = " ".join(filter(None, (note, f"Failed: {'; '.join(failed)}." if failed else "")))
-    if footnote:
-        figure.supxlabel("\n".join(textwrap.wrap(footnote, int(14.3 * width))), fontsize=8, x=0.01, ha="left")
+    if failed := "; ".join(f"{point.name}: {point.failure}" for point in front.points if point.failure):
+        footnote = textwrap.fill(f"Failed: {failed}.", int(14.3 * width))
+        figure.supxlabel(footnote, fontsize=8, x=0.01, ha="left")
     axes = figure.subplots(1, count, squeeze=False)[0]
     for axis in axes:
         axis.grid(alpha=0.25, which="both", lw=0.5)
     return figure, axes
 
 
-def log_scale(axes: Any, directions: str = "xy") -> None:
+def log_scale(axes: Any) -> None:
     """Logarithmic scales labelled in plain numbers: 1, 3, 10, 30, or 1, 2, 3, 5, 7, 10 where they span less than a
     factor of 30; linear where nothing above 0 is drawn."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-    directions = "".join(d for d in directions if math.isfinite(getattr(axes, f"{d}axis").get_minpos()))
-    axes.set(**{f"{direction}scale": "log" for direction in directions})
-    for direction in directions:
-        axis = getattr(axes, f"{direction}axis")
+    for name, axis in (("x", axes.xaxis), ("y", axes.yaxis)):
+        if not math.isfinite(axis.get_minpos()):
+            continue
+        axes.set(**{f"{name}scale": "log"})
         low, high = axis.get_view_interval()
         axis.set_major_locator(LogLocator(subs=(1.0, 3.0) if high > 30.0 * low else _CLOSE, numticks=20))
         axis.set_major_formatter(StrMethodFormatter("{x:g}"))
@@ -232,84 +226,54 @@ _PASSES = 3
 
 
 def place_labels(
-    axis: Any,
-    labels: Sequence[tuple[float, float, str, str]],
-    bars: Sequence[tuple[float, float, float]] = (),
+    axis: Any, labels: Sequence[tuple[float, float, str, str]], bars: Sequence[tuple[float, float, float]] = ()
 ) -> None:
-    """Write (x, y, text, colour) on an axis whose limits and layout are final, at the nearest free place.
+    """Write (x, y, text, colour) on an axis whose limits and layout are final, at the nearest free place, or where it
+    covers least; a label far from its point gets a thin line to it.
 
     bars: horizontal error bars (x from, x to, y) that no label should lie on.
-
-    A label far from its point gets a thin line to it. Where no place is free, the label goes where it covers least.
     """
-    figure = axis.figure
-    renderer = figure.canvas.get_renderer()
-    frame = axis.get_window_extent(renderer)
-    scale = figure.dpi / 72.0
-    points = axis.transData.transform([(x, y) for x, y, _, _ in labels])
-    half = _MARKER * scale
-    taken = [(x - half, y - half, x + half, y + half) for x, y in points]
-    for low, high, y in bars:
-        (left, level), (right, _) = axis.transData.transform([(low, y), (high, y)])
-        taken.append((left, level - 1.0, right, level + 1.0))
-    halves = []
-    for x, y, text, colour in labels:
-        drawn = axis.annotate(text, (x, y), fontsize=_SIZE, color=colour)
-        extent = drawn.get_window_extent(renderer)
-        halves.append(np.array([extent.width, extent.height]) / 2.0 + 1.0)
-        drawn.remove()
-    places: dict[int, _Place] = {}
+    renderer, scale = axis.figure.canvas.get_renderer(), axis.figure.dpi / 72.0
+    frame = axis.get_window_extent(renderer).extents
+    points = axis.transData.transform([(x, y) for x, y, *_ in labels])
+    taken = [np.hstack([points - _MARKER * scale, points + _MARKER * scale])]
+    if bars:
+        ends = axis.transData.transform(np.array(bars)[:, [0, 2, 1, 2]].reshape(-1, 2)).reshape(-1, 4)
+        taken.append(ends + np.array([0.0, -1.0, 0.0, 1.0]))
+    directions = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], 1)
+    boxes, ways = np.zeros((len(labels), 4)), []
+    for x, y, text, _ in labels:
+        measured = axis.annotate(text, (x, y), fontsize=_SIZE)
+        half = measured.get_window_extent(renderer).size / 2.0 + 1.0
+        measured.remove()
+        # The box's nearest edge, not its centre, keeps the distance.
+        reach = np.minimum((half / np.maximum(np.abs(directions), 1e-9)).min(axis=1), half[0])
+        away = ((np.array(_DISTANCES)[:, None] * scale + reach)[..., None] * directions).reshape(-1, 2)
+        ways.append((away, half))
+    best = np.zeros(len(labels), dtype=int)
     for _ in range(_PASSES):  # a label placed early may make way for those placed after it
-        for i, pixel in enumerate(points):
-            others = [*taken, *(place.box for j, place in places.items() if j != i)]
-            places[i] = _free_place(pixel, halves[i], others, frame, scale)
-    for i, (x, y, text, colour) in enumerate(labels):
+        for i, (away, half) in enumerate(ways):
+            tried = np.hstack([points[i] + away - half, points[i] + away + half])
+            others = np.concatenate([*taken, np.delete(boxes, i, axis=0)])
+            covered = _covered(tried, others) + 4.0 * half.prod() - _covered(tried, frame[None])
+            best[i] = covered.round(6).argmin()
+            boxes[i] = tried[best[i]]
+    for (x, y, text, colour), (away, _), k in zip(labels, ways, best, strict=True):
         line = {"arrowstyle": "-", "lw": 0.4, "color": colour, "shrinkA": 0.0, "shrinkB": 2.0}
         axis.annotate(
             text,
             (x, y),
-            xytext=(places[i].centre - points[i]) / scale,
+            xytext=away[k] / scale,
             textcoords="offset points",
             ha="center",
             va="center",
             fontsize=_SIZE,
             color=colour,
-            arrowprops=line if places[i].distance > _LEADER_FROM else None,
+            arrowprops=line if _DISTANCES[k // len(directions)] > _LEADER_FROM else None,
         )
 
 
-class _Place(NamedTuple):
-    """Where a label goes: its distance from the marker [points], its centre and its box [pixels]."""
-
-    distance: float
-    centre: Any
-    box: tuple[float, ...]
-
-
-def _free_place(pixel: Any, half: Any, taken: Sequence[Sequence[float]], frame: Any, scale: float) -> _Place:
-    """The nearest place around a marker that covers nothing, or the one that covers least."""
-    best, least = None, np.inf
-    for distance in _DISTANCES:
-        for angle in _ANGLES:
-            direction = np.array([np.cos(angle), np.sin(angle)])
-            # The box's nearest edge, not its centre, keeps the distance.
-            reach = np.min(half / np.maximum(np.abs(direction), 1e-9))
-            centre = pixel + direction * (distance * scale + min(reach, half[0]))
-            box = (*(centre - half), *(centre + half))
-            covered = sum(_overlap(box, other) for other in taken) + _outside(box, frame)
-            if covered < least:
-                best, least = _Place(distance, centre, box), covered
-        if least == 0.0:
-            break
-    assert best is not None
-    return best
-
-
-def _overlap(a: Sequence[float], b: Sequence[float]) -> float:
-    width, height = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
-    return float(width * height) if width > 0.0 and height > 0.0 else 0.0
-
-
-def _outside(box: Sequence[float], frame: Any) -> float:
-    area = (box[2] - box[0]) * (box[3] - box[1])
-    return float(area - _overlap(box, (frame.x0, frame.y0, frame.x1, frame.y1)))
+def _covered(boxes: Any, taken: Any) -> Any:
+    """Area (n,) of boxes (n, 4), each (left, bottom, right, top), that lies on boxes (k, 4) already taken."""
+    sides = np.minimum(boxes[:, None, 2:], taken[:, 2:]) - np.maximum(boxes[:, None, :2], taken[:, :2])
+    return np.maximum(sides, 0.0).prod(axis=2).sum(axis=1)
