@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from casadi_contact.contact.cells.basis import Cells
     from casadi_contact.contact.cells.foundation import CellFoundation
     from casadi_contact.contact.choice import foundation
-    from casadi_contact.contact.cup.foundation import CupFoundation
+    from casadi_contact.contact.cup import CupFoundation
     from casadi_contact.contact.elements.foundation import ElasticFoundation
     from casadi_contact.contact.polar.foundation import PolarFoundation
     from casadi_contact.contact.polar.lines import Rays
@@ -77,7 +77,7 @@ else:
         "Cells": "contact.cells.basis",
         "ContactFrames": "optimisation.contact_frames",
         "ContactInOpti": "optimisation.contact_in_opti",
-        "CupFoundation": "contact.cup.foundation",
+        "CupFoundation": "contact.cup",
         "ElasticFoundation": "contact.elements.foundation",
         "MuscleContact": "optimisation.muscle_contact",
         "PolarFoundation": "contact.polar.foundation",

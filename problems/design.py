@@ -25,9 +25,11 @@ import numpy as np
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
-from casadi_contact.contact.polar.quadrature import RADII, dish_derivatives, patch_loads
-from casadi_contact.contact.polar.surfaces import Torus
-from casadi_contact.contact.pressure_law import layer_modulus
+from casadi_contact.contact.polar.peak import deepest_within, peak
+from casadi_contact.contact.polar.quadrature import integration, patch_loads
+from casadi_contact.contact.polar.ray_hits import LocalDepth, RayHits, fixed_point
+from casadi_contact.contact.polar.surfaces import SmoothPatch, Torus
+from casadi_contact.contact.pressure_law import layer_modulus, pressure_derivatives
 from casadi_contact.contact.settle import settle
 from casadi_contact.contact.symbolic import contact_callback
 from casadi_contact.core.conventions import Array, load_selection, rotation, twist_to_pose_gradient, wrench_about_origin
@@ -44,6 +46,60 @@ FREE, COLUMNS = ("tx", "ty", "tz", "rx"), [0, 1, 2, 3]
 BALANCED = (*SIDES, "Fx", "Fz")
 LAXITY = (("tx", "Fx", 100.0), ("tz", "Fz", 50.0))  # travel along, push [N] and its opposite
 RAYS = Rays(24, 3)
+
+
+RADII = ("dish_sagittal_radius", "dish_frontal_radius")
+STEP_MM = 1e-3  # of differences of the dish's own surface
+
+
+def dish_of(radii_mm: Array) -> Torus:
+    """The dish with a sagittal and a frontal radius (2,)."""
+    sagittal, frontal = map(float, radii_mm)
+    return Torus(sagittal - frontal, frontal, sagittal, 1.0, -1.0)
+
+
+def dish_derivatives(
+    patch: SmoothPatch, radii_mm: Array, law: tuple[int, float, float], R: Array, t: Array
+) -> tuple[Array, LocalDepth, Array]:
+    """d wrench/d radii (n, 6, 2) [N/mm, N], the deepest point, and d its depth/d radii (n, 2), radii as in `RADII`, in
+    n poses; zero without contact. Where the rim cuts the contact, the change of the rim with the radii is left out.
+
+    With subscripts for derivatives by a radius S at a fixed (u, v) of the chart and n = N/|N|, the depth's end on the
+    moving surface gives d_S = G·(c_S - d·n_S)/σ. The pressure is zero at the edge of contact, so that only the
+    integrand changes:
+
+        W_S = -∫ [p'·d_S·V + p·V_S] du dv,   V = (N, c × N),   V_S = (N_S, c_S × N + c × N_S)
+    """
+    m = peak(patch, R, t)
+    found = integration(patch, R, t, m, RAYS)
+    ends, depth = found.ends, m.local.depth
+    p, dp = pressure_derivatives(*law, ends.depth)
+    weight = np.where((depth > 0.0)[:, None, None], found.weight, 0.0)
+    there = deepest_within(patch, R, t, m.local.u, m.local.v)
+    V = np.concatenate([ends.N, np.cross(ends.c, ends.N)], -1)
+    by_radius, deepest_by_radius = [], []
+    for step in STEP_MM * np.eye(2):
+        dishes = [replace(patch, torus=dish_of(radii_mm + way * step)) for way in (1.0, -1.0)]
+        c, N = _surface_derivatives(dishes, found.u, found.v)
+        by_depth = np.einsum("nmg,nmgk->nk", weight * dp * _depth_derivative(ends, c, N), V)
+        turned = np.concatenate([N, np.cross(c, ends.N) + np.cross(ends.c, N)], -1)
+        by_radius.append(-by_depth - np.einsum("nmg,nmgk->nk", weight * p, turned))
+        at_deepest = _depth_derivative(there.ends, *_surface_derivatives(dishes, there.u, there.v))
+        deepest_by_radius.append(np.where(depth > 0.0, at_deepest, 0.0))
+    return np.stack(by_radius, -1), there, np.stack(deepest_by_radius, -1)
+
+
+def _surface_derivatives(dishes: list[SmoothPatch], u: Array, v: Array) -> list[Array]:
+    """c and N (..., 3) by a radius at a fixed (u, v): differences between dishes with a little more and less of it."""
+    more, less = (fixed_point(dish, u, v)[:2] for dish in dishes)
+    return [(a - b) / (2.0 * STEP_MM) for a, b in zip(more, less, strict=True)]
+
+
+def _depth_derivative(ends: RayHits, c: Array, N: Array) -> Array:
+    """Depth by a radius (...) where the fixed point and its normal change by c and N (..., 3)."""
+    n = ends.N / ends.length[..., None]
+    turned = (N - n * np.sum(n * N, -1)[..., None]) / ends.length[..., None]
+    return np.asarray(np.sum(ends.G * (c - ends.depth[..., None] * turned), -1) / ends.cosine)
 
 
 class DishContact:
@@ -63,15 +119,13 @@ class DishContact:
 
     def evaluate(self, poses: Array, radii_mm: Array) -> tuple[Array, Array]:
         """Loads, then penetrations (n, L + P) [N, N·mm, mm], and their derivatives by pose and radii (n, L + P, 8)."""
-        sagittal, frontal = map(float, radii_mm)
-        torus = Torus(sagittal - frontal, frontal, sagittal, 1.0, -1.0)
         R, t, law, L = rotation(poses[:, 3:]), poses[:, :3], self._model.law, len(self.scene.load_names)
         values = np.zeros((len(poses), L + len(self.scene.patch_names)))
         slopes = np.zeros((*values.shape, 8))
         for p, patch in enumerate(self._model.patches):
-            dish = replace(patch, torus=torus)
+            dish = replace(patch, torus=dish_of(radii_mm))
             loads = patch_loads(dish, law, RAYS, R, t)
-            by_radii, deepest, deepest_by_radii = dish_derivatives(dish, law, RAYS, R, t)
+            by_radii, deepest, deepest_by_radii = dish_derivatives(dish, radii_mm, law, R, t)
             touching = deepest.depth > 0.0
             by_twist = -wrench_about_origin(deepest.ends.G, deepest.ends.x - t) / deepest.ends.cosine[:, None]
             rows = self._selection[:, p]

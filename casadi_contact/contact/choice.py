@@ -1,8 +1,8 @@
 """Choices of contact models kept on disc, so that a scene's convergence test runs once.
 
-A file holds the record of a choice as JSON, and the SHA-256 of that. Its name is the SHA-256 of the scene's content,
-its tolerances and the library's code: a scene or a library that differs finds none. What cannot be read, is not as
-written, or could be another user's is as good as absent, and where the folder cannot be written nothing is kept.
+A file holds the record of a choice as JSON. Its name is the SHA-256 of the scene's content, its tolerances and the
+library's code: a scene or a library that differs finds none. What cannot be read, or could be another user's, is as
+good as absent, and where the folder cannot be written nothing is kept.
 """
 
 from __future__ import annotations
@@ -20,11 +20,9 @@ from casadi_contact.contact.cells.choice import CellChoice, cell_foundation
 from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.contact.cells.patches import CELL_SHAPES
 from casadi_contact.contact.compiled_foundation import CompiledFoundation
-from casadi_contact.contact.cup.foundation import CupFoundation, cup_foundation
-from casadi_contact.contact.cup.quadrature import CUP_SHAPE
+from casadi_contact.contact.cup import CUP_SHAPE, CupFoundation, cup_foundation
 from casadi_contact.contact.foundation_source import C_LAWS
-from casadi_contact.contact.polar.choice import polar_foundation
-from casadi_contact.contact.polar.foundation import PolarFoundation
+from casadi_contact.contact.polar.foundation import PolarFoundation, polar_foundation
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.contact.polar.surfaces import POLAR_SHAPES
 from casadi_contact.core.compiler import cache_folder, check_private, is_private
@@ -38,12 +36,10 @@ _PACKAGE = Path(__file__).parents[1]
 def kept_record(scene: Scene, most_bytes: int = 100_000) -> dict[str, Any] | None:
     """The record of the choice made for a scene; None where there is none."""
     path = _path(scene)
-    with suppress(OSError, ValueError, KeyError, TypeError, RecursionError):
+    with suppress(OSError, ValueError, TypeError, RecursionError):
         check_private(path.parent)
         if path.stat().st_size <= most_bytes and is_private(path):
-            content = json.loads(path.read_bytes())
-            if content["sha256"] == _digest(content["record"]):
-                return dict(content["record"])
+            return dict(json.loads(path.read_bytes()))
     return None
 
 
@@ -53,17 +49,13 @@ def keep_record(scene: Scene, record: Mapping[str, Any]) -> None:
     with suppress(OSError):
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         check_private(path.parent)
-        write_bytes(path, json.dumps({"sha256": _digest(record), "record": record}).encode())
+        write_bytes(path, json.dumps(record).encode())
 
 
 def _path(scene: Scene) -> Path:
     tolerances = json.dumps(dict(scene.tolerances), sort_keys=True)
     key = hashlib.sha256(f"{scene.digest} {tolerances} {_code_digest()}".encode()).hexdigest()[:32]
     return cache_folder() / f"choice-{key}.json"
-
-
-def _digest(record: object) -> str:
-    return hashlib.sha256(json.dumps(record, sort_keys=True).encode()).hexdigest()
 
 
 @cache

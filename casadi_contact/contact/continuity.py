@@ -10,7 +10,6 @@ import numpy as np
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.settle import settle
 from casadi_contact.core.conventions import POSE_IN_MM, Array, loads_of_total, pose_index
-from casadi_contact.core.quantities import two_digits
 
 
 def leaps(
@@ -36,18 +35,6 @@ def leaps(
     back[1:] = np.minimum(back[1:], left)
     back = np.maximum(back, np.median(steps, axis=0)) if count else back
     return np.asarray((steps > least) & (steps > times * np.minimum(usual, back)))
-
-
-def leaps_in_words(poses: Array, names: Sequence[str]) -> str:
-    """Which of the pose parameters named leap between which frames of poses (n, 6), and how far; "" where none does."""
-    steps, leaping, words = np.abs(np.diff(poses, axis=0)), leaps(poses), []
-    for name in names:
-        column = pose_index(name)
-        for k in np.flatnonzero(leaping[:, column]):
-            step = steps[k, column]
-            far = f"{two_digits(step)} mm" if name.startswith("t") else f"{two_digits(np.degrees(step))} degrees"
-            words.append(f"{name} by {far} from frame {k} to {k + 1}")
-    return ", ".join(words)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import casadi_contact as cc
 from casadi_contact.contact.approach import advance_to_contact, first_crossing, press_until
-from casadi_contact.contact.cup.foundation import CupFoundation
+from casadi_contact.contact.cup import CupFoundation
 from casadi_contact.contact.polar.foundation import PolarFoundation
 
 

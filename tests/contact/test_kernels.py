@@ -157,8 +157,16 @@ def test_sensitivities_of_an_integrator_are_the_derivatives_of_where_it_ends():
         np.testing.assert_allclose(ca.Function("s", [weight], [derivative])(500.0).full(), wanted, rtol=1e-4)
 
 
+HIP_FORCE = {"Fx": -100.0, "Fy": 1650.0, "Fz": 350.0}
 IN_IPOPT = {  # model, pose, free columns, wanted loads, start of the free ones
-    "knee": (lambda: cc.foundation("knee"), KNEE, [1, 3], {"Fy_med": -700.0, "Fy_lat": -500.0}, [26.8, 0.0]),
+    "knee": (
+        lambda: cc.PolarFoundation(cc.load_scene("knee"), RAYS),
+        KNEE,
+        [1, 3],
+        {"Fy_med": -700.0, "Fy_lat": -500.0},
+        [26.8, 0.0],
+    ),
+    "hip": (lambda: cc.CupFoundation(cc.load_scene("hip")), np.zeros(6), [0, 1, 2], HIP_FORCE, [69.98, -65.55, -83.91]),
     "shoulder": (
         lambda: cc.CellFoundation(cc.load_scene("glenohumeral"), SIZE),
         CUP_POSES[0],

@@ -85,6 +85,13 @@ def test_loads_on_the_moving_body_are_refused_before_poses_are_sought(joint):
     assert right()[1].converged.all()
 
 
+def test_loads_on_the_moving_body_are_refused_without_gaps_too():
+    scene, wrenches, _ = of_knee()
+    _, estimate = estimated(scene, lambda poses: -wrenches(poses), None)
+    with pytest.raises(ValueError, match="pulls"):
+        estimate()
+
+
 WRONG_TORQUES = {
     "in N·m, expected N·mm: return 1000 times": (1e-3, False),
     "of the wrong sign": (-1.0, False),
@@ -217,12 +224,15 @@ def test_a_model_without_loads_in_deep_overlap_loses_the_poses_that_want_them_an
 
 
 def test_settling_asks_for_loads_and_their_differences_once_for_each_step():
-    """13 evaluations of the user's function, one and two for each pose parameter, give Jacobian and root loads."""
+    """13 evaluations of the user's function, one and two for each pose parameter, give Jacobian and root loads. It may
+    write into the poses that it is given."""
     asked = []
 
     def counted(poses):
         asked.append(len(poses))
-        return own_contact.wrenches(poses)
+        found = own_contact.wrenches(poses)
+        poses[:] = 0.0
+        return found
 
     model, plain = (cc.CallableModel(own_contact.SCENE, f, own_contact.gaps) for f in (counted, own_contact.wrenches))
     poses, *_ = lifted(2)

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import casadi_contact as cc
-from casadi_contact.contact.polar.choice import pressed_poses
+from casadi_contact.contact.polar.foundation import pressed_poses
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.conventions import rotation
 from tests.support.ready_poses import KNEE, at

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 import casadi_contact as cc
 from casadi_contact.contact.convergence import NotGoodEnoughError
 from casadi_contact.contact.polar import quadrature
-from casadi_contact.contact.polar.choice import RayChoice, fraction_in_disagreement, pressed_poses
+from casadi_contact.contact.polar.foundation import RayChoice, fraction_in_disagreement, pressed_poses
 from casadi_contact.contact.polar.lines import Rays
 from tests.support.agreement import check_same_formulas
 from tests.support.compiler import needs_compiler

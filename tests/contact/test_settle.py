@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact.cup.foundation import CupFoundation
+from casadi_contact.contact.cup import CupFoundation
 from casadi_contact.core.conventions import LEVER_MM
 from casadi_contact.scenes.loading import scene_from_text
 from tests.support import two_spheres

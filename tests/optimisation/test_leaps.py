@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact.continuity import leaps, leaps_in_words
+from casadi_contact.contact.continuity import leaps
 from casadi_contact.optimisation import knee as knee_module
 from casadi_contact.optimisation import starts
-
-NAMES = ("tx", "ty", "tz", "rx")
 
 
 def walking(frames):
@@ -21,20 +19,14 @@ def walking(frames):
 
 @pytest.mark.parametrize("frames", [2, 3, 7, 15, 21, 101, 1001])
 def test_a_smooth_motion_does_not_leap_however_few_frames_it_has(frames):
-    poses = walking(frames)
-    assert not leaps(poses).any()
-    assert leaps_in_words(poses, NAMES) == ""
+    assert not leaps(walking(frames)).any()
 
 
 def test_a_change_of_branch_and_a_frame_on_another_one_are_found():
     poses = walking(101)
     poses[40:, 2] += 3.4
     poses[70, 3] += np.radians(5.0)
-    told = leaps_in_words(poses, NAMES)
-    assert (
-        told == "tz by 3.4 mm from frame 39 to 40, rx by 5 degrees from frame 69 to 70, "
-        "rx by 5 degrees from frame 70 to 71"
-    )
+    assert np.argwhere(leaps(poses)).tolist() == [[39, 2], [69, 3], [70, 3]]
 
 
 def test_frames_that_settle_on_another_branch_follow_their_neighbours(monkeypatch):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact.cup.foundation import CupFoundation
+from casadi_contact.contact.cup import CupFoundation
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.contact.symbolic import symbolic

@@ -8,7 +8,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.foundation import CellFoundation
-from casadi_contact.contact.cup.foundation import CupFoundation
+from casadi_contact.contact.cup import CupFoundation
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.conventions import POSE_NAMES, WRENCH_NAMES, angular_velocity_map, pose_index

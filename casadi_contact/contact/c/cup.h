@@ -1,4 +1,4 @@
-/* A ball in a spherical cup: the formulas of contact/cup/quadrature.py. e = (x, sqrt(1 - x^2) cos, sqrt(1 - x^2) sin)
+/* A ball in a spherical cup: the formulas of contact/cup.py. e = (x, sqrt(1 - x^2) cos, sqrt(1 - x^2) sin)
  * about b, the way from the cup's centre to the ball's. POINTS is a multiple of BLOCK. */
 #define BLOCKS (2 * POINTS / BLOCK) /* of points: whole circles, then arcs */
 #define PI 3.141592653589793

@@ -1,4 +1,4 @@
-/* Pressure moments of a ball in a cup: the formulas of contact/cup/quadrature.py. */
+/* Pressure moments of a ball in a cup: the formulas of contact/cup.py. */
 INLINE void turn_vector(const Place *p, const double x[3], double scale, double out[3]) {
   for (int i = 0; i < 3; i++) {
     out[i] = scale * (p->frame[0][i] * x[0] + p->frame[1][i] * x[1] + p->frame[2][i] * x[2]);

@@ -1,4 +1,4 @@
-/* Caps of a spot that other arcs press than the middle's: the formulas of contact/polar/caps.py. */
+/* Caps of a spot that other arcs press than the middle's: the formulas of contact/polar/lines.py. */
 
 /* The line in the chart on which a junction lies; half its length within the contact, 0 where there is none. */
 typedef struct {

@@ -1,22 +1,32 @@
-"""The elastic foundation of smooth shapes by polar quadrature, as a contact model, and its C (``c/polar.h``)."""
+"""The elastic foundation of smooth shapes by polar quadrature: as a contact model, as C (``c/polar.h``), and how many
+rays it needs.
+
+That is the fewest whose errors, against many more rays, stay within the scene's tolerances. Rays integrate one contact
+area within the rim; more rays cannot reveal a second one. Element grids can: they check that the converged rays are
+right at all.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from casadi_contact.contact.approach import press_until
 from casadi_contact.contact.compiled_foundation import CompiledFoundation
+from casadi_contact.contact.convergence import Errors, NotGoodEnoughError, cheapest, forces_tried, remedy
+from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
 from casadi_contact.contact.foundation_source import C_FOLDER, braces, definitions
 from casadi_contact.contact.model import PatchLoads
-from casadi_contact.contact.polar.caps import fan_angles
-from casadi_contact.contact.polar.lines import Rays, ray_angles
-from casadi_contact.contact.polar.peak import ACROSS
+from casadi_contact.contact.polar.lines import Rays, fan_angles, ray_angles
+from casadi_contact.contact.polar.peak import ACROSS, nearest, peak
 from casadi_contact.contact.polar.quadrature import OUTWARDS, RIM_STARTS, fits_closely, patch_loads, patch_moments
-from casadi_contact.contact.polar.surfaces import SmoothPatch, Torus, smooth_patches
+from casadi_contact.contact.polar.ray_hits import fixed_point
+from casadi_contact.contact.polar.surfaces import SmoothPatch, Torus, smooth_patches, u_range
 from casadi_contact.contact.pressure_law import law_of
-from casadi_contact.core.conventions import Array
+from casadi_contact.core.conventions import Array, evenly_spaced_indices, load_selection
 from casadi_contact.networks.kernel.source import c_text
 from casadi_contact.scenes.scene import Scene
 
@@ -121,3 +131,151 @@ class PolarFoundation(CompiledFoundation):
 
     def _patch_loads(self, R: Array, t: Array) -> list[PatchLoads]:
         return [patch_loads(patch, self.law, self.rays, R, t) for patch in self.patches]
+
+
+@dataclass(frozen=True)
+class RayChoice:
+    """Rays and points that are tried, what they are compared with, and how many poses of each patch decide."""
+
+    candidates: tuple[tuple[int, int], ...] = ((8, 3), (12, 3), (16, 3), (24, 3), (32, 4), (48, 5))
+    converged: tuple[int, int] = (96, 6)
+    poses: int = 256
+    elements: tuple[int, int] = (320, 160)  # of a patch
+    poses_on_elements: int = 128  # elements take their time
+    most_apart: float = 0.02  # of the poses: a few of a wide draw are no reason against a model that is right elsewhere
+
+
+def pressed_poses(
+    patch: SmoothPatch,
+    law: tuple[int, float, float],
+    loads_n: tuple[float, float],
+    count: int,
+    *,
+    beyond_deg: float = 25.0,
+    lean_deg: float = 5.0,
+    spin_deg: float = 10.0,
+) -> tuple[Array, Array]:
+    """Rotations (m, 3, 3) and translations (m, 3) of the body, m <= count, that press the patch within its rim.
+
+    The deepest point lies anywhere on the patch, faced by any place of the moving arcs, up to beyond_deg beyond their
+    outermost junctions, turned about its normal and leant a little. Forces spread evenly on a logarithmic scale between
+    loads_n [N]. Poses whose contact the rim cuts are left out.
+    """
+    beyond, most_lean, most_spin = np.deg2rad([beyond_deg, lean_deg, spin_deg])
+    random = np.random.default_rng(0)
+    v = random.uniform(*patch.rim.v, count)
+    low, high = u_range(patch, v)
+    u = low + (high - low) * random.random(count)
+    c, N, length = fixed_point(patch, u, v)
+    n = N / length[:, None]
+    junctions = np.arctan2(patch.arcs[:-1, 4], patch.arcs[:-1, 3])
+    first, last = (junctions[0], junctions[-1]) if len(junctions) else (0.0, 0.0)
+    angle = random.uniform(first - beyond, last + beyond, count)
+    lean, spin = random.uniform(-most_lean, most_lean, count), random.uniform(-most_spin, most_spin, count)
+    zero = np.zeros(count)
+    out = np.stack([np.sin(angle), -np.cos(angle), zero], -1)  # from the arc's axis
+    facing = np.cos(lean)[:, None] * out + np.sin(lean)[:, None] * [0.0, 0.0, 1.0]  # outward normal of the body
+    along = np.stack([np.cos(angle), np.sin(angle), zero], -1)
+    tangent = np.stack([np.ones(count), -N[:, 0], zero], -1)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    tangent = np.cos(spin)[:, None] * tangent + np.sin(spin)[:, None] * np.cross(n, tangent)
+    body = np.stack([along, facing, np.cross(along, facing)], -1)
+    R = np.stack([tangent, -n, np.cross(tangent, -n)], -1) @ np.swapaxes(body, 1, 2)
+    arc = patch.arcs[(angle[:, None] > junctions).sum(axis=1)]
+    point = np.column_stack([arc[:, :2], np.full(count, patch.centre_z)]) + arc[:, 2:3] * out
+    point += patch.tube_radius * facing
+    surface = c - np.einsum("nij,nj->ni", R, point)
+    turn = patch.turn.T
+
+    def loads_at(depth_mm: Array) -> PatchLoads:
+        return patch_loads(patch, law, Rays(16, 3), turn @ R, (surface - depth_mm[:, None] * n) @ turn.T)
+
+    def force_at(depth_mm: Array) -> Array:
+        return np.linalg.norm(loads_at(depth_mm).wrench[:, :3], axis=1)
+
+    depth, _ = press_until(force_at, np.geomspace(*loads_n, count), 0.01, rounds=4, most_change=30.0)
+    whole = ~loads_at(depth).cut
+    return (turn @ R)[whole], ((surface - depth[:, None] * n) @ turn.T)[whole]
+
+
+def fraction_in_disagreement(scene: Scene, pressed: list[tuple[Array, Array, Array]], choice: RayChoice) -> float:
+    """The share of poses in which some load differs from that of elements by more than one pose may be wrong
+    (`convergence.Errors`) and twice what elements half as fine differ by.
+
+    pressed: of each patch rotations (m, 3, 3), translations (m, 3) and wrenches (m, 6) by rays. Raises
+    NotGoodEnoughError where the share is larger than the choice allows.
+    """
+    nx, nz = choice.elements
+    fine, half = (ElasticFoundation(scene, grid) for grid in ((nx, nz), (nx // 2, nz // 2)))
+    selection = load_selection(scene.load_names, scene.patch_names)
+    apart: list[np.ndarray] = []
+    for p, (R, t, wrench) in enumerate(pressed):
+        if not len(t):
+            continue
+        poses = np.column_stack([t, Rotation.from_matrix(R).as_euler("XYZ")])
+        target, rough = (model.wrenches(poses)[:, p] for model in (fine, half))
+        forces_n = np.linalg.norm(target[:, :3], axis=1)
+        off, unsure = (np.abs((found - target) @ selection[:, p].T) for found in (wrench, rough))
+        errors = Errors(scene, np.maximum(off - 2.0 * unsure, 0.0), forces_n, np.zeros(len(t), dtype=bool))
+        apart.append(np.any(errors.of_allowed > 1.0, axis=1))
+    share = float(np.mean(np.concatenate(apart))) if apart else 0.0
+    if share > choice.most_apart:
+        raise NotGoodEnoughError(
+            f"scene {scene.name}: rays and {grid_text(choice.elements)} elements differ by more than tolerances allow "
+            f"in {share:.0%} of the poses that were tried, because they have several contact areas: {remedy(scene)}"
+        )
+    return share
+
+
+def polar_foundation(scene: Scene, *, compiled: bool = True, choice: RayChoice | None = None) -> PolarFoundation:
+    """The fewest rays that agree with converged ones within the scene's tolerances (`convergence.cheapest`), over poses
+    that press each patch anywhere within its rim. In some of them the converged ones have to agree with elements
+    (`fraction_in_disagreement`, "elements_apart" in the record)."""
+    choice = choice or RayChoice()
+    converged = PolarFoundation(scene, Rays(*choice.converged), compiled=False)
+    truth = _truth(converged, forces_tried(scene), choice.poses)
+    models = (PolarFoundation(scene, Rays(*rays), compiled=compiled) for rays in choice.candidates)
+    against = f"{converged.rays}, EF {grid_text(choice.elements)}"
+    model = cheapest(scene, models, lambda model: _errors(model, truth), model="polar quadrature", against=against)
+    pairs, count = zip(converged.patches, truth, strict=True), choice.poses_on_elements
+    apart = fraction_in_disagreement(scene, [_poses_for_elements(p, *found, count) for p, found in pairs], choice)
+    model.record |= {"rays": model.rays.count, "points": model.rays.points, "elements_apart": apart}
+    return model
+
+
+Truth = list[tuple[Array, Array, Array]]
+
+
+def _truth(model: PolarFoundation, range_n: tuple[float, float], count: int) -> Truth:
+    """Rotations, translations and converged wrenches (m, 6) of poses that press each patch; poses whose contact the rim
+    cuts between the few rays that found them are left out."""
+    found = []
+    for patch in model.patches:
+        R, t = pressed_poses(patch, model.law, range_n, count)
+        loads = patch_loads(patch, model.law, model.rays, R, t)
+        found.append((R[~loads.cut], t[~loads.cut], loads.wrench[~loads.cut]))
+    return found
+
+
+def _poses_for_elements(
+    patch: SmoothPatch, R: Array, t: Array, wrench: Array, count: int
+) -> tuple[Array, Array, Array]:
+    """Rotations, translations and wrenches of up to so many poses to be compared with elements, without those in which
+    the body's back meets the patch, which polar quadrature does not cover."""
+    few = evenly_spaced_indices(len(t), count)
+    R, t, wrench = R[few], t[few], wrench[few]
+    turned, place = patch.turn @ R, t @ patch.turn.T
+    local = peak(patch, turned, place).local
+    near = nearest(patch, turned, place, local.u, local.v)
+    front = (near.depth > 0.0) & (near.ends.cosine < patch.tuning.facing)
+    return R[front], t[front], wrench[front]
+
+
+def _errors(model: PolarFoundation, truth: Truth) -> Array:
+    """Errors of the named loads (poses, loads), each pose with one patch pressed."""
+    selection = load_selection(model.load_names, model.patch_names)
+    errors = []
+    for p, (patch, (R, t, wrench)) in enumerate(zip(model.patches, truth, strict=True)):
+        missed = patch_loads(patch, model.law, model.rays, R, t).wrench - wrench
+        errors.append(missed @ selection[:, p].T)
+    return np.concatenate(errors)

@@ -21,7 +21,7 @@ from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.contact.cells.source import cell_source
 from casadi_contact.contact.choice import foundation
 from casadi_contact.contact.compiled_foundation import CompiledFoundation
-from casadi_contact.contact.cup.foundation import CupFoundation
+from casadi_contact.contact.cup import CupFoundation
 from casadi_contact.contact.foundation_source import C_FOLDER
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.core.compiler import DATA_FILE, CompilerError

@@ -13,8 +13,7 @@ from casadi_contact.contact.cells.basis import Cells, hermite_products
 from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.contact.cells.patches import CellPatch, lay_cells, patch_charts
 from casadi_contact.contact.compiled_foundation import CompiledFoundation
-from casadi_contact.contact.cup.foundation import CupFoundation
-from casadi_contact.contact.cup.quadrature import Cup
+from casadi_contact.contact.cup import Cup, CupFoundation
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.ray_hits import fixed_point

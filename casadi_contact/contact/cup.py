@@ -1,4 +1,4 @@
-"""An elastic foundation of a ball in a spherical cup by quadrature over one angle, in NumPy.
+"""The elastic foundation of a ball in a spherical cup: quadrature over one angle, the rest in closed form.
 
 With b from the cup's centre to the ball's, directions e of the cup are written about b: e = (x, √(1-x²)·cos φ,
 √(1-x²)·sin φ), x the cosine of the angle to b. A ray from the cup of radius R along e leaves the ball of radius r at
@@ -17,14 +17,20 @@ there are those of x = middle - half·cos θ. The kernel in C (``c/cup.h``) foll
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from casadi_contact.contact.approach import press_until
+from casadi_contact.contact.compiled_foundation import CompiledFoundation
+from casadi_contact.contact.convergence import cheapest, forces_tried
+from casadi_contact.contact.foundation_source import C_FOLDER, definitions
 from casadi_contact.contact.model import PatchLoads
-from casadi_contact.contact.pressure_law import pressure_derivatives
+from casadi_contact.contact.pressure_law import law_of, pressure_derivatives
 from casadi_contact.contact.pressures import MOMENTS
 from casadi_contact.core.conventions import Array
+from casadi_contact.networks.kernel.source import c_text
 from casadi_contact.scenes.scene import Scene
 
 CUP_SHAPE = "ball_in_cup"
@@ -74,16 +80,6 @@ class Cap:
     s: Array
     w: Array
 
-    def first(self) -> Array:
-        """E1 (n, m, 3) in the axes of b."""
-        return first_moment(self.x, self.arc)
-
-
-def first_moment(x: Array, arc: Array) -> Array:
-    """E1 (..., 3) over half arcs, in the axes of b."""
-    across = np.sqrt(np.maximum(1.0 - x * x, 0.0))
-    return np.stack([2.0 * x * arc, 2.0 * across * np.sin(arc), np.zeros_like(x)], -1)
-
 
 def cap_of(cup: Cup, points: int, centres: Array) -> Cap:
     """Contact of balls with their centres (n, 3) in the fixed frame."""
@@ -102,53 +98,47 @@ def cap_of(cup: Cup, points: int, centres: Array) -> Cap:
 
 def cup_loads(cup: Cup, law: tuple[int, float, float], points: int, centres: Array) -> PatchLoads:
     """Evaluate a cup for balls with their centres (n, 3) in the fixed frame."""
-    cap, radius_2 = cap_of(cup, points, centres), cup.radius**2
-    p, dp = pressure_derivatives(*law, cap.s + cap.w - cup.radius)
-    first = cap.first()
-    force = radius_2 * np.einsum("nm,nmi->ni", cap.weight * p, first)
-    force = np.einsum("nki,nk->ni", cap.frame, force)
-    stiffness = radius_2 * np.einsum("nm,nmij->nij", cap.weight * dp, rates(cap, first))
-    stiffness = np.einsum("nki,nkl,nlj->nij", cap.frame, stiffness, cap.frame)
+    cap = cap_of(cup, points, centres)
+    force, stiffness = _force(cup, cap, *pressure_derivatives(*law, cap.s + cap.w - cup.radius))
     torque_stiffness = np.swapaxes(np.cross(cup.centre, np.swapaxes(stiffness, 1, 2)), 1, 2)
-    gap, gap_gradient = _gap(cup, cap)
     by_translation = np.concatenate([stiffness, torque_stiffness], 1)
+    way = cap.b - cup.radius * nearest_direction(cup, cap)
+    distance = np.linalg.norm(way, axis=1)
     return PatchLoads(
         np.concatenate([force, np.cross(cup.centre, force)], 1),
         np.concatenate([by_translation, np.zeros_like(by_translation)], 2),
-        gap,
-        np.concatenate([gap_gradient, np.zeros_like(gap_gradient)], 1),
+        distance - cup.ball_radius,
+        np.pad(way / distance[:, None], ((0, 0), (0, 3))),
         (cap.edge < 1.0) & (cap.edge < _rims(cup, cap.cos_tilt, cap.sin_tilt)[0]),
     )
 
 
-def rates(cap: Cap, first: Array) -> Array:
-    """∫e⊗∂d/∂b dφ (n, m, 3, 3)."""
+def _force(cup: Cup, cap: Cap, p: Array, dp: Array) -> tuple[Array, Array]:
+    """F (n, 3) and ∂F/∂b (n, 3, 3) of pressures and their slopes (n, m)."""
     x, arc, square = cap.x, cap.arc, np.maximum(1.0 - cap.x**2, 0.0)
-    second = np.zeros((*x.shape, 3, 3))
+    first, second = _first_moment(x, arc), np.zeros((*x.shape, 3, 3))
     second[..., 0, :] = x[..., None] * first
     second[..., 1, 0] = second[..., 0, 1]
     second[..., 1, 1] = square * (arc + np.sin(arc) * np.cos(arc))
     second[..., 2, 2] = square * (arc - np.sin(arc) * np.cos(arc))
-    rate = (1.0 + cap.s / cap.w)[..., None, None] * second
+    rate = (1.0 + cap.s / cap.w)[..., None, None] * second  # ∫e⊗∂d/∂b dφ
     rate[..., 0] -= (cap.length[:, None] / cap.w)[..., None] * first
-    return rate
+    force = np.einsum("nm,nmi,nij->nj", cap.weight * p, first, cap.frame)
+    stiffness = np.einsum("nki,nm,nmkl,nlj->nij", cap.frame, cap.weight * dp, rate, cap.frame, optimize=True)
+    return cup.radius**2 * force, cup.radius**2 * stiffness
 
 
-@dataclass(frozen=True)
-class Nodes:
-    """Gauss points (n,) on -1..1 and their weights: evenly treated ones for circles, cos θ for arcs."""
-
-    whole: Array
-    whole_weight: Array
-    arc: Array
-    arc_weight: Array
+def _first_moment(x: Array, arc: Array) -> Array:
+    """E1 (..., 3) over half arcs, in the axes of b."""
+    across = np.sqrt(np.maximum(1.0 - x * x, 0.0))
+    return np.stack([2.0 * x * arc, 2.0 * across * np.sin(arc), np.zeros_like(x)], -1)
 
 
-def nodes(points: int) -> Nodes:
-    """Points of both kinds."""
+def nodes(points: int) -> tuple[Array, Array, Array, Array]:
+    """Gauss points (n,) on -1..1 and their weights, for circles; cos θ and weights, for arcs."""
     x, weight = np.polynomial.legendre.leggauss(points)
     theta = 0.5 * np.pi * (1.0 + x)
-    return Nodes(x, weight, np.cos(theta), 0.5 * np.pi * weight * np.sin(theta))
+    return x, weight, np.cos(theta), 0.5 * np.pi * weight * np.sin(theta)
 
 
 def any_across(cup: Cup) -> Array:
@@ -183,18 +173,18 @@ def arcs_at(cup: Cup, cos_tilt: Array, sin_tilt: Array, x: Array) -> Array:
 
 def _points(cup: Cup, cos_tilt: Array, sin_tilt: Array, edge: Array, points: int) -> tuple[Array, Array, Array]:
     """x, weights and half arcs Φ (n, 2·points) of the quadrature."""
-    node = nodes(points)
+    on_circle, circle_weight, on_arc, arc_weight = nodes(points)
     begin, end = _rims(cup, cos_tilt, sin_tilt)
     inside = cos_tilt > np.cos(cup.half_angle)
     low = np.maximum(edge, np.where(inside, begin, 1.0))[:, None]
-    whole = 0.5 * (1.0 + low) + 0.5 * (1.0 - low) * node.whole
+    whole = 0.5 * (1.0 + low) + 0.5 * (1.0 - low) * on_circle
     upper = np.maximum(edge, begin)[:, None]
     lower = np.maximum(edge, end)[:, None]
     half = 0.5 * (upper - lower)
-    cut = upper - half * (1.0 + node.arc)
+    cut = upper - half * (1.0 + on_arc)
     arc = arcs_at(cup, cos_tilt[:, None], sin_tilt[:, None], cut)
     x = np.concatenate([whole, cut], 1)
-    weights = np.concatenate([0.5 * (1.0 - low) * node.whole_weight, half * node.arc_weight], 1)
+    weights = np.concatenate([0.5 * (1.0 - low) * circle_weight, half * arc_weight], 1)
     return x, weights, np.concatenate([np.full_like(whole, np.pi), arc], 1)
 
 
@@ -208,44 +198,33 @@ def nearest_direction(cup: Cup, cap: Cap) -> Array:
     return np.where((cap.cos_tilt < np.cos(cup.half_angle))[:, None], on_rim, cap.frame[:, 0])
 
 
-def _gap(cup: Cup, cap: Cap) -> tuple[Array, Array]:
-    """Distance of the ball from the cup within its rim (n,), and its derivatives by b (n, 3)."""
-    way = cap.b - cup.radius * nearest_direction(cup, cap)
-    distance = np.linalg.norm(way, axis=1)
-    return distance - cup.ball_radius, way / distance[:, None]
-
-
 def cup_moments(cup: Cup, law: tuple[int, float, float], points: int, centres: Array) -> tuple[Array, Array]:
     """Moments (n, 6) of balls with their centres (n, 3), and their derivatives by the centre (n, 6, 3)."""
     cap, radius_2 = cap_of(cup, points, centres), cup.radius**2
     p, dp = pressure_derivatives(*law, cap.s + cap.w - cup.radius)
-    first, zero = cap.first(), np.zeros((len(centres), MOMENTS))
-    value, slope = zero, np.zeros((len(centres), MOMENTS, 3))
-    to_fixed = cap.frame
-    force = np.einsum("nm,nmi,nij->nj", cap.weight * p, first, to_fixed)
-    stiffness = np.einsum("nki,nm,nmkl,nlj->nij", to_fixed, cap.weight * dp, rates(cap, first), to_fixed)
+    force, stiffness = _force(cup, cap, p, dp)
+    value, slope = np.zeros((len(centres), MOMENTS)), np.zeros((len(centres), MOMENTS, 3))
     value[:, 0] = 2.0 * radius_2 * np.sum(cap.weight * cap.arc, axis=1)
     value[:, 1] = 2.0 * radius_2 * np.sum(cap.weight * p * cap.arc, axis=1)
-    value[:, 2:5] = value[:, 1:2] * cup.centre + cup.radius**3 * force
-    slope[:, 0] = _area_gradient(cup, cap)
-    rise = 1.0 + cap.s / cap.w
-    along = rise[..., None] * first
-    along[..., 0] -= 2.0 * cap.arc * cap.length[:, None] / cap.w
-    slope[:, 1] = radius_2 * np.einsum("nm,nmi,nij->nj", cap.weight * dp, along, to_fixed)
-    slope[:, 2:5] = cup.centre[:, None] * slope[:, 1:2] + cup.radius**3 * stiffness
+    value[:, 2:5] = value[:, 1:2] * cup.centre + cup.radius * force
+    # The area by d_b over the edge of contact: R²/|d_x| ∫d_b dφ
+    w = np.maximum(cup.radius - cap.length * cap.edge, cup.least_sine)
+    edge_arc = arcs_at(cup, cap.cos_tilt, cap.sin_tilt, cap.edge)
+    at_edge = _along_b(cap.edge, edge_arc, cup.radius / w, cap.length / w)
+    slope[:, 0] = np.einsum("ni,nij->nj", cup.radius * w[:, None] / cap.length[:, None] * at_edge, cap.frame)
+    along = _along_b(cap.x, cap.arc, 1.0 + cap.s / cap.w, cap.length[:, None] / cap.w)
+    slope[:, 1] = radius_2 * np.einsum("nm,nmi,nij->nj", cap.weight * dp, along, cap.frame)
+    slope[:, 2:5] = cup.centre[:, None] * slope[:, 1:2] + cup.radius * stiffness
     value[:, 5], slope[:, 5] = _largest_depth(cup, cap)
     loaded = value[:, 1] > 0.0
     return np.where(loaded[:, None], value, 0.0), np.where(loaded[:, None, None], slope, 0.0)
 
 
-def _area_gradient(cup: Cup, cap: Cap) -> Array:
-    """R²/|d_x| ∫d_b dφ (n, 3) over the edge of contact."""
-    w = np.maximum(cup.radius - cap.length * cap.edge, cup.least_sine)
-    rise, lean = cup.radius / w, cap.length / w
-    arc = arcs_at(cup, cap.cos_tilt, cap.sin_tilt, cap.edge)
-    along = rise[:, None] * first_moment(cap.edge, arc)
-    along[:, 0] -= 2.0 * lean * arc
-    return np.einsum("ni,nij->nj", cup.radius**2 / (cap.length * rise)[:, None] * along, cap.frame)
+def _along_b(x: Array, arc: Array, rise: Array, lean: Array) -> Array:
+    """∫∂d/∂b dφ (..., 3) = rise·E1 - lean·∫dφ·b/|b| over half arcs, in the axes of b."""
+    along = rise[..., None] * _first_moment(x, arc)
+    along[..., 0] -= 2.0 * lean * arc
+    return along
 
 
 def _largest_depth(cup: Cup, cap: Cap) -> tuple[Array, Array]:
@@ -254,3 +233,105 @@ def _largest_depth(cup: Cup, cap: Cap) -> tuple[Array, Array]:
     s = np.sum(e * cap.b, axis=1)
     w = np.sqrt(np.maximum(cup.ball_radius**2 - cap.length**2 + s * s, cup.least_sine))
     return s + w - cup.radius, (1.0 + s / w)[:, None] * e - cap.b / w[:, None]
+
+
+def cup_source(cup: Cup, points: int) -> str:
+    """Tables of the cup and `patch_loads`."""
+    numbers = {
+        "POINTS": points,
+        "BALL_RADIUS": cup.ball_radius,
+        "CUP_RADIUS": cup.radius,
+        "RIM_COS": float(np.cos(cup.half_angle)),
+        "RIM_SIN": float(np.sin(cup.half_angle)),
+        "LEAST_MM": cup.least_mm,
+        "LEAST_SINE": cup.least_sine,
+    }
+    on_circle, circle_weight, on_arc, arc_weight = nodes(points)
+    tables = {
+        "cup_pole[3]": cup.pole,
+        "cup_centre[3]": cup.centre,
+        "cup_beside[3]": any_across(cup),
+        "whole_node[POINTS]": on_circle,
+        "whole_weight[POINTS]": circle_weight,
+        "arc_node[POINTS]": on_arc,
+        "arc_weight[POINTS]": arc_weight,
+    }
+    return "\n".join([*definitions(numbers, tables), c_text("cup.h", C_FOLDER)])
+
+
+class CupFoundation(CompiledFoundation):
+    """Elastic foundation of a ball in a cup with its rim, integrated over one angle: nothing of it is a grid.
+
+    points: on whole circles about the deepest point and on those that the rim cuts, a multiple of 4. Raises ValueError
+    for another number, or a scene of another shape than `CUP_SHAPE`.
+    """
+
+    def __init__(self, scene: Scene, points: int = 12, *, compiled: bool = True) -> None:
+        super().__init__(scene, compiled=compiled)
+        if points < 4 or points % 4:
+            raise ValueError(f"points = {points}, expected a multiple of 4")
+        self.points = points
+        self.cup = cup_of(scene)
+        self.law = law_of(scene.material)
+
+    @property
+    def resolution(self) -> str:
+        """Points of the quadrature."""
+        return f"{self.points} points"
+
+    def _patch_source(self) -> str:
+        return cup_source(self.cup, self.points)
+
+    def _moments_source(self) -> str:
+        return c_text("cup_pressures.h", C_FOLDER)
+
+    def _moments_by_twist(self, R: Array, t: Array) -> tuple[Array, Array]:
+        value, by_centre = cup_moments(self.cup, self.law, self.points, t)
+        return value[:, None], np.concatenate([by_centre, np.zeros_like(by_centre)], -1)[:, None]
+
+    def _patch_loads(self, R: Array, t: Array) -> list[PatchLoads]:
+        return [cup_loads(self.cup, self.law, self.points, t)]
+
+
+def cup_foundation(
+    scene: Scene,
+    *,
+    compiled: bool = True,
+    candidates: Sequence[int] = (12, 16, 24, 32, 48),
+    converged_points: int = 96,
+) -> CupFoundation:
+    """The fewest points that agree with converged ones within the scene's tolerances (`convergence.cheapest`), over
+    poses that press the cup from its deepest point to its rim, which cuts contact then.
+
+    With fewer than 12 points derivatives differ from differences of loads where the rim cuts contact.
+    """
+    converged = CupFoundation(scene, converged_points, compiled=False)
+    poses = _pressed_poses(converged, forces_tried(scene))
+    truth = converged(poses)
+    models = (CupFoundation(scene, points, compiled=compiled) for points in candidates)
+
+    def errors(model: CupFoundation) -> Array:
+        plain = CupFoundation(scene, model.points, compiled=False)
+        return np.asarray(plain(poses) - truth)
+
+    model = cheapest(scene, models, errors, model="quadrature of a cup", against=f"{converged_points} points")
+    model.record["points"] = model.points
+    return model
+
+
+def _pressed_poses(model: CupFoundation, range_n: tuple[float, float], count: int = 256) -> Array:
+    """Poses (m, 6) at all angles of the cup, whose forces spread evenly on a logarithmic scale [N]."""
+    cup, random = model.cup, np.random.default_rng(0)
+    tilt, around = cup.half_angle * random.random(count), random.uniform(0.0, 2.0 * np.pi, count)
+    first = any_across(cup)
+    beside = np.cos(around)[:, None] * first + np.sin(around)[:, None] * np.cross(cup.pole, first)
+    along = np.cos(tilt)[:, None] * cup.pole + np.sin(tilt)[:, None] * beside
+
+    def at(depth_mm: Array) -> Array:
+        centres = cup.centre + (cup.radius - cup.ball_radius + depth_mm)[:, None] * along
+        return np.column_stack([centres, np.zeros((count, 3))])
+
+    def force_at(depth_mm: Array) -> Array:
+        return np.linalg.norm(model.wrenches(at(depth_mm))[:, 0, :3], axis=1)
+
+    return at(press_until(force_at, np.geomspace(*range_n, count), 0.01, most_change=30.0)[0])

@@ -1,1 +1,0 @@
-"""A ball in a spherical cup: quadrature over one angle, the rest in closed form."""
