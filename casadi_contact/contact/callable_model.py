@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.contact.approach import first_crossing
-from casadi_contact.contact.model import ContactModel, overlaps_without_load, signed_roots
+from casadi_contact.contact.model import WrenchLoads, overlaps_without_load, signed_roots
 from casadi_contact.core.conventions import (
     Array,
     angular_velocity_map,
     check_above_zero,
-    load_jacobian,
     load_selection,
     pose_or_poses,
     pose_text,
@@ -24,7 +23,7 @@ from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.scenes.scene import Scene
 
 
-class CallableModel(ContactModel):
+class CallableModel(WrenchLoads):
     """A user's own ``wrenches(poses) -> (n, patches, 6)`` as a contact model.
 
     Derivatives are central differences (steps in mm and rad). gaps, if given, is the user's ``gaps(poses) -> (n,
@@ -34,8 +33,6 @@ class CallableModel(ContactModel):
     magnitude of a force) needs gaps. What these functions raise goes on, with a note of the pose. Raises ValueError for
     steps and a reach that are not finite and above 0.
     """
-
-    has_wrenches = has_gaps = True
 
     def __init__(
         self,
@@ -67,11 +64,6 @@ class CallableModel(ContactModel):
         wrenches = self._call_user_function("wrenches", self._wrenches, poses, (len(self.patch_names), 6))
         return np.where(np.isfinite(wrenches), wrenches, np.nan)
 
-    @pose_or_poses
-    def __call__(self, poses: Array) -> Array:
-        """Named loads (n, loads)."""
-        return np.einsum("lpk,npk->nl", self._selection, self.wrenches(poses))
-
     def _call_user_function(
         self, what: str, function: Callable[[Array], ArrayLike], poses: Array, columns: tuple[int, ...]
     ) -> Array:
@@ -100,16 +92,11 @@ class CallableModel(ContactModel):
         return np.moveaxis(plus - minus, 1, -1) / (2.0 * self._steps)
 
     @pose_or_poses
-    def jacobian(self, poses: Array) -> tuple[Array, Array]:
-        """Named loads and their central-difference derivatives (n, loads, 6)."""
-        return load_jacobian(self._selection, *self.wrench_jacobian(poses))
-
-    @pose_or_poses
     def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Wrenches (n, patches, 6) and their central-difference derivatives by the pose (n, patches, 6, 6).
 
-        The last ones are kept: `jacobian` and `root_loads` at the same poses, as a settling asks for both, cost the
-        user's function one evaluation of each.
+        The last ones are kept: `jacobian` and `root_loads` at the same poses cost the user's function one evaluation of
+        each.
         """
         last = self._last
         if last is None or not np.array_equal(last[0], poses):
@@ -132,7 +119,7 @@ class CallableModel(ContactModel):
                     "lies opposite)"
                 )
             return gaps
-        directions = np.stack(self._directions())
+        directions = self._directions()
         free = normal_forces(self.scene.normal_loads, self.wrenches(poses)) <= 0.0
         rows, patches = np.nonzero(free)
         pressed = partial(self._carries_load, poses[rows], patches, directions[patches])
@@ -165,44 +152,37 @@ class CallableModel(ContactModel):
         at = pose_text(poses[row], self.patch_names)
         return f"gap {gaps[row, patch]:g} mm of {self.patch_names[patch]} at {at}"
 
-    def _directions(self) -> list[Array]:
-        """Unit vectors (3,) along which each patch is pressed."""
-        directions = [load.direction for load in self.scene.normal_loads]
-        if any(direction is None for direction in directions):
+    def _directions(self) -> Array:
+        """Unit vectors (patches, 3) along which each patch is pressed."""
+        directions = [load.direction for load in self.scene.normal_loads if load.direction is not None]
+        if len(directions) < len(self.patch_names):
             raise ValueError(
                 f"scene {self.scene.name}: a normal load without direction needs the model's gaps: "
                 "CallableModel(scene, wrenches, gaps)"
             )
-        return [direction for direction in directions if direction is not None]
+        return np.stack(directions)
 
-    @pose_or_poses
-    def root_loads(self, poses: Array) -> tuple[Array, Array]:
-        """Signed root loads: √(N/N0) in contact, -gap_slope·gap (see the class) where a patch carries no load.
-
-        Raises ValueError for `overlaps_without_load`, naming the pose.
-        """
+    def _wrenches_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
+        """Raises ValueError for `overlaps_without_load`, naming the pose."""
         wrenches, jacobian = self.wrench_jacobian(poses)
 
         def gaps(rows: np.ndarray) -> tuple[Array, Array]:
-            found = self.gaps(poses[rows])
+            found, by_pose = self._gap_jacobian(poses[rows])
             if len(wrong := np.argwhere(overlaps_without_load(wrenches[rows], found))):
                 raise ValueError(
                     f"the contact model returned the {self._gap_text(poses[rows], found, *wrong[0])}, where it "
                     "returned no load, expected a gap above 0: is its sign the wrong way round?"
                 )
-            return found, self._gap_jacobian(poses[rows])
+            return found, by_pose
 
-        return signed_roots(self.scene, wrenches, jacobian, gaps)
+        return wrenches, jacobian, *signed_roots(self.scene, wrenches, jacobian, gaps)
 
-    def _gap_jacobian(self, poses: Array) -> Array:
-        """Derivatives (n, patches, 6) of the gaps: differences of the user's, else by the motion of the anchors."""
+    def _gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
+        """Gaps, with differences of the user's, else by the motion of the anchors."""
+        gaps = self.gaps(poses)
         if self._gaps is not None:
-            return self._differences(self.gaps, poses)
-        jacobian = np.zeros((len(poses), len(self.patch_names), 6))
-        turn, rotations = angular_velocity_map(poses[:, 3:]), rotation(poses[:, 3:])
-        for p, (anchor, along) in enumerate(zip(self.scene.anchors_mm, self._directions(), strict=True)):
-            # The gap of a patch closes with the motion of its anchor, so a turn of the body closes it too.
-            arm = rotations @ anchor
-            jacobian[:, p, :3] = -along
-            jacobian[:, p, 3:] = -np.cross(np.swapaxes(turn, 1, 2), arm[:, None, :]) @ along
-        return jacobian
+            return gaps, self._differences(self.gaps, poses)
+        # The gap of a patch closes with the motion of its anchor, so a turn of the body closes it too.
+        along = np.broadcast_to(self._directions(), (len(poses), len(self.patch_names), 3))
+        arms = np.einsum("nij,pj->npi", rotation(poses[:, 3:]), self.scene.anchors_mm)
+        return gaps, -np.concatenate([along, np.cross(arms, along) @ angular_velocity_map(poses[:, 3:])], axis=2)

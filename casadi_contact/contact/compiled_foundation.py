@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.contact.approach import touching_start
-from casadi_contact.contact.foundation_source import C_FOLDER, C_LAWS, FoundationKernel
-from casadi_contact.contact.model import PatchLoads, WrenchLoads, signed_roots
+from casadi_contact.contact.foundation_source import C_FOLDER, C_LAWS, kernel_source
+from casadi_contact.contact.model import PatchLoads, WrenchLoads, signed_roots, with_loads
 from casadi_contact.contact.pressures import MOMENTS, PressureOutputs
-from casadi_contact.contact.symbolic import check_parameters, contact_callback, model_callback, parametric_function
+from casadi_contact.contact.symbolic import check_parameters, model_callback, parametric_function
 from casadi_contact.core.compiler import CompilerError, call_in_shares, shared_library, warn_once
 from casadi_contact.core.conventions import (
     Array,
@@ -99,7 +99,7 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
     @pose_or_poses
     def wrenches(self, poses: Array) -> Array:
         """Wrench of each patch on the fixed body (n, patches, 6) [N, N·mm], for poses (n, 6)."""
-        return self._wrenches(poses, jacobian=False)[0]
+        return self._evaluate(poses).wrench
 
     @pose_or_poses
     def jacobian(self, poses: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
@@ -118,7 +118,8 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
     @pose_or_poses
     def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Wrenches (n, patches, 6) and their derivatives by the pose (n, patches, 6, 6)."""
-        return self._wrenches(poses, jacobian=True)[:2]
+        found = self._evaluate(poses, slopes=True)
+        return found.wrench, found.stiffness
 
     @pose_or_poses
     def hessian(self, poses: Array, weights: ArrayLike, loads: Iterable[str] | None = None) -> Array:
@@ -148,7 +149,7 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
     @pose_or_poses
     def at_edge(self, poses: Array) -> np.ndarray:
         """True (n, patches) where contact reaches a patch's rim: part of it may lie beyond."""
-        return self._wrenches(poses, jacobian=False)[2]
+        return self._evaluate(poses).cut
 
     def pressure_moments(self, poses: Array) -> tuple[Array, Array]:
         """Moments (n, P, 6) and their derivatives by the pose (n, P, 6, 6), see `contact.pressures`."""
@@ -179,22 +180,10 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
         inputs, batch = check_parameters(parameters, self.scene.material), checked_batch(batch)
         if not inputs:
             return super().function(loads, name, compiled=compiled, batch=batch)
-        wrenches = self._wrench_function(name_of_wrenches(check_name(name)), compiled is not False)
-        function = parametric_function(name, inputs, self.scene.material, self._rows(loads), wrenches)
-        return function if batch is None else function.map(batch)
-
-    def _wrench_function(self, name: str, compiled: bool) -> ca.Function:
-        """casadi.Function pose (6) -> wrenches of all patches (6·P)."""
         names = wrench_names(self.patch_names)
-        path = self._kernel(name, names, ("loads",)) if compiled else None
-        if path is not None:
-            return ca.external(name, str(path))
-
-        def wrenches(poses: Array) -> tuple[Array, Array]:
-            values, jacobian, _ = self._wrenches(poses, jacobian=True)
-            return values.reshape(len(poses), -1), jacobian.reshape(len(poses), -1, 6)
-
-        return contact_callback(name, [("loads", len(names), wrenches)])
+        of_patches = self._function(name_of_wrenches(check_name(name)), names, ("loads",), compiled is not False, None)
+        function = parametric_function(name, inputs, self.scene.material, self._rows(loads), of_patches)
+        return function if batch is None else function.map(batch)
 
     def _export_name(self) -> str:
         """Of the scene: knee_foundation; with the scene's digest unless it is a ready-made one as it comes."""
@@ -207,10 +196,7 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
         if self.scene.material.law not in C_LAWS:
             raise ValueError(f"the pressure law {self.scene.material.law!r} has no C, expected {' or '.join(C_LAWS)}")
         names, patches = self.check_loads(loads), len(self.patch_names)
-        kernel = FoundationKernel(self.scene, names, self._patch_source(), self.lanes)
-        source = kernel.source(loads=len(names), roots=patches)
-        wrenches = replace(kernel, loads=wrench_names(self.patch_names))
-        texts = [source, roots_source(range(patches + 1)), c_text("export.h", C_FOLDER)]
+        texts = [self._source(names, patches), roots_source(range(patches + 1)), c_text("export.h", C_FOLDER)]
         texts += [self._moments_source(), c_text("pressure_outputs.h", C_FOLDER)]
         return ExportedModel(
             name=self._export_name(),
@@ -224,7 +210,7 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
             description=f"Contact loads of the scene {self.scene.name}, elastic foundation {self!r}.",
             vectors=True,
             data=self._patch_data(),
-            wrench_source=wrenches.source(loads=6 * patches, roots=0),
+            wrench_source=self._source(wrench_names(self.patch_names), 0),
             pressure_names=self.pressure_names,
         )
 
@@ -246,7 +232,10 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
         path = self._kernel(symbol, loads, outputs, batch or 1) if compiled else None
         if path is not None:
             return ca.external(symbol, str(path))
-        return model_callback(self, name, loads, outputs, batch)
+        return model_callback(with_loads(self, loads), name, loads, outputs, batch)
+
+    def _source(self, loads: Sequence[str], roots: int) -> str:
+        return kernel_source(self.scene, loads, roots, self._patch_source(), self.lanes)
 
     def _kernel(
         self, name: str, loads: Sequence[str], outputs: Sequence[str], batch: int = 1, more: str = ""
@@ -259,8 +248,7 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
             return None
         sizes = {"loads": len(loads), "roots": len(self.patch_names)}
         lengths = {key: sizes[key] for key in outputs}
-        kernel = FoundationKernel(self.scene, loads, self._patch_source(), self.lanes)
-        source = kernel.source(loads=lengths.get("loads", 0), roots=lengths.get("roots", 0))
+        source = self._source(loads if "loads" in outputs else (), lengths.get("roots", 0))
         check_unused(name, f"{source}\n{casadi_interface({UNNAMED: lengths}, batch)}")
         texts = [
             source,
@@ -280,38 +268,36 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
         """The kernel for arrays of poses: the one that `load_and_root_function` takes."""
         return self._kernel(BOTH, self.load_names, ("loads", "roots"))
 
-    def _wrenches(self, poses: Array, *, jacobian: bool) -> tuple[Array, Array, np.ndarray]:
-        """Wrenches (n, P, 6), d wrench/d pose (n, P, 6, 6) if asked for, cut by the rim (n, P)."""
+    def _evaluate(self, poses: Array, *, wrenches: bool = True, slopes: bool = False, gaps: bool = False) -> PatchLoads:
+        """All patches in n poses: wrench (n, P, 6), gap (n, P), their derivatives by the pose, cut (n, P).
+
+        Derivatives of wrenches with slopes; gaps where a patch carries no load, and everywhere without wrenches. The
+        rest is undefined.
+        """
         if self._library is None:
             patches = self._patch_loads(rotation(poses[:, 3:]), poses[:, :3])
-            wrenches, by_twist = (np.stack([getattr(p, name) for p in patches], 1) for name in ("wrench", "stiffness"))
-            cut = np.stack([p.cut for p in patches], 1)
-            return wrenches, twist_to_pose_gradient(by_twist, poses), cut
+            found = PatchLoads(*(np.stack([getattr(p, part.name) for p in patches], 1) for part in fields(PatchLoads)))
+            by_pose = (twist_to_pose_gradient(of, poses) for of in (found.stiffness, found.gap_gradient))
+            return PatchLoads(found.wrench, next(by_pose), found.gap, next(by_pose), found.cut)
         shape = (len(poses), len(self.patch_names))
-        wrenches, cut = np.empty((*shape, 6)), np.empty(shape, dtype=np.int32)
-        by_pose = np.empty((*shape, 6, 6)) if jacobian else None
-        call_in_shares(self._library, "foundation_wrenches", poses, wrenches, by_pose, cut, None, None)
-        return wrenches, np.empty(0) if by_pose is None else by_pose, cut.astype(bool)
+        wrench, cut = np.empty((*shape, 6)), np.zeros(shape, dtype=np.int32)
+        stiffness = np.empty((*shape, 6, 6) if slopes else (0,))
+        gap, gradient = np.zeros(shape), np.zeros((*shape, 6))
+        asked = [wrench if wrenches else None, stiffness if slopes else None, cut]
+        call_in_shares(self._library, "foundation_loads", poses, *asked, *((gap, gradient) if gaps else (None, None)))
+        return PatchLoads(wrench, stiffness, gap, gradient, cut.astype(bool))
 
     def _wrenches_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
-        if self._library is None:
-            return super()._wrenches_and_roots(poses)
-        shape = (len(poses), len(self.patch_names))
-        wrenches, jacobian, cut = np.empty((*shape, 6)), np.empty((*shape, 6, 6)), np.empty(shape, dtype=np.int32)
-        gaps, gap_jacobian = np.zeros(shape), np.zeros((*shape, 6))
-        call_in_shares(self._library, "foundation_wrenches", poses, wrenches, jacobian, cut, gaps, gap_jacobian)
-        roots = signed_roots(self.scene, wrenches, jacobian, lambda rows: (gaps[rows], gap_jacobian[rows]))
-        return wrenches, jacobian, *roots
+        found = self._evaluate(poses, slopes=True, gaps=True)
+
+        def gaps(rows: np.ndarray) -> tuple[Array, Array]:
+            return found.gap[rows], found.gap_gradient[rows]
+
+        return found.wrench, found.stiffness, *signed_roots(self.scene, found.wrench, found.stiffness, gaps)
 
     def _gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
-        if self._library is None:
-            patches = self._patch_loads(rotation(poses[:, 3:]), poses[:, :3])
-            by_twist = np.stack([p.gap_gradient for p in patches], 1)
-            return np.stack([p.gap for p in patches], 1), twist_to_pose_gradient(by_twist, poses)
-        shape = (len(poses), len(self.patch_names))
-        gaps, jacobian = np.empty(shape), np.empty((*shape, 6))
-        call_in_shares(self._library, "foundation_gaps", poses, gaps, jacobian)
-        return gaps, jacobian
+        found = self._evaluate(poses, wrenches=False, gaps=True)
+        return found.gap, found.gap_gradient
 
     @cached_property
     def _pressure_library(self) -> Path | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
 from casadi_contact.contact.pressure_law import layer_modulus
 from casadi_contact.core.conventions import load_selection
@@ -15,43 +14,34 @@ C_LAWS = ("linear", "log")
 C_FOLDER = "casadi_contact.contact.c"
 
 
-@dataclass(frozen=True)
-class FoundationKernel:
-    """Kernel of a scene's loads: `patch_source` defines ``patch_loads`` for its patches (see ``c/foundation.h``), with
-    up to `lanes` numbers in a vector."""
-
-    scene: Scene
-    loads: Sequence[str]
-    patch_source: str
-    lanes: int = 4
-
-    def source(self, *, loads: int, roots: int) -> str:
-        """C99 up to guarded_value, _jacobian, _hessian and _batch, all of them static."""
-        scene, material = self.scene, self.scene.material
-        selection = load_selection(self.loads, scene.patch_names)
-        sizes = {
-            **{"LOADS": loads, "ROOTS": roots, "PATCHES": len(scene.patch_names)},
-            **_law_sizes(material),
-            "MOST_LANES": self.lanes,
-            **{"REFERENCE_LOAD": float(scene.reference_load), "GAP_SLOPE": float(scene.gap_slope)},
-        }
-        picked = ", ".join(f"{{{', '.join(map(braces, selection[:, p]))}}}" for p in range(len(scene.patch_names)))
-        components = ", ".join(str(-1 if n.index is None else n.index) for n in scene.normal_loads)
-        return "\n".join(
-            [
-                *definitions(sizes),
-                c_text("core.h"),
-                c_text("pose.h"),
-                f"static const double selection[PATCHES][LOADS + 1][6] = {{{picked}}};",
-                f"static const int normal_component[PATCHES] = {{{components}}};",
-                f"static const double normal_sign[PATCHES] = {braces(n.sign for n in scene.normal_loads)};",
-                c_text("lanes.h", C_FOLDER),
-                c_text("foundation.h", C_FOLDER),
-                self.patch_source,
-                c_text("kernel.h", C_FOLDER),
-                c_text("guards.h"),
-            ]
-        )
+def kernel_source(scene: Scene, loads: Sequence[str], roots: int, patch_source: str, lanes: int) -> str:
+    """C99 of a scene's named loads and root loads (of all patches, or 0), up to guarded_value, _jacobian, _hessian and
+    _batch, all of them static. patch_source defines ``patch_loads`` (see ``c/foundation.h``), with up to `lanes`
+    numbers in a vector."""
+    selection = load_selection(loads, scene.patch_names)
+    sizes = {
+        **{"LOADS": len(loads), "ROOTS": roots, "PATCHES": len(scene.patch_names)},
+        **_law_sizes(scene.material),
+        "MOST_LANES": lanes,
+        **{"REFERENCE_LOAD": float(scene.reference_load), "GAP_SLOPE": float(scene.gap_slope)},
+    }
+    picked = ", ".join(f"{{{', '.join(map(braces, selection[:, p]))}}}" for p in range(len(scene.patch_names)))
+    components = ", ".join(str(-1 if n.index is None else n.index) for n in scene.normal_loads)
+    return "\n".join(
+        [
+            *definitions(sizes),
+            c_text("core.h"),
+            c_text("pose.h"),
+            f"static const double selection[PATCHES][LOADS + 1][6] = {{{picked}}};",
+            f"static const int normal_component[PATCHES] = {{{components}}};",
+            f"static const double normal_sign[PATCHES] = {braces(n.sign for n in scene.normal_loads)};",
+            c_text("lanes.h", C_FOLDER),
+            c_text("foundation.h", C_FOLDER),
+            patch_source,
+            c_text("kernel.h", C_FOLDER),
+            c_text("guards.h"),
+        ]
+    )
 
 
 def law_source(material: Material) -> str:

@@ -149,7 +149,7 @@ class PatchLoads:
 
 
 class WrenchLoads(ContactModel):
-    """What such a model's wrenches make of the scene's loads; selection (loads, patches, 6) picks the named ones."""
+    """What a model's wrenches make of the scene's loads; selection (loads, patches, 6) picks the named ones."""
 
     _selection: Array
     has_wrenches = has_gaps = True

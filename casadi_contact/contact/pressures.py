@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -94,21 +94,6 @@ class PressureSummary:
             centre[here] = force @ at.centres_mm / force.sum()
         return cls(area, mean, largest, deepest, centre)
 
-    def named(self, patch_names: Sequence[str]) -> dict[str, Array]:
-        """Each quantity (n,) by its name (`quantities`): contact_area_med, ..., penetration_lat."""
-        values = [self.area_mm2, self.mean_mpa, self.largest_mpa, *np.moveaxis(self.centre_mm, -1, 0)]
-        values.append(self.penetration_mm)
-        return {
-            pressure_name(measure, patch, patch_names): value[:, p]
-            for p, patch in enumerate(patch_names)
-            for measure, value in zip(MEASURES, values, strict=True)
-        }
-
-
-def pressure_name(measure: str, patch: str, patch_names: Sequence[str]) -> str:
-    """peak_pressure_med; without the patch where there is but one."""
-    return measure if len(patch_names) == 1 else f"{measure}_{patch}"
-
 
 MOMENTS = 6
 
@@ -126,7 +111,8 @@ class PressureOutputs(ABC):
     @property
     def pressure_names(self) -> tuple[str, ...]:
         """contact_area_med, mean_pressure_med, ... patch by patch; without the patch where there is but one."""
-        return tuple(pressure_name(m, p, self.patch_names) for p in self.patch_names for m in MEASURES)
+        single = len(self.patch_names) == 1
+        return tuple(m if single else f"{m}_{p}" for p in self.patch_names for m in MEASURES)
 
     @pose_or_poses
     def pressures(self, poses: Array, names: Iterable[str] | None = None) -> tuple[Array, Array]:

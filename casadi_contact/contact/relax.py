@@ -10,10 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
-from casadi_contact.contact.equilibrium import Equilibrium, start_copy
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.contact.settle import NOT_FINITE, SettleReport
-from casadi_contact.core.conventions import WRENCH_NAMES, Array, angular_velocity_map, check_above_zero, rotation
+from casadi_contact.contact.settle import NOT_FINITE, Equilibrium, SettleReport
+from casadi_contact.core.conventions import (
+    WRENCH_NAMES,
+    Array,
+    angular_velocity_map,
+    as_poses,
+    check_above_zero,
+    rotation,
+)
 from casadi_contact.scenes.pose_space import PoseSpace
 
 
@@ -158,7 +164,7 @@ def relax(
     and for a damping or an end that is not above 0.
     """
     check_above_zero(tolerance=tolerance, damping=damping, end_time=end_time)
-    poses = start_copy(model, poses)
+    poses = model.scene.pose_space.project(as_poses(poses).copy())
     equations = Equilibrium.of(model, len(poses), free, targets)
     model = equations.model
     if len(equations.free) != len(equations.names):

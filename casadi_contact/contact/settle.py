@@ -1,20 +1,209 @@
-"""Settling by a damped Newton method, all poses at once ([EF15 §2.4], "via optimization")."""
+"""Static analyses: free pose parameters that carry target loads, by a damped Newton method, all poses at once
+([EF15 §2.4], "via optimization")."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
-from casadi_contact.contact.equilibrium import Equilibrium, start_copy
-from casadi_contact.contact.model import ContactModel
-from casadi_contact.core.conventions import Array, Progress, check_above_zero
+from casadi_contact.contact.model import ContactModel, with_loads
+from casadi_contact.core.conventions import LEVER_MM, Array, Progress, as_poses, check_above_zero, pose_index
 from casadi_contact.core.quantities import quantity, three_digits
 
 NOT_FINITE = "the contact model's loads are not finite"
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """Wanted loads (n, targets) of a contact model, to be met by varying the free pose parameters.
+
+    A patch's normal load that is one load is compared as a signed root load, r = s - √(N*/N0), which is nearly
+    linear in the pose and keeps its slope out of contact; the magnitude of three target forces as a root vector,
+    r = s·u - √(N*/N0)·u*, with u the direction of the force (out of contact, that in which the body closes the gap);
+    the total of normal loads along one direction by S = √(Σ max(s, 0)²) of all patches, out of contact s of the
+    nearest. Any other load as r = (load - target)/N0 (torques over N0·LEVER_MM).
+    """
+
+    model: ContactModel
+    free: tuple[int, ...]
+    names: tuple[str, ...]
+    target: Array
+
+    @classmethod
+    def of(cls, model: ContactModel, count: int, free: Sequence[str], targets: Mapping[str, ArrayLike]) -> Equilibrium:
+        """Raises ValueError like `settle`."""
+        if not free or len(set(free)) != len(free):
+            raise ValueError(f"free is {tuple(free)!r}, expected at least one pose parameter, each named once")
+        model.scene.pose_space.check_free(free)
+        if not targets:
+            raise ValueError("targets is empty, expected target loads by name, for example {'Fy_med': -700.0}")
+        model = with_loads(model, tuple(targets))
+        target = np.empty((count, len(targets)))
+        for column, (name, value) in enumerate(targets.items()):
+            array = np.asarray(value, dtype=float)
+            if array.shape not in ((), (1,), (count,)):
+                raise ValueError(f"target {name} has shape {array.shape}, expected a number or ({count},)")
+            if not np.isfinite(array).all():
+                raise ValueError(f"target {name} holds NaN or infinity, expected finite loads")
+            target[:, column] = array
+        return cls(model, tuple(pose_index(name) for name in free), tuple(targets), target)
+
+    @property
+    def _normal_targets(self) -> dict[int, list[int]]:
+        """Patches of each target (by column) that is the normal load of one, or their total along one direction."""
+        normals = self.model.scene.normal_loads
+        patches = {load.loads[0]: [p] for p, load in enumerate(normals) if load.component is not None}
+        if len({(load.component, load.sign) for load in normals}) == 1:
+            patches.setdefault(str(normals[0].component), list(range(len(normals))))
+        return {column: patches[name] for column, name in enumerate(self.names) if name in patches}
+
+    @property
+    def _vector_targets(self) -> dict[int, list[int]]:
+        """Columns of the three targets whose magnitude is a patch's normal load, by patch."""
+        normals = self.model.scene.normal_loads
+        return {
+            p: [self.names.index(name) for name in load.loads]
+            for p, load in enumerate(normals)
+            if load.component is None and set(load.loads) <= set(self.names)
+        }
+
+    def pressing(self) -> Equilibrium | None:
+        """The equations of the sensitive pose parameters under the normal loads alone; None unless they are some of the
+        free ones, with a load for each."""
+        sensitive = tuple(pose_index(name) for name in self.model.scene.sensitive_pose)
+        of_vectors = [column for columns in self._vector_targets.values() for column in columns]
+        columns = sorted({*self._normal_targets, *of_vectors})
+        if not columns or len(columns) != len(sensitive) or not set(sensitive) < set(self.free):
+            return None
+        return Equilibrium(self.model, sensitive, tuple(self.names[k] for k in columns), self.target[:, columns])
+
+    def misses_a_force(self, misfit: Array, share: float = 0.01) -> np.ndarray:
+        """True (n,) where a free body carries less than a share of a target force without a direction of its own."""
+        missing = np.zeros(len(misfit), dtype=bool)
+        for columns in self._vector_targets.values() if {0, 1, 2} <= set(self.free) else ():
+            force = self.target[:, columns]
+            missing |= np.linalg.norm(misfit[:, columns] + force, axis=1) < share * np.linalg.norm(force, axis=1)
+        return missing
+
+    def along_the_force(self, poses: Array, ways_mm: Array, number: int) -> Array:
+        """Poses (n, 6) moved along the force that a patch shall carry, by the way about which residuals are least
+        (number 0), next to least (1), ...: there are several where the body passes a rim before it presses."""
+        columns = next(iter(self._vector_targets.values()))
+        force = self.target[:, columns]
+        along = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-300)
+        moved = np.repeat(poses[:, None], len(ways_mm), axis=1)
+        moved[:, :, :3] += ways_mm[:, None] * along[:, None]
+        moved = self.model.scene.pose_space.project(moved)
+        rows = np.repeat(np.arange(len(poses)), len(ways_mm))
+        left = np.linalg.norm(self.residuals(moved.reshape(-1, 6), rows)[0], axis=1).reshape(moved.shape[:2])
+        beside = np.pad(left, ((0, 0), (1, 1)), constant_values=np.inf)
+        least = (left <= beside[:, :-2]) & (left <= beside[:, 2:])
+        order = np.argsort(np.where(least, left, np.inf), axis=1, kind="stable")
+        return np.asarray(moved[np.arange(len(poses)), order[:, number]])
+
+    def pulls(self) -> np.ndarray:
+        """True (n,) where a target normal load would pull, which no contact can."""
+        pulling = np.zeros(len(self.target), dtype=bool)
+        for column, patches in self._normal_targets.items():
+            pulling |= self.model.scene.normal_loads[patches[0]].sign * self.target[:, column] < 0.0
+        return pulling
+
+    def reason(self, row: int, misfit: Array, stalled: bool) -> str:
+        """Why a row with misfits (targets,) has not converged."""
+        if not np.isfinite(misfit).all():
+            return NOT_FINITE
+        worst = int(np.abs(misfit / self.load_scales).argmax())
+        why = "no equilibrium near this start: at the nearest pose found" if stalled else "iterations used up:"
+        if self.pulls()[row]:
+            why = "no equilibrium: a target load pulls, contact only pushes;"
+        return f"{why} {self.names[worst]} is off by {misfit[worst]:.4g} {quantity(self.names[worst]).unit}"
+
+    def misfit(self, loads: Array, rows: np.ndarray) -> Array:
+        """Named loads minus target loads (rows, targets) [N, N·mm]."""
+        columns = [self.model.load_names.index(name) for name in self.names]
+        return loads[:, columns] - self.target[rows]
+
+    def in_newtons(self, misfit: Array) -> Array:
+        """Largest misfit of each row (rows,) [N], torques over LEVER_MM."""
+        return np.asarray(np.abs(misfit / self.load_scales).max(axis=1))
+
+    def residuals(self, poses: Array, rows: np.ndarray) -> tuple[Array, Array, Array]:
+        """r (rows, targets), dr/dfree (rows, targets, free) in comparable mm, and the misfit [N, N·mm]; NaN all three
+        where the model gives no finite loads, or none within a difference's step of them."""
+        model, n0 = self.model, self.model.scene.reference_load
+        normals, vectors = self._normal_targets, self._vector_targets
+        if normals or vectors:
+            loads, jacobian, *roots = model.jacobian_and_roots(poses)
+        else:
+            loads, jacobian = model.jacobian(poses)
+        misfit = self.misfit(loads, rows)
+        r, gradient = np.empty_like(misfit), np.empty((*misfit.shape, 6))
+        for column, (name, scale) in enumerate(zip(self.names, n0 * self.load_scales, strict=True)):
+            r[:, column] = misfit[:, column] / scale
+            gradient[:, column] = jacobian[:, model.load_names.index(name)] / scale
+        for column, patches in normals.items():
+            target = model.scene.normal_loads[patches[0]].sign * self.target[rows, column]
+            total, gradient[:, column] = _total_root(*(of[:, patches] for of in roots))
+            r[:, column] = total - np.sqrt(np.maximum(target, 0.0) / n0)
+        for patch, columns in vectors.items():
+            of_loads = [model.load_names.index(self.names[column]) for column in columns]
+            target = self.target[rows][:, columns]
+            size = np.linalg.norm(target, axis=1, keepdims=True)
+            vector, gradient[:, columns] = _root_vector(
+                loads[:, of_loads], jacobian[:, of_loads], roots[0][:, patch], roots[1][:, patch], n0
+            )
+            r[:, columns] = vector - target / np.sqrt(n0 * np.where(size > 0.0, size, 1.0))
+        gradient = self.model.scene.pose_space.pull_back(gradient)[..., list(self.free)] * self.free_scales
+        lost = ~np.isfinite(gradient).all(axis=(1, 2)) | ~np.isfinite(r).all(axis=1)
+        r[lost], gradient[lost], misfit[lost] = np.nan, np.nan, np.nan
+        return r, gradient, misfit
+
+    def moved(self, poses: Array, steps: Array) -> Array:
+        """Poses (n, 6) after comparable steps (n, free) of the free parameters, what is tied to them following."""
+        moved = poses.copy()
+        moved[:, list(self.free)] += steps * self.free_scales
+        return self.model.scene.pose_space.project(moved)
+
+    @property
+    def load_scales(self) -> Array:
+        """What target loads are divided by to be compared in N: 1 for a force, LEVER_MM for a torque."""
+        return np.array([LEVER_MM if name.startswith("T") else 1.0 for name in self.names])
+
+    @property
+    def free_scales(self) -> Array:
+        """Size of one comparable step of each free parameter: 1 mm, or 1/LEVER_MM rad."""
+        return np.array([1.0 if i < 3 else 1.0 / LEVER_MM for i in self.free])
+
+
+def _total_root(s: Array, ds: Array) -> tuple[Array, Array]:
+    """√(Σ max(s, 0)²) (n,) of root loads (n, P) and its derivatives (n, 6); where no patch is in contact, those of the
+    nearest."""
+    inside, rows = np.maximum(s, 0.0), np.arange(len(s))
+    total, nearest = np.linalg.norm(inside, axis=1), s.argmax(axis=1)
+    loaded = total > 0.0
+    shares = inside / np.where(loaded, total, 1.0)[:, None]
+    value = np.where(loaded, total, s[rows, nearest])
+    return value, np.where(loaded[:, None], np.einsum("np,npj->nj", shares, ds), ds[rows, nearest])
+
+
+def _root_vector(force: Array, gradient: Array, s: Array, ds: Array, n0: float) -> tuple[Array, Array]:
+    """s·u (n, 3) and its derivatives (n, 3, 6): F/√(N·N0) in contact; out of contact along the gap's gradient.
+
+    There the turning of u is left out of the derivative: a step closes the gap first.
+    """
+    size = np.linalg.norm(force, axis=1)
+    loaded = size > 0.0
+    root = np.sqrt(np.where(loaded, size, 1.0) * n0)[:, None]
+    along = force / np.where(loaded, size, 1.0)[:, None]
+    in_contact = (gradient - 0.5 * np.einsum("ni,nk,nkj->nij", along, along, gradient)) / root[..., None]
+    closing = ds[:, :3] / np.maximum(np.linalg.norm(ds[:, :3], axis=1, keepdims=True), 1e-300)
+    vector = np.where(loaded[:, None], force / root, s[:, None] * closing)
+    return vector, np.where(loaded[:, None, None], in_contact, closing[..., None] * ds[:, None, :])
 
 
 @dataclass(frozen=True)
@@ -31,11 +220,11 @@ class SettleReport:
     reason: np.ndarray
 
     def __str__(self) -> str:
+        if not len(self.converged):
+            return "no poses"
         return (
             f"{int(self.converged.sum())} of {len(self.converged)} poses converged, "
             f"median {np.median(self.iterations):g} iterations, largest residual {three_digits(self.residual.max())} N"
-            if len(self.converged)
-            else "no poses"
         )
 
 
@@ -56,26 +245,19 @@ def settle(
     parameters a damped Newton method; with more, or where no pose carries the loads, it ends at the nearest pose in
     the least-squares sense and says so. tolerance is in N (torques over 25 mm). Where more than the scene's sensitive
     pose parameters is free, these settle first under the normal loads alone: torques of bodies that press each other
-    far too hard, or one side alone, lead astray. What then stands still short of the loads, where torques of a mesh
-    rise and fall within tenths of a millimetre, goes on by a trust region (SciPy's ``least_squares``), from there and
-    from a few places up to 0.3 mm around it, one pose after the other: trust_region=False leaves it, where better
-    starts are at hand.
+    far too hard lead astray. What then stands still short of the loads goes on by a trust region (SciPy's
+    ``least_squares``), from there and from places up to 0.3 mm around it, one pose after the other; not so with
+    trust_region=False.
 
-    What the scene locks or ties is put in place at the start, and tied parameters follow the free ones in every step:
-    all poses lie in the scene's pose space. progress(done, all) is called in every step: poses settled, or given up.
+    What the scene locks or ties is put in place. progress(done, all): poses settled, or given up.
 
-    Returns the poses (n, 6) and a `SettleReport`. Raises ValueError for bad poses, names or targets, a tolerance that
-    is not above 0, and for a free parameter that the scene locks or ties; a pose that does not converge is reported,
-    not raised.
+    Returns the poses (n, 6) and a `SettleReport`, which also says what did not converge. Raises ValueError for bad
+    poses, names or targets, a tolerance that is not above 0, and a free parameter that the scene locks or ties.
     """
     check_above_zero(tolerance=tolerance)
-    poses = start_copy(model, poses)
+    poses = model.scene.pose_space.project(as_poses(poses).copy())
     count = len(poses)
     equations = Equilibrium.of(model, count, free, targets)
-    if count == 0:
-        empty = np.zeros(0)
-        misfits = dict.fromkeys(equations.names, empty)
-        return poses, SettleReport(empty.astype(bool), empty.astype(int), empty, misfits, np.array([], dtype=object))
     pressing, pressed = equations.pressing(), np.zeros(count, dtype=int)
     if pressing is not None:
         poses, _, pressed, _ = _newton_with_restarts(pressing, poses, tolerance, max_iterations, progress)
@@ -86,7 +268,9 @@ def settle(
             iterations[row] += _trust_region(equations, row, poses, misfit, tolerance, max_iterations)
     residual = equations.in_newtons(misfit)
     converged = residual <= tolerance
-    reason = _reasons(equations, converged, stalled, misfit)
+    reason = np.full(count, "", dtype=object)
+    for row in map(int, np.flatnonzero(~converged)):
+        reason[row] = equations.reason(row, misfit[row], stalled[row])
     misfits = {name: misfit[:, column] for column, name in enumerate(equations.names)}
     return poses, SettleReport(converged, pressed + iterations, residual, misfits, reason)
 
@@ -109,7 +293,7 @@ def _newton_with_restarts(
         rows = np.flatnonzero(missing & ~equations.pulls())
         if not len(rows):
             break
-        lost = equations.of_rows(rows)
+        lost = replace(equations, target=equations.target[rows])
         again = _newton(
             lost, lost.along_the_force(start[rows], np.arange(0.0, reach_mm, 0.25), number), tolerance, max_iterations
         )
@@ -131,7 +315,7 @@ def _newton(
     smallest_step_mm: float = 1e-12,
     smallest_fraction: float = 1e-6,
 ) -> tuple[Array, Array, np.ndarray, np.ndarray]:
-    """Poses (n, 6), their misfits (n, targets), iterations (n,), and which stalled (n,), from a start that is kept."""
+    """Poses (n, 6), their misfits (n, targets), iterations (n,), and which stalled (n,)."""
     poses, count = poses.copy(), len(poses)
     r, jacobian, misfit = equations.residuals(poses, np.arange(count))
     fraction = np.ones(count)
@@ -174,42 +358,33 @@ def _trust_region(
     *,
     shakes_tried: int = 6,
     shaken_mm: float = 0.3,
-    least_gain: float = 1e-6,
+    least_gain: float = 1e-9,
 ) -> int:
-    """Go on with one row in a trust region, from its pose and about it, until it carries the loads. Its pose and misfit
-    are replaced where they come nearer. Returns the steps taken."""
+    """Improve one row of poses and misfit in place; evaluations taken. From where it stands, then from places around
+    it, until one carries the loads."""
     size, rows, start = len(equations.free), np.array([row]), poses[[row]]
     shakes = np.random.default_rng(0).uniform(-shaken_mm, shaken_mm, (shakes_tried, size))
+    bounds = {"xtol": least_gain, "ftol": least_gain}
 
-    known: dict[bytes, tuple[Array, Array, Array]] = {}
-
-    def residuals(steps: Array) -> tuple[Array, Array, Array]:
-        """Kept for the Jacobian, which SciPy asks for where it has asked for the value. Not a number for steps that are
-        none, which SciPy may take where Jacobians are all but singular: it then keeps where it was."""
-        if not np.isfinite(steps).all():
-            nothing = np.full((1, len(equations.names)), np.nan)
-            return nothing, np.full((1, len(equations.names), size), np.nan), nothing
-        if steps.tobytes() not in known:
-            known.clear()
-            known[steps.tobytes()] = equations.residuals(equations.moved(start, steps), rows)
-        return known[steps.tobytes()]
+    @lru_cache(maxsize=1)  # SciPy asks for the Jacobian where it has asked for the value
+    def residuals(steps: bytes) -> tuple[Array, Array, Array]:
+        """Not a number for steps that are none, which SciPy may take where Jacobians are all but singular: it then
+        keeps where it was."""
+        at = np.frombuffer(steps)
+        if np.isfinite(at).all():
+            return equations.residuals(equations.moved(start, at), rows)
+        nothing = np.full((1, len(equations.names)), np.nan)
+        return nothing, np.full((*nothing.shape, size), np.nan), nothing
 
     taken = 0
     for begun in (np.zeros(size), *shakes):
-        if not np.isfinite(residuals(begun)[0]).all():
+        if not np.isfinite(residuals(begun.tobytes())[0]).all():
             continue
+        value, jacobian = (lambda steps, k=k: residuals(steps.tobytes())[k][0] for k in (0, 1))
         with np.errstate(divide="ignore", invalid="ignore"):  # SciPy divides by a step of length zero
-            found = least_squares(
-                lambda steps: residuals(steps)[0][0],
-                begun,
-                lambda steps: residuals(steps)[1][0],
-                xtol=least_gain,
-                ftol=least_gain,
-                gtol=None,
-                max_nfev=max_iterations,
-            )
+            found = least_squares(value, begun, jacobian, **bounds, gtol=None, max_nfev=max_iterations)
         taken += int(found.nfev)
-        left = residuals(found.x)[2]
+        left = residuals(found.x.tobytes())[2]
         if equations.in_newtons(left)[0] < equations.in_newtons(misfit[rows])[0]:
             poses[row], misfit[row] = equations.moved(start, found.x)[0], left[0]
         if equations.in_newtons(misfit[rows])[0] <= tolerance:
@@ -223,22 +398,3 @@ def _damped_inverse(jacobian: Array, damping: float = 1e-11) -> Array:
     size = np.einsum("nii->n", normal) + 1e-12
     normal += (damping * size)[:, None, None] * np.eye(normal.shape[1])
     return np.linalg.solve(normal, np.swapaxes(jacobian, 1, 2))
-
-
-def _reasons(equations: Equilibrium, converged: np.ndarray, stalled: np.ndarray, misfit: Array) -> np.ndarray:
-    pulls = equations.pulls()
-    reasons = np.full(len(converged), "", dtype=object)
-    for row in np.flatnonzero(~converged):
-        if not np.isfinite(misfit[row]).all():
-            reasons[row] = NOT_FINITE
-            continue
-        worst = int(equations.each_in_newtons(misfit[row]).argmax())
-        name = equations.names[worst]
-        left = f"{name} is off by {misfit[row, worst]:.4g} {quantity(name).unit}"
-        if pulls[row]:
-            reasons[row] = f"no equilibrium: a target load pulls, contact only pushes; {left}"
-        elif stalled[row]:
-            reasons[row] = f"no equilibrium near this start: at the nearest pose found {left}"
-        else:
-            reasons[row] = f"iterations used up: {left}"
-    return reasons

@@ -30,13 +30,75 @@ _KEPT: list[ca.Callback] = []  # CasADi does not keep the Python side of a callb
 
 
 def contact_callback(name: str, outputs: Sequence[Output], size: int = 6) -> ca.Function:
-    """casadi.Function pose (6) -> outputs by name, through Python; derivatives as the outputs give them.
+    """casadi.Function pose (6) -> outputs by name, through Python; derivatives as the outputs give them. NaN for a pose
+    that is not finite.
 
     size: numbers of the input, for more than a pose.
     """
-    callback = _Values(check_name(name), outputs, size)
-    _KEPT.append(callback)
-    return callback
+    vector = ca.Sparsity.dense(size, 1)
+
+    def evaluated(arg: Sequence[Any], which: int) -> list[Array]:
+        """Values (which = 0) or Jacobians (1) of all outputs."""
+        pose = np.array(arg[0], dtype=float).reshape(1, size)
+        if not np.isfinite(pose).all():
+            return [np.full((rows, size if which else 1), np.nan) for _, rows, _ in outputs]
+        return [model(pose)[which][0] for _, _, model in outputs]
+
+    def jacobian(name: str, options: dict[str, Any]) -> ca.Function:
+        """Its inputs are the vector and the outputs, which are not needed."""
+        inputs = {"i0": vector} | {f"i{k}": ca.Sparsity(rows, 1) for k, (_, rows, _) in enumerate(outputs, 1)}
+        jacobians = {f"o{k}": ca.Sparsity.dense(rows, size) for k, (_, rows, _) in enumerate(outputs)}
+        options = {**options, "enable_fd": True, "fd_method": "central"}
+        return _Called(name, inputs, jacobians, lambda arg: evaluated(arg, 1), options=options)
+
+    columns = {key: ca.Sparsity.dense(rows, 1) for key, rows, _ in outputs}
+    return _Called(check_name(name), {"pose": vector}, columns, lambda arg: evaluated(arg, 0), jacobian)
+
+
+class _Called(ca.Callback):
+    """A Python function for CasADi: shapes of inputs and outputs by name; what makes its Jacobian, if it has one."""
+
+    def __init__(
+        self,
+        name: str,
+        inputs: dict[str, ca.Sparsity],
+        outputs: dict[str, ca.Sparsity],
+        function: Callable[[Sequence[Any]], list[Array]],
+        jacobian: Callable[[str, dict[str, Any]], ca.Function] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> None:
+        super().__init__()
+        self._shapes, self._function, self._jacobian = (list(inputs.items()), list(outputs.items())), function, jacobian
+        self.construct(name, options or {})
+        _KEPT.append(self)
+
+    def get_n_in(self) -> int:
+        return len(self._shapes[0])
+
+    def get_n_out(self) -> int:
+        return len(self._shapes[1])
+
+    def get_name_in(self, i: int) -> str:
+        return self._shapes[0][i][0]
+
+    def get_name_out(self, i: int) -> str:
+        return self._shapes[1][i][0]
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return self._shapes[0][i][1]
+
+    def get_sparsity_out(self, i: int) -> ca.Sparsity:
+        return self._shapes[1][i][1]
+
+    def eval(self, arg: Sequence[Any]) -> list[Array]:
+        """CasADi's call."""
+        return self._function(arg)
+
+    def has_jacobian(self) -> bool:
+        return self._jacobian is not None
+
+    def get_jacobian(self, name: str, inames: Any, onames: Any, opts: Any) -> ca.Function:
+        return self._jacobian(name, opts)  # type: ignore[misc]
 
 
 def model_callback(
@@ -52,78 +114,6 @@ def model_callback(
     known = {"loads": (len(loads), some_loads), "roots": (len(model.patch_names), model.root_loads)}
     function = contact_callback(name, [(key, *known[key]) for key in outputs])
     return function if batch is None else function.map(batch)
-
-
-class _Values(ca.Callback):
-    """Outputs of one vector by name. CasADi asks it for its Jacobian, which is a callback as well."""
-
-    def __init__(self, name: str, outputs: Sequence[Output], size: int, **options: Any) -> None:
-        super().__init__()
-        self._outputs, self._size = outputs, size
-        self.construct(name, options)
-
-    def get_n_in(self) -> int:
-        return 1
-
-    def get_n_out(self) -> int:
-        return len(self._outputs)
-
-    def get_name_in(self, i: int) -> str:
-        return "pose"
-
-    def get_name_out(self, i: int) -> str:
-        return self._outputs[i][0]
-
-    def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(self._size, 1)
-
-    def get_sparsity_out(self, i: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(self._outputs[i][1], 1)
-
-    def eval(self, arg: Sequence[Any]) -> list[Array]:
-        """CasADi's call; NaN for a pose that is not finite."""
-        return self._evaluated(arg, 0, ())
-
-    def _evaluated(self, arg: Sequence[Any], which: int, columns: tuple[int, ...]) -> list[Array]:
-        """Values (which = 0) or Jacobians (1) of all outputs."""
-        pose = np.array(arg[0], dtype=float).reshape(1, self._size)
-        if not np.isfinite(pose).all():
-            return [np.full((rows, *columns), np.nan) for _, rows, _ in self._outputs]
-        return [model(pose)[which][0] for _, _, model in self._outputs]
-
-    def has_jacobian(self) -> bool:
-        return True
-
-    def get_jacobian(self, name: str, inames: Any, onames: Any, opts: Any) -> ca.Function:
-        options = {**opts, "enable_fd": True, "fd_method": "central"}
-        _KEPT.append(_Jacobians(name, self._outputs, self._size, **options))
-        return _KEPT[-1]
-
-
-class _Jacobians(_Values):
-    """Its inputs are the vector and the outputs, which are not needed."""
-
-    def get_n_in(self) -> int:
-        return 1 + len(self._outputs)
-
-    def get_name_in(self, i: int) -> str:
-        return f"i{i}"
-
-    def get_name_out(self, i: int) -> str:
-        return f"o{i}"
-
-    def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        return ca.Sparsity(self._outputs[i - 1][1], 1) if i else super().get_sparsity_in(0)
-
-    def get_sparsity_out(self, i: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(self._outputs[i][1], self._size)
-
-    def eval(self, arg: Sequence[Any]) -> list[Array]:
-        """CasADi's call; NaN for a pose that is not finite."""
-        return self._evaluated(arg, 1, (self._size,))
-
-    def has_jacobian(self) -> bool:
-        return False
 
 
 @runtime_checkable

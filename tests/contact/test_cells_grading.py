@@ -5,7 +5,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact.cells.basis import Cells
-from casadi_contact.contact.cells.mesh_chart import density
+from casadi_contact.contact.cells.charts import density
 from casadi_contact.contact.cells.patches import lay_lines
 from tests.support.meshes import cap_mesh, scene_of, sheet_mesh
 

@@ -1,7 +1,7 @@
 """Patches cut into cubic cells: what the quadrature reads, in NumPy and in C.
 
 Cells are smaller over ridges of the fixed surface, where contact areas are narrow: a body of curvature κ0 that presses
-a ridge of curvature κ by a depth d touches √(2d/(κ + κ0)) to each side of it (`mesh_chart.density`). Sizes change
+a ridge of curvature κ by a depth d touches √(2d/(κ + κ0)) to each side of it (`charts.density`). Sizes change
 gradually, because cubics over unequal cells are less accurate.
 """
 
@@ -16,8 +16,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from casadi_contact.contact.cells.basis import Cells, middles
-from casadi_contact.contact.cells.charts import Chart, CupChart, PlaneChart
-from casadi_contact.contact.cells.mesh_chart import MeshChart
+from casadi_contact.contact.cells.charts import Chart, CupChart, MeshChart, PlaneChart
 from casadi_contact.core.conventions import Array
 from casadi_contact.scenes.scene import Scene
 
