@@ -111,19 +111,19 @@ def fit(
     identity = _identity(regression, settings, start)
     with threadpool_limits(settings.threads):
         trainer, cpu_s = _begun(regression, settings, start, checkpoint, identity)
-        snapshot, written = trainer.snapshot(), time.monotonic()
+        content, written = trainer.content(), time.monotonic()
 
         def write() -> None:
             if checkpoint:
                 checkpoint.parent.mkdir(parents=True, exist_ok=True)
-                write_npz(checkpoint, **identity, **trainer.content(snapshot), cpu_s=cpu_s)
+                write_npz(checkpoint, **identity, **content, cpu_s=cpu_s)
 
         try:
             while not trainer.stop_reason:
                 began = time.thread_time()
                 trainer.iterate()
                 cpu_s += time.thread_time() - began
-                snapshot = trainer.snapshot()
+                content = trainer.content()
                 if time.monotonic() - written >= settings.checkpoint_every_s:
                     write()
                     written = time.monotonic()

@@ -27,14 +27,17 @@ from casadi_contact.networks.training.settings import (
 from casadi_contact.networks.training.weights import flatten, initial_network, unflatten, widen
 
 HISTORY = ("training_rms", "validation_rms", "gflop", "size")
+_KEPT = ("level", "attempt", "began", "stop_reason", "flop", "best", "best_level", "best_score")
 
 
 class Trainer:
     """One fit in progress; `iterate` until ``stop_reason`` is set.
 
     history: lists with one entry an iteration: training_rms, validation_rms (NaN without validation rows), Gflop used,
-    and the index of the network's size in the settings. level: that index now. flop: work done, interrupted runs
-    included. saved: the content of a checkpoint; start: a network to begin from instead of random weights.
+    and the index of the network's size in the settings. level: that index now; attempt, began: restarts of this size,
+    and the entry at which the present network began. flop: work done, interrupted runs included. best: parameters of the
+    best network so far, of size best_level. saved: the content of a checkpoint; start: a network to begin from instead
+    of random weights.
     """
 
     def __init__(
@@ -46,13 +49,13 @@ class Trainer:
     ) -> None:
         self.regression, self.settings, self._given = regression, settings, start
         self.history: dict[str, list[Any]] = {name: [] for name in HISTORY}
-        self.level = self._attempt = self._began = 0
+        self.level = self.attempt = self.began = 0
         self.stop_reason = ""
         self.flop = self._counted = 0
-        self._best_level, self._best_score = 0, np.inf
+        self.best_level, self.best_score = 0, np.inf
         if saved is None:
             self._start(self._fresh())
-            self._best = self._lm.parameters
+            self.best = self._lm.parameters
         else:
             self._restore(saved)
 
@@ -70,37 +73,19 @@ class Trainer:
 
     def best_network(self) -> Network:
         """The network that met the tolerance; else the one of the least validation error (training error without)."""
-        return unflatten(self._best, self._fresh(self._best_level))
+        return unflatten(self.best, self._fresh(self.best_level))
 
-    def snapshot(self) -> dict[str, Any]:
-        """The present state, for `content`; cheap, and untouched by later iterations."""
-        return {
-            **{f"lm_{name}": value for name, value in asdict(self._lm.state()).items()},
-            "level": self.level,
-            "attempt": self._attempt,
-            "began": self._began,
-            "stop_reason": self.stop_reason,
-            "flop": self.flop,
-            "best": self._best,
-            "best_level": self._best_level,
-            "best_score": self._best_score,
-            "entries": len(self.history["gflop"]),
-        }
-
-    def content(self, snapshot: dict[str, Any]) -> dict[str, Any]:
-        """Everything that `__init__` needs to go on from a snapshot, as arrays and numbers."""
-        history = {f"history_{name}": np.array(self.history[name][: snapshot["entries"]]) for name in HISTORY}
-        return {**snapshot, **history}
+    def content(self) -> dict[str, Any]:
+        """Everything that `__init__` needs to go on from here, untouched by later iterations."""
+        lm = {f"lm_{name}": value for name, value in asdict(self._lm.state()).items()}
+        history = {f"history_{name}": list(column) for name, column in self.history.items()}
+        return {**lm, **history, **{name: getattr(self, name) for name in _KEPT}}
 
     def _restore(self, saved: dict[str, Any]) -> None:
         self.history = {name: saved[f"history_{name}"].tolist() for name in HISTORY}
-        self.level, self._attempt, self._began, self.flop = (
-            int(saved[k]) for k in ("level", "attempt", "began", "flop")
-        )
-        self._best, self._best_level = saved["best"], int(saved["best_level"])
-        self._best_score = float(saved["best_score"])
+        for name in _KEPT:
+            setattr(self, name, saved[name] if saved[name].ndim else saved[name].item())
         lm = {k[3:]: v if v.ndim else v.item() for k, v in saved.items() if k.startswith("lm_")}
-        self.stop_reason = str(saved["stop_reason"])
         self._start(self._fresh(), State(**lm))
         if self.stop_reason in LIMITS:
             self.stop_reason = self._limit_reached()
@@ -116,8 +101,8 @@ class Trainer:
             self.history[name].append(value)
         score = self._lm.rms if np.isnan(validation_rms) else validation_rms
         reached = self._error_reached(validation_rms)
-        if reached or score < self._best_score:
-            self._best, self._best_level, self._best_score = self._lm.parameters, self.level, score
+        if reached or score < self.best_score:
+            self.best, self.best_level, self.best_score = self._lm.parameters, self.level, score
         self.update_stopping(reached)
 
     def update_stopping(self, reached: bool) -> None:
@@ -131,9 +116,9 @@ class Trainer:
         elif self._stalled():
             if self._can_begin_another() and self._can_grow():
                 self._grow()
-            elif self._can_begin_another() and self._attempt < self.settings.restarts:
-                self._attempt += 1
-                self._began = len(self.history["gflop"])
+            elif self._can_begin_another() and self.attempt < self.settings.restarts:
+                self.attempt += 1
+                self.began = len(self.history["gflop"])
                 self._start(self._fresh())
             else:
                 self.stop_reason = STALLED
@@ -160,7 +145,7 @@ class Trainer:
 
     def _phase(self, column: str) -> list[float]:
         """Entries since the present network began."""
-        return self.history[column][self._began :]
+        return self.history[column][self.began :]
 
     def _stalled(self) -> bool:
         settings = self.settings
@@ -187,8 +172,8 @@ class Trainer:
         if len(self.history["gflop"]) % 10:
             return False
         effort, end = self._effort()
-        before = effort[self._began - 1] if self._began else 0.0
-        own = effort[self._began :] - before
+        before = effort[self.began - 1] if self.began else 0.0
+        own = effort[self.began :] - before
         if len(own) < self.settings.growth_iterations or own[-1] < self.settings.growth_share * end:
             return False
         expected = extrapolated_error(own, self._phase("training_rms"), end - before)
@@ -197,12 +182,12 @@ class Trainer:
     # --- networks
 
     def _seed(self, level: int) -> list[int]:
-        return [self.settings.seed, level, self._attempt]
+        return [self.settings.seed, level, self.attempt]
 
     def _fresh(self, level: int | None = None) -> Network:
         """A random network of one size, scaled by the training rows alone; first of all the given start."""
         level = self.level if level is None else level
-        if self._given is not None and level == 0 and self._attempt == 0:
+        if self._given is not None and level == 0 and self.attempt == 0:
             return self._given
         rows, regression = ~self.regression.validation, self.regression
         sizes, activation = self.settings.sizes[level], self.settings.activation
@@ -216,7 +201,7 @@ class Trainer:
         """Go on with the next size: warm if it is only wider, from random weights if it is deeper (see `widen`)."""
         present = unflatten(self._lm.parameters, self._fresh())
         self.level += 1
-        self._began = len(self.history["gflop"])
+        self.began = len(self.history["gflop"])
         hidden = self.settings.sizes[self.level]
         same_depth = len(hidden) == len(present.hidden)
         self._start(widen(present, hidden, self._seed(self.level)) if same_depth else self._fresh())
