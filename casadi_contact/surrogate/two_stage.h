@@ -27,11 +27,8 @@ FUNCTION void kernel_value(const double *pose, double *loads, double *roots) {
   first_value(pose, raw);
   second_inputs(pose, raw, u);
   second_value(u, y);
-  for (int f = 0; f < FORCES; f++) {
-    if (LOAD_OF_FORCE[f] >= 0) loads[LOAD_OF_FORCE[f]] = u[6 + f];
-    if (ROOTS) roots[f] = root_of(raw[f], REFERENCE_LOAD, ROUNDING).value;
-  }
-  for (int m = 0; m < OUTPUTS; m++) loads[LOAD_OF_OUTPUT[m]] = y[m];
+  for (int k = 0; k < LOADS; k++) loads[k] = SOURCE[k] < FORCES ? u[6 + SOURCE[k]] : y[SOURCE[k] - FORCES];
+  for (int f = 0; ROOTS && f < FORCES; f++) roots[f] = root_of(raw[f], REFERENCE_LOAD, ROUNDING).value;
 }
 
 FUNCTION void kernel_jacobian(const double *pose, double *loads, double *roots, double (*loads_jacobian)[6],
@@ -41,23 +38,18 @@ FUNCTION void kernel_jacobian(const double *pose, double *loads, double *roots, 
   second_inputs(pose, raw, u);
   clamp_slopes(raw, d_raw, d_force);
   second_gradient(u, y, dy[0]);
-  for (int f = 0; f < FORCES; f++) {
-    if (LOAD_OF_FORCE[f] >= 0) {
-      loads[LOAD_OF_FORCE[f]] = u[6 + f];
-      memcpy(loads_jacobian[LOAD_OF_FORCE[f]], d_force[f], 6 * sizeof(double));
-    }
-    if (ROOTS) {
-      const Root root = root_of(raw[f], REFERENCE_LOAD, ROUNDING);
-      roots[f] = root.value;
-      for (int j = 0; j < 6; j++) roots_jacobian[f][j] = root.slope * d_raw[f][j];
-    }
+  for (int f = 0; ROOTS && f < FORCES; f++) {
+    const Root root = root_of(raw[f], REFERENCE_LOAD, ROUNDING);
+    roots[f] = root.value;
+    for (int j = 0; j < 6; j++) roots_jacobian[f][j] = root.slope * d_raw[f][j];
   }
-  for (int m = 0; m < OUTPUTS; m++) {
-    loads[LOAD_OF_OUTPUT[m]] = y[m];
+  for (int k = 0; k < LOADS; k++) {
+    const int m = SOURCE[k] - FORCES;
+    loads[k] = m < 0 ? u[6 + SOURCE[k]] : y[m];
     for (int j = 0; j < 6; j++) {
-      double sum = dy[m][j];
-      for (int f = 0; f < FORCES; f++) sum += dy[m][6 + f] * d_force[f][j];
-      loads_jacobian[LOAD_OF_OUTPUT[m]][j] = sum;
+      double sum = m < 0 ? d_force[SOURCE[k]][j] : dy[m][j];
+      for (int f = 0; m >= 0 && f < FORCES; f++) sum += dy[m][6 + f] * d_force[f][j];
+      loads_jacobian[k][j] = sum;
     }
   }
 }
@@ -65,14 +57,14 @@ FUNCTION void kernel_jacobian(const double *pose, double *loads, double *roots, 
 /* U^T H U + sum_f g_f d2f, U = (identity; slopes of the forces), H the second stage's weighted Hessian. */
 FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, const double *roots_weight,
                              double *hessian) {
-  double raw[FORCES], d_raw[FORCES][6], d_force[FORCES][6], u[INPUTS], y[OUTPUTS + 1], c[OUTPUTS + 1];
+  double raw[FORCES], d_raw[FORCES][6], d_force[FORCES][6], u[INPUTS], y[OUTPUTS + 1], c[FORCES + OUTPUTS + 1] = {0};
   double g[INPUTS] = {0}, h[INPUTS * INPUTS] = {0}, right[INPUTS][6], on_force[FORCES], d_all[6] = {0}, d2[36] = {0};
   memset(hessian, 0, 36 * sizeof(double));
   first_gradient(pose, raw, d_raw[0]);
   second_inputs(pose, raw, u);
   clamp_slopes(raw, d_raw, d_force);
-  for (int m = 0; m < OUTPUTS; m++) c[m] = loads_weight[LOAD_OF_OUTPUT[m]];
-  second_hessian(u, c, y, g, h);
+  for (int k = 0; k < LOADS; k++) c[SOURCE[k]] += loads_weight[k];
+  second_hessian(u, c + FORCES, y, g, h);
   for (int i = 0; i < INPUTS; i++) {
     for (int j = i + 1; j < INPUTS; j++) h[i * INPUTS + j] = h[j * INPUTS + i];
   }
@@ -89,7 +81,7 @@ FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, con
     }
   }
   for (int f = 0; f < FORCES; f++) {
-    on_force[f] = g[6 + f] + (LOAD_OF_FORCE[f] >= 0 ? loads_weight[LOAD_OF_FORCE[f]] : 0.0);
+    on_force[f] = g[6 + f] + c[f];
     if (!(raw[f] < 0.0)) on_force[f] = 0.0;
     if (ROOTS) {
       const Root root = root_of(raw[f], REFERENCE_LOAD, ROUNDING);
@@ -113,10 +105,11 @@ FUNCTION void kernel_batch(const double *pose, double (*loads)[LANES], double (*
     for (int l = 0; l < LANES; l++) {
       const double force = raw[f * LANES + l];
       u[(6 + f) * LANES + l] = force < 0.0 ? force : 0.0;
-      if (LOAD_OF_FORCE[f] >= 0) loads[LOAD_OF_FORCE[f]][l] = u[(6 + f) * LANES + l];
       if (ROOTS) roots[f][l] = root_of(force, REFERENCE_LOAD, ROUNDING).value;
     }
   }
   second_batch(u, y);
-  for (int m = 0; m < OUTPUTS; m++) memcpy(loads[LOAD_OF_OUTPUT[m]], y + m * LANES, LANES * sizeof(double));
+  for (int k = 0; k < LOADS; k++) {
+    memcpy(loads[k], SOURCE[k] < FORCES ? u + (6 + SOURCE[k]) * LANES : y + (SOURCE[k] - FORCES) * LANES, sizeof loads[k]);
+  }
 }

@@ -13,7 +13,7 @@ beside them. They give no load; they are inputs of the classifier of wrong poses
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -24,7 +24,7 @@ from casadi_contact.core.conventions import Array
 from casadi_contact.networks.graph import Expressions, NetworkValue, network_value, stack
 from casadi_contact.networks.kernel.networks import Bundle
 from casadi_contact.networks.kernel.source import Kernel, c_text, table
-from casadi_contact.networks.network import Network, Regression
+from casadi_contact.networks.network import Regression
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.patch.networks import PartNetworks, root_name
@@ -125,8 +125,9 @@ class TwoStageSurrogate(Surrogate):
         return root_network_source(roots.parts, roots._root_bounds)
 
     @property
-    def _smoothing_load(self) -> float:
-        return ROOT_SMOOTHING * self.scene.boundary_load
+    def _rounding(self) -> float:
+        """e² of the root loads (see `_roots`)."""
+        return float((ROOT_SMOOTHING * self.scene.boundary_load / self.scene.reference_load) ** 2)
 
     @classmethod
     def networks_for(cls, scene: Scene, loads: Sequence[str]) -> list[str]:
@@ -179,60 +180,50 @@ class TwoStageSurrogate(Surrogate):
         rounded off: s = u/(u² + e²)^(1/4), u = N/N0, e·N0 = 1 % of the boundary load.
         """
         raw, d_raw = self._raw(poses, self.scene.sensitive_loads, derivative=derivative)
-        u, e2 = -raw / self.scene.reference_load, (self._smoothing_load / self.scene.reference_load) ** 2
+        u, e2 = -raw / self.scene.reference_load, self._rounding
         q = u * u + e2
         slope = (0.5 * u * u + e2) / q**1.25
         return u / q**0.25, (-slope / self.scene.reference_load)[: len(d_raw), :, None] * d_raw
 
     def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
-        first = {name: self.networks[name] for name in self.scene.sensitive_loads if name in self.networks}
-        return two_stage_expressions(
-            first, self.networks, loads, self.scene.reference_load, self._smoothing_load, pose, order
-        )
+        """With u = (pose, f) and U = du/dpose: dF = g·U, d²F = Uᵀ·H·U + Σ_f g_f·d²f."""
+        first = [name for name in self.scene.sensitive_loads if name in self.networks]
+        raw = {name: network_value(self.networks[name], pose, order) for name in first}
+        clamped = {name: _clamp(force) for name, force in raw.items()}
+        u = ca.vertcat(pose, *(force.value for force in clamped.values()))
+        tangent = None
+        if order > 0:
+            tangent = ca.vertcat(ca.MX(ca.DM.eye(6)), *(force.gradient for force in clamped.values()))
+        values = []
+        for name in loads:
+            if name in clamped:
+                values.append(clamped[name])
+                continue
+            load = network_value(self.networks[name], u, order, tangent)
+            if order > 1:
+                hessian = load.hessian
+                for slope, force in zip(ca.vertsplit(load.input_gradient.T[6:]), clamped.values(), strict=True):
+                    hessian += slope * force.hessian
+                load = NetworkValue(load.value, load.gradient, hessian)
+            values.append(load)
+        roots = [_root(force, self.scene.reference_load, self._rounding, order) for force in raw.values()]
+        return Expressions(roots=stack(roots, order), loads=stack(values, order))
 
     def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
         needed = {*self.networks_for(self.scene, loads), *(self._root_networks() if roots else ())}
         first = {name: self.networks[name] for name in self.scene.sensitive_loads if name in needed}
-        return two_stage_kernel(first, self.networks, loads, self.scene.reference_load, self._smoothing_load)
-
-
-# --- CasADi and C
-
-
-def two_stage_expressions(
-    first: Mapping[str, Network],
-    second: Mapping[str, Network],
-    load_names: Sequence[str],
-    reference_load: float,
-    smoothing_load: float,
-    pose: ca.MX,
-    order: int,
-) -> Expressions:
-    """[EF15 Eqs. 1-7]: sensitive forces f = min(net(pose), 0), every other load net(pose, f); derivatives up to order.
-
-    With u = (pose, f) and U = du/dpose: dF = g·U, d²F = Uᵀ·H·U + Σ_f g_f·d²f.
-    """
-    raw = {name: network_value(network, pose, order) for name, network in first.items()}
-    clamped = {name: _clamp(force) for name, force in raw.items()}
-    u = ca.vertcat(pose, *(force.value for force in clamped.values()))
-    tangent = None
-    if order > 0:
-        tangent = ca.vertcat(ca.MX(ca.DM.eye(6)), *(force.gradient for force in clamped.values()))
-    loads = []
-    for name in load_names:
-        if name in clamped:
-            loads.append(clamped[name])
-            continue
-        load = network_value(second[name], u, order, tangent)
-        if order > 1:
-            g = ca.vertsplit(load.input_gradient.T[6:])
-            hessian = load.hessian
-            for slope, force in zip(g, clamped.values(), strict=True):
-                hessian += slope * force.hessian
-            load = NetworkValue(load.value, load.gradient, hessian)
-        loads.append(load)
-    roots = [_root(force, reference_load, smoothing_load, order) for force in raw.values()]
-    return Expressions(roots=stack(roots, order), loads=stack(loads, order))
+        second = {name: self.networks[name] for name in loads if name not in first}
+        definitions = [
+            f"#define FORCES {len(first)}",
+            f"#define INPUTS {6 + len(first)}",
+            f"#define OUTPUTS {len(second)}",
+            f"#define REFERENCE_LOAD {float(self.scene.reference_load)!r}",
+            f"#define ROUNDING {self._rounding!r}",
+            "/* Which force, or output of the second stage after them, each load is. */",
+            table("SOURCE", np.array([*map([*first, *second].index, loads), -1])),
+        ]
+        bundles = [Bundle("first", 6, first), Bundle("second", 6 + len(first), second)]
+        return Kernel(bundles, "\n".join([*definitions, "", c_text("two_stage.h", __package__)]))
 
 
 def _clamp(force: NetworkValue) -> NetworkValue:
@@ -241,9 +232,9 @@ def _clamp(force: NetworkValue) -> NetworkValue:
     return NetworkValue(ca.fmin(force.value, 0), pressed * force.gradient, pressed * force.hessian)
 
 
-def _root(force: NetworkValue, reference_load: float, smoothing_load: float, order: int) -> NetworkValue:
+def _root(force: NetworkValue, reference_load: float, e2: float, order: int) -> NetworkValue:
     """s = n/(n² + e²)^(1/4), n = -f/N0: sign(n)·√|n| with the infinite slope at zero rounded off."""
-    n, e2 = force.value / -reference_load, (smoothing_load / reference_load) ** 2
+    n = force.value / -reference_load
     q = n * n + e2
     fourth = ca.sqrt(ca.sqrt(q))
     slope = (0.5 * (n * n) + e2) / (q * fourth) / -reference_load
@@ -252,34 +243,6 @@ def _root(force: NetworkValue, reference_load: float, smoothing_load: float, ord
     if order > 1:
         hessian += ca.mtimes((curvature * force.gradient).T, force.gradient)
     return NetworkValue(n / fourth, slope * force.gradient, hessian)
-
-
-def two_stage_kernel(
-    first: Mapping[str, Network],
-    second: Mapping[str, Network],
-    load_names: Sequence[str],
-    reference_load: float,
-    smoothing_load: float,
-) -> Kernel:
-    """Kernel of loads, and of the root load of every first-stage force.
-
-    first and second hold the networks of the two stages by load, first in the order of the second stage's inputs.
-    """
-    learned = [name for name in load_names if name not in first]
-    inputs = 6 + len(first)
-
-    definitions = [
-        f"#define FORCES {len(first)}",
-        f"#define INPUTS {inputs}",
-        f"#define OUTPUTS {len(learned)}",
-        f"#define REFERENCE_LOAD {float(reference_load)!r}",
-        f"#define ROUNDING {(smoothing_load / reference_load) ** 2!r}",
-        "/* Which load each force and each output of the second stage is; -1 for none. */",
-        table("LOAD_OF_FORCE", np.array([*(load_names.index(n) if n in load_names else -1 for n in first), -1])),
-        table("LOAD_OF_OUTPUT", np.array([*(load_names.index(name) for name in learned), -1])),
-    ]
-    bundles = [Bundle("first", 6, first), Bundle("second", inputs, {name: second[name] for name in learned})]
-    return Kernel(bundles, "\n".join([*definitions, "", c_text("two_stage.h", __package__)]))
 
 
 def root_network_source(parts: Sequence[PartNetworks], bounds: Sequence[int]) -> tuple[list[Bundle], str]:

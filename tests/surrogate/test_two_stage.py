@@ -9,6 +9,8 @@ from casadi_contact.samples.samples import TEST, TRAIN
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from casadi_contact.surrogate.two_stage import TwoStageSurrogate
+from tests.support.agreement import close
+from tests.support.compiler import needs_compiler
 from tests.support.random_surrogates import invented_samples, random_poses, random_surrogate
 
 KNEE = load_scene("knee")
@@ -81,3 +83,9 @@ def test_root_loads_that_only_confirm_are_those_of_the_patch_structure():
         np.testing.assert_array_equal(regression.targets, of_patch[regression.name].targets)
     without = replace(drawn, gaps=np.full_like(drawn.gaps, np.nan))
     assert [r.name for r in TwoStageSurrogate.regressions(without)] == list(KNEE.load_names)
+
+
+@needs_compiler
+def test_a_load_that_is_asked_for_twice_is_given_twice(surrogate):
+    pose, names = random_poses(1)[0], ["Tx", "Fy_med", "Tx", "Fy_med"]
+    close(surrogate.function(names, compiled=True)(pose).full().ravel(), surrogate(pose, names), 10)

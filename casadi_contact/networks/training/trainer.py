@@ -35,9 +35,9 @@ class Trainer:
 
     history: lists with one entry an iteration: training_rms, validation_rms (NaN without validation rows), Gflop used,
     and the index of the network's size in the settings. level: that index now; attempt, began: restarts of this size,
-    and the entry at which the present network began. flop: work done, interrupted runs included. best: parameters of the
-    best network so far, of size best_level. saved: the content of a checkpoint; start: a network to begin from instead
-    of random weights.
+    and the entry at which the present network began. flop: work done, interrupted runs included. best: parameters of
+    the best network so far, of size best_level. saved: the content of a checkpoint; start: a network to begin from, not
+    random weights.
     """
 
     def __init__(
