@@ -17,16 +17,13 @@ from numpy.typing import ArrayLike
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import POSE_NAMES, Array, pose_index, pose_or_poses
 from casadi_contact.networks.functions import as_weights, hessian_function, weighted_hessians
-from casadi_contact.networks.kernel.networks import Bundle
-from casadi_contact.networks.kernel.source import ExportedModel, Kernel
-from casadi_contact.networks.names import c_name
 from casadi_contact.networks.network import Network, Regression
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.confidence import Confidence
-from casadi_contact.surrogate.file import Content, content_digest, write_file
+from casadi_contact.surrogate.file import Content, write_file
 from casadi_contact.surrogate.functions import SurrogateFunctions
 from casadi_contact.surrogate.info import SurrogateInfo
-from casadi_contact.surrogate.kernel import BATCH_FROM, OWN_ROOTS, SurrogateArrays, SurrogateKernel, compiled_arrays
+from casadi_contact.surrogate.kernel import BATCH_FROM, SurrogateArrays, compiled_arrays
 
 if TYPE_CHECKING:
     from casadi_contact.samples.samples import Samples
@@ -46,8 +43,6 @@ class Surrogate(SurrogateFunctions, ContactModel):
     """What charts call it."""
     budget_shares: ClassVar[Mapping[str, float]] = {}
     """Share of a size's budget [Gflop] that a network gets in a chart, by the start of its name; 1 for all others."""
-    ready_name = ""
-    """Name under which `load_surrogate` finds it; empty for one that does not come with the library."""
 
     @staticmethod
     def fits(scene: Scene) -> bool:
@@ -183,10 +178,6 @@ class Surrogate(SurrogateFunctions, ContactModel):
         """See `jacobian_and_roots`."""
         return *self._loads(poses, self.load_names, derivative=True), *self._roots(poses, derivative=True)
 
-    @abstractmethod
-    def _root_networks(self) -> list[str]:
-        """Names of the networks that root loads need."""
-
     def _arrays(self, poses: Array, loads: Sequence[str]) -> SurrogateArrays | None:
         """The kernel for so many poses; None where they are few, for other loads, and without a compiler."""
         many = self._compiled and len(poses) >= BATCH_FROM and set(loads) <= set(self.load_names)
@@ -196,22 +187,6 @@ class Surrogate(SurrogateFunctions, ContactModel):
     def _compiled_arrays(self) -> SurrogateArrays | None:
         kernel = self.whole_kernel(self.load_names)
         return compiled_arrays(kernel, f"the kernel of the surrogate {self.scene.name}, some seconds")
-
-    def whole_kernel(self, loads: Sequence[str]) -> SurrogateKernel:
-        """C of the loads, with all else that the networks and the calibration are enough for."""
-        roots = all(name in self.networks for name in self._root_networks())
-        kernel, confidence = self._kernel(loads, roots=roots), self.confidence if roots else None
-        bundles, roots_source = list(kernel.bundles), ""
-        if confidence is not None:
-            beside, roots_source = self._confidence_roots_source()
-            bundles += [*beside, confidence.bundle()]
-        bounds = self._root_bounds if roots else ()
-        whole = Kernel(bundles, kernel.code)
-        return SurrogateKernel(whole, tuple(loads), self.load_names, bounds, confidence, roots_source)
-
-    def _confidence_roots_source(self) -> tuple[Sequence[Bundle], str]:
-        """Networks beside the kernel's, and C function confidence_roots (see `SurrogateKernel`)."""
-        return [], OWN_ROOTS
 
     def _missing(self, loads: Sequence[str]) -> list[str]:
         return [name for name in self.networks_for(self.scene, loads) if name not in self.networks]
@@ -279,30 +254,6 @@ class Surrogate(SurrogateFunctions, ContactModel):
             return arrays.expected_error(poses)
         return map_in_chunks(lambda block: confidence.expected_errors(block, self.confidence_roots(block)), poses)
 
-    def _export_name(self) -> str:
-        """Name of a ready-made surrogate: knee_contact; else with a digest of scene, structure and networks,
-        so that two models never share a name."""
-        if self.ready_name:
-            return c_name(f"{self.ready_name} contact")
-        digest = content_digest(self.structure, self.scene.digest, "", self.networks, None)
-        return c_name(f"{self.scene.name} contact {digest[:8]}")
-
-    def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
-        """C of the loads, and of all that the surrogate knows of them."""
-        kernel = self.whole_kernel(self.check_loads(loads))
-        condition, made_for = kernel.outside(self.record.get("pose_range", {}))
-        return ExportedModel(
-            self._export_name(),
-            f"{kernel.source()}\n{condition}",
-            kernel.loads,
-            self.patch_names,
-            kernel.root_count,
-            kernel.confidence is not None,
-            made_for,
-            self.scene.reference_load,
-            f"Contact loads of the scene {self.scene.name}, {self.structure} surrogate.",
-        )
-
     def example_pose(self) -> list[float]:
         """A pose (6) inside the learned region, in contact if possible; without calibration the middle of the sampled
         ranges, or zeros."""
@@ -310,10 +261,8 @@ class Surrogate(SurrogateFunctions, ContactModel):
             ranges = self.record.get("pose_range", {})
             return [float(np.mean(ranges.get(name, 0.0))) for name in POSE_NAMES]
         # The centres, and as many poses that Newton's method presses from there with ten boundary loads a patch.
-        poses, target = (
-            self.confidence.centre_poses,
-            np.sqrt(10.0 * self.scene.boundary_load / self.scene.reference_load),
-        )
+        poses = self.confidence.centre_poses
+        target = np.sqrt(10.0 * self.scene.boundary_load / self.scene.reference_load)
         columns, pressed_poses = [pose_index(name) for name in self.scene.sensitive_pose], poses.copy()
         for _ in range(8):
             roots, slopes = self.root_loads(pressed_poses)

@@ -1,18 +1,24 @@
-"""CasADi functions of a surrogate: loads, root loads, validity and expected error of a pose, with their derivatives."""
+"""CasADi functions of a surrogate, and its C: loads, root loads, validity and expected error of a pose, derivatives."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import Any, ClassVar
 
 import casadi as ca
 
 from casadi_contact.core.compiler import CompilerError, warn_once
 from casadi_contact.networks.functions import ContactFunctions, function_with_derivatives
 from casadi_contact.networks.graph import Expressions, nan_if_not_finite, nan_marker
-from casadi_contact.networks.kernel.source import Kernel, compiled_function
-from casadi_contact.networks.names import name_of_parts
+from casadi_contact.networks.kernel.networks import Bundle
+from casadi_contact.networks.kernel.source import ExportedModel, Kernel, compiled_function
+from casadi_contact.networks.names import c_name, name_of_parts
+from casadi_contact.networks.network import Network
+from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.confidence import Confidence
+from casadi_contact.surrogate.file import content_digest
+from casadi_contact.surrogate.kernel import OWN_ROOTS, SurrogateKernel
 
 _CALLED = {"never_inline": True}  # an SX expression calls them whole: CasADi has no logsumexp of SX
 
@@ -23,7 +29,15 @@ class SurrogateFunctions(ContactFunctions):
     Derivatives are exact and explicit; only the networks that the loads need are in a function.
     """
 
+    scene: Scene
+    structure: ClassVar[str]
+    networks: dict[str, Network]
+    record: dict[str, Any]
+    confidence: Confidence | None
+    load_names: tuple[str, ...]
     patch_names: tuple[str, ...]
+    ready_name = ""
+    """Name under which `load_surrogate` finds it; empty for one that does not come with the library."""
 
     @abstractmethod
     def require_confidence(self) -> Confidence:
@@ -36,6 +50,10 @@ class SurrogateFunctions(ContactFunctions):
     @abstractmethod
     def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
         """The loads in C, and the root loads if asked for."""
+
+    @abstractmethod
+    def _root_networks(self) -> list[str]:
+        """Names of the networks that root loads need."""
 
     @property
     def _root_bounds(self) -> Sequence[int]:
@@ -102,3 +120,43 @@ class SurrogateFunctions(ContactFunctions):
             value, jacobian, second = (getattr(graph, key) for graph in graphs)
             found[key] = (value.value, jacobian.jacobian, second.second)
         return found
+
+    def whole_kernel(self, loads: Sequence[str]) -> SurrogateKernel:
+        """C of the loads, with all else that the networks and the calibration are enough for."""
+        roots = all(name in self.networks for name in self._root_networks())
+        kernel, confidence = self._kernel(loads, roots=roots), self.confidence if roots else None
+        bundles, roots_source = list(kernel.bundles), ""
+        if confidence is not None:
+            beside, roots_source = self._confidence_roots_source()
+            bundles += [*beside, confidence.bundle()]
+        bounds = self._root_bounds if roots else ()
+        whole = Kernel(bundles, kernel.code)
+        return SurrogateKernel(whole, tuple(loads), self.load_names, bounds, confidence, roots_source)
+
+    def _confidence_roots_source(self) -> tuple[Sequence[Bundle], str]:
+        """Networks beside the kernel's, and C function confidence_roots (see `SurrogateKernel`)."""
+        return [], OWN_ROOTS
+
+    def _export_name(self) -> str:
+        """Name of a ready-made surrogate: knee_contact; else with a digest of scene, structure and networks,
+        so that two models never share a name."""
+        if self.ready_name:
+            return c_name(f"{self.ready_name} contact")
+        digest = content_digest(self.structure, self.scene.digest, "", self.networks, None)
+        return c_name(f"{self.scene.name} contact {digest[:8]}")
+
+    def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
+        """C of the loads, and of all that the surrogate knows of them."""
+        kernel = self.whole_kernel(self.check_loads(loads))
+        condition, made_for = kernel.outside(self.record.get("pose_range", {}))
+        return ExportedModel(
+            self._export_name(),
+            f"{kernel.source()}\n{condition}",
+            kernel.loads,
+            self.patch_names,
+            kernel.root_count,
+            kernel.confidence is not None,
+            made_for,
+            self.scene.reference_load,
+            f"Contact loads of the scene {self.scene.name}, {self.structure} surrogate.",
+        )

@@ -78,15 +78,13 @@ class SurrogateKernel:
         the patches and loads have."""
         known = self.calibrated_loads
         confidence.check_shapes(len(self.bounds) - 1, len(known))
-        counts = {
+        numbers = {
             "CENTRES": len(confidence.centres),
             "CONFIDENCE_COLUMNS": len(confidence.columns),
             "CALIBRATED": len(known),
-        }
-        numbers = {
-            "BANDWIDTH": confidence.bandwidth,
-            "SHARPNESS": confidence.sharpness,
-            "EDGE": confidence.edge,
+            "BANDWIDTH": float(confidence.bandwidth),
+            "SHARPNESS": float(confidence.sharpness),
+            "EDGE": float(confidence.edge),
             "SURE": SURE,
         }
         tables = {
@@ -96,15 +94,9 @@ class SurrogateKernel:
             "calibrated_load": np.array([known.index(load) if load in known else -1 for load in self.loads]),
             "growth": confidence.growth,
         }
-        return "\n".join(
-            [
-                *(f"#define {name} {value}" for name, value in counts.items()),
-                *(f"#define {name} ({float(value)!r})" for name, value in numbers.items()),
-                *(table(name, np.asarray(values)) for name, values in tables.items()),
-                self.confidence_roots,
-                c_text("confidence.h", __package__),
-            ]
-        )
+        parts = [f"#define {name} ({value!r})" for name, value in numbers.items()]
+        parts += [table(name, np.asarray(values)) for name, values in tables.items()]
+        return "\n".join([*parts, self.confidence_roots, c_text("confidence.h", __package__)])
 
     def outside(self, pose_range: Mapping[str, Sequence[float]]) -> tuple[str, str]:
         """C function outside(pose, parts), 1 for a pose that was not learned; and in words when it is 0.
@@ -118,9 +110,9 @@ class SurrogateKernel:
             meaning, condition = "each pose parameter within its sampled range", "beyond(pose)"
         else:
             meaning, condition = "unknown: this surrogate was never calibrated", "0"
-        ranges = (
-            f"{table('low', bounds[:, 0])}\n{table('high', bounds[:, 1])}\n{_BEYOND}" if "beyond" in condition else ""
-        )
+        ranges = ""
+        if "beyond" in condition:
+            ranges = f"{table('low', bounds[:, 0])}\n{table('high', bounds[:, 1])}\n{_BEYOND}"
         return ranges + _OUTSIDE.format(condition=condition), meaning
 
 

@@ -107,7 +107,7 @@ def test_code_for_many_poses_does_not_call_the_exported_function_of_one(kind, tm
 
 @pytest.mark.parametrize(
     "name",
-    ["not-a-c-name", "int", "main", "class", "example", "linear", "dense", "work_of", "dense_pose", "BATCH", "sinf"],
+    ["not-a-c-name", "int", "main", "class", "example", "linear", "dense", "work_of", "BATCH", "sinf"],
 )
 def test_bad_name_is_refused(name, tmp_path):
     surrogate = random_surrogate(load_scene("sphere_on_plane"), "patch")

@@ -48,9 +48,9 @@ def activation_loops(name: str) -> str:
     return "\n\n".join(functions)
 
 
-def sides_of(shape: Shape, what: str) -> list[int]:
+def sides_of(shape: Shape | None, what: str) -> list[int]:
     """How many networks of a shape may be evaluated side by side, the most first."""
-    return [side for side in MOST_SIDE_BY_SIDE[what] if side * shape.widest <= NEURONS_SIDE_BY_SIDE]
+    return [] if shape is None else [s for s in MOST_SIDE_BY_SIDE[what] if s * shape.widest <= NEURONS_SIDE_BY_SIDE]
 
 
 def _each(shape: Shape, statement: str) -> str:
@@ -307,15 +307,17 @@ def family_functions(name: str, bundles: Sequence[Bundle]) -> str:
     several side by side where each is one network, all of the same few neurons. x, y and g hold a pointer for each."""
     shapes = {bundle.groups[0].shape if bundle.groups else None for bundle in bundles}
     shape = shapes.pop() if len(shapes) == 1 else None
-    weights = ", ".join(group.symbol for bundle in bundles for group in bundle.groups)
-    functions = [f"static const double *const {name}_weights[{len(bundles)}] = {{{weights}}};"] if shape else []
+    sides = {what: [side for side in sides_of(shape, what) if side <= len(bundles)] for what in MOST_SIDE_BY_SIDE}
+    functions = []
+    if any(sides.values()):
+        weights = ", ".join(group.symbol for bundle in bundles for group in bundle.groups)
+        functions.append(f"static const double *const {name}_weights[{len(bundles)}] = {{{weights}}};")
     for what, outputs, most in (("value", "y", "VALUES_SIDE_BY_SIDE"), ("gradient", "yg", "SLOPES_SIDE_BY_SIDE")):
         pointers = "".join(f", double *const *{array}" for array in outputs)
         lines = [f"INLINE void {name}_{what}(int count, const int *which, const double *const *x{pointers}) {{"]
         lines.append("  int k = 0;")
-        sides = [] if shape is None else [side for side in sides_of(shape, what) if side <= len(bundles)]
         called = "" if shape is None else f"{shape.symbol}_{what}"
-        for side in sides:
+        for side in sides[what]:
             kinds = {f"{name}_weights": "const double", "x": "const double", **dict.fromkeys(outputs, "double")}
             given = (
                 f"({kind} *const[]){{{', '.join(f'{array}[which[k + {p}]]' for p in range(side))}}}"
