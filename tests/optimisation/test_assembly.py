@@ -11,7 +11,7 @@ import casadi_contact as cc
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.conventions import rotation
-from casadi_contact.core.quantities import FORCE, TORQUE
+from casadi_contact.networks import frames
 from casadi_contact.optimisation.assembly.assembly import Assembly, Settling
 from casadi_contact.optimisation.assembly.connections import Ligament, Pull, Spring
 from tests.support.compiler import needs_compiler
@@ -29,16 +29,6 @@ def knee():
         return cc.load_surrogate("knee") if scene.name == "knee" else PolarFoundation(scene, Rays(24, 3))
 
     return cc.load_assembly("knee_with_patella", contact)
-
-
-def test_elements_and_models_of_one_s_own_are_called_back_from_an_assembly():
-    elements = cc.load_assembly("knee_with_patella", lambda scene: cc.ElasticFoundation(scene, (20, 10)))
-    poses = elements.start_poses()
-    for contact in elements.contacts:
-        model = cc.ElasticFoundation(contact.model.scene, (20, 10))
-        pose = elements.contact_poses(contact.name, poses)
-        np.testing.assert_array_equal(contact.model(pose), model(pose))
-    assert elements.function().size1_out(0) == len(elements.load_names)
 
 
 def at_flexion(knee, degrees, poses):
@@ -81,15 +71,6 @@ def test_one_function_gives_the_loads_of_the_contacts_one_by_one(knee, held):
             together = [loads[f"{contact.name}_{name}"] for name in contact.model.load_names]
             usual = [1000.0 if name.startswith("F") else 25_000.0 for name in contact.model.load_names]
             np.testing.assert_allclose(np.divide(together, usual), np.divide(alone, usual), rtol=0.0, atol=1e-12)
-
-
-@needs_compiler
-def test_every_load_has_its_kind_whatever_its_ligament_is_called(knee):
-    kinds = replace(
-        knee, ligaments=[replace(knee.ligaments[0], name="patellar_Tendon"), *knee.ligaments[1:]]
-    ).load_kinds
-    assert kinds["patellar_Tendon"] == kinds["patellofemoral_Fy"] == FORCE
-    assert kinds["patellofemoral_Tx"] == TORQUE
 
 
 def test_derivatives_are_sparse(knee):
@@ -137,19 +118,14 @@ def test_a_line_does_on_both_bodies_what_its_length_says():
     pull = Pull("rope", ("upper", "earth"), points)
     start = {"upper": np.zeros(6), "lower": np.zeros(6)}
     assembly = Assembly("two", "earth", start, ligaments=[ligament], pulls=[pull])
-    x = ca.MX.sym("x", 12)
-    poses = ca.reshape(x, 6, 2)
-    lengths = []
+    x, lengths = ca.MX.sym("x", 12), []
+    poses = {"upper": x[:6], "lower": x[6:], "earth": ca.MX.zeros(6)}
     for line in (ligament, pull):
-        ends = []
-        for body, point in zip(line.bodies, line.points_mm, strict=True):
-            pose = poses[:, assembly.bodies.index(body)] if body != "earth" else ca.MX.zeros(6)
-            sx, sy, sz, cx, cy, cz = *(ca.sin(pose[i]) for i in (3, 4, 5)), *(ca.cos(pose[i]) for i in (3, 4, 5))
-            Rx = ca.vertcat(ca.horzcat(1, 0, 0), ca.horzcat(0, cx, -sx), ca.horzcat(0, sx, cx))
-            Ry = ca.vertcat(ca.horzcat(cy, 0, sy), ca.horzcat(0, 1, 0), ca.horzcat(-sy, 0, cy))
-            Rz = ca.vertcat(ca.horzcat(cz, -sz, 0), ca.horzcat(sz, cz, 0), ca.horzcat(0, 0, 1))
-            ends.append(pose[:3] + Rx @ Ry @ Rz @ ca.DM(point))
-        lengths.append(ca.norm_2(ends[0] - ends[1]))
+        first, second = (
+            poses[body][:3] + frames.rotation(poses[body][3:]) @ ca.DM(point)
+            for body, point in zip(line.bodies, line.points_mm, strict=True)
+        )
+        lengths.append(ca.norm_2(first - second))
     slopes = ca.Function("slopes", [x], [ca.gradient(length, x) for length in lengths])
     at = np.array([0.0, 50.0, 4.0, 0.1, -0.2, 0.3, 1.0, -2.0, 0.0, -0.3, 0.2, 0.1])
     (tension,) = np.asarray(assembly.function()(at.reshape(2, 6).T)).ravel()
@@ -189,14 +165,6 @@ def test_in_equilibrium_only_the_locked_flexion_is_left(knee, held):
     assert forces[0, 5] > 0.0
 
 
-def test_poses_of_a_contact_are_asked_for_in_one_shape(knee):
-    poses = knee.start_poses()
-    one, two = knee.contact_poses("tibiofemoral", poses), knee.contact_poses("tibiofemoral", [poses, poses])
-    np.testing.assert_array_equal(two, np.repeat(one, 2, axis=0))
-    with pytest.raises(ValueError, match="shape"):
-        knee.contact_poses("tibiofemoral", poses[:1])
-
-
 def test_a_spring_pulls_back_to_its_rest():
     spring = Spring("soft", "body", np.array([5.0, 0.0, 2.0, 0.0, 0.0, 100.0]), np.ones(6))
     assembly = Assembly("one", "earth", {"body": np.zeros(6)}, springs=[spring])
@@ -226,6 +194,7 @@ ONE = Assembly("one", "earth", {"body": np.zeros(6)}, pulls=[ROPE])
         (lambda: Settling(ONE, {"body": ("tx", "tx")}), "once"),
         (lambda: Settling(ONE, {"moon": ("tx",)}), "moon"),
         (lambda: ONE.function("my loads"), "name"),
+        (lambda: cc.load_assembly("knee_with_patella").contact_poses("tibiofemoral", np.zeros((1, 6))), "shape"),
         (lambda: cc.load_assembly("elbow"), "knee_with_patella"),
     ],
 )

@@ -1,13 +1,9 @@
 """Static equilibrium: golden poses, balance along every free direction, far starts, loads that nothing carries."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact.cells.basis import Cells
-from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.contact.cup import CupFoundation
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
@@ -17,7 +13,6 @@ from casadi_contact.optimisation.starts import middle_pose
 from casadi_contact.optimisation.static_equilibrium import SOFT_TISSUE, StaticEquilibrium
 from tests.support.compiler import needs_compiler
 from tests.support.ready_poses import scene_held
-from tests.support.shared_data import shared_file
 
 LOADS = np.array([-100.0, -1500.0, 0.0, 7500.0, -2000.0, 0.0])
 REST = np.zeros((3, 6))
@@ -147,27 +142,6 @@ def test_a_virtual_move_along_a_tie_does_no_work():
     by_tx, by_ry = left[0], 0.01 * torque @ np.array([0.0, np.cos(rx), np.sin(rx)])
     assert by_tx + by_ry == pytest.approx(0.0, abs=0.01)
     assert abs(by_tx) > 10.0
-
-
-@needs_compiler
-def test_a_femur_on_a_convex_natural_tibia_finds_the_rest_that_one_start_misses():
-    """It turns the femur about y with little torque: the misfit has minima off balance on the way."""
-    pytest.importorskip("igl", reason="meshes need the extra `mesh`")
-    shared_file("data/jam/femur_cartilage.obj")
-    scene = whole_wrench(cc.load_scene(Path(__file__).parents[2] / "problems/scenes/natural_knee.toml"))
-    rest = np.tile(scene.start_pose, (3, 1))
-    rest[:, 5] = -np.radians([0.0, 30.0, 60.0])
-    loads = np.tile([0.0, -400.0, 0.0, 0.0, 0.0, 0.0], (3, 1))
-    problem = StaticEquilibrium(CellFoundation(scene, Cells(1.7, 1.7, 4, 4)), loads, rest=rest, about="moving")
-    assert not problem.solve().solved.all(), "one start is enough: this test tells nothing"
-    found = problem.solve(restarts=20)
-    assert found.solved.all()
-    wrenches = problem.model.wrenches(found.poses).sum(axis=1)
-    about_moving = wrenches[:, 3:] - np.cross(found.poses[:, :3], wrenches[:, :3])
-    np.testing.assert_allclose(wrenches[:, :3], loads[:, :3], atol=0.1)
-    rx = found.poses[:, 3]
-    along_ry = np.cos(rx) * about_moving[:, 1] + np.sin(rx) * about_moving[:, 2]
-    np.testing.assert_allclose(along_ry, 0.0, atol=2.0)
 
 
 @pytest.mark.parametrize(
