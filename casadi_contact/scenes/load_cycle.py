@@ -22,7 +22,6 @@ COLUMNS = {
     "cop_ml_mm": "cop_ml_mm",
 }
 KNEE_POSE_COLUMNS = frozenset({COLUMNS["rz"], COLUMNS["ry"]})  # by which a file is a knee's
-_CURVES = ("time", "rz", "ry", "Fy_med", "Fy_lat", "cop_ap", "cop_ml", "Tz", "Tx")  # that a cycle is made of
 
 
 class OverTime:
@@ -95,9 +94,8 @@ def read_cycle(path: str | Path) -> LoadCycle:
     """
     path = Path(path)
     columns = read_columns(path, required=tuple(COLUMNS.values()), what="cycle file")
-    curves = {key: columns[column] for key, column in COLUMNS.items()}
     try:
-        return LoadCycle(path.stem, **curves)
+        return LoadCycle(path.stem, **{key: columns[column] for key, column in COLUMNS.items()})
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
@@ -111,36 +109,20 @@ def cycle_from_curves(name: str, curves: Mapping[str, Array]) -> LoadCycle:
     """A cycle from curves by name: time [s], rz, ry [rad], Fy_med, Fy_lat [N], and for each centre of pressure either
     itself (cop_ap, cop_ml [mm]) or the torque that gives it (cop_ap = Tz/Fy, cop_ml = -Tx/Fy [N·mm]).
 
-    Raises ValueError naming the curves that lack or have no place here, or as `LoadCycle` does.
+    Raises ValueError for other curves, or as `LoadCycle` does.
     """
-    foreign = [key for key in curves if key not in _CURVES]
-    if foreign:
+    chosen = ({"cop_ap", "Tz"}, {"cop_ml", "Tx"})
+    needed = {"time", "rz", "ry", "Fy_med", "Fy_lat"}
+    if set(curves) - set.union(*chosen) != needed or any(len(either & set(curves)) != 1 for either in chosen):
         raise ValueError(
-            f"a load cycle has no place for {', '.join(foreign)}, expected {', '.join(_CURVES)}; "
-            "poses need tx, ty, tz, rx, ry, rz and no loads, another joint's cycle its scene (--scene)"
+            "a load cycle needs the curves time, rz, ry, Fy_med, Fy_lat, cop_ap (or Tz) and cop_ml (or Tx), and has no "
+            f"place for others; there are {', '.join(curves)}; poses need tx, ty, tz, rx, ry, rz and no loads, another "
+            "joint's cycle its scene (--scene)"
         )
-    missing = [key for key in ("time", "rz", "ry", "Fy_med", "Fy_lat") if key not in curves]
-    missing += [
-        f"{key} (or {torque})"
-        for key, torque in (("cop_ap", "Tz"), ("cop_ml", "Tx"))
-        if not {key, torque} & set(curves)
-    ]
-    if missing:
-        raise ValueError(f"a load cycle needs the curves {', '.join(missing)}; there are {', '.join(curves)}")
-    for key, torque in (("cop_ap", "Tz"), ("cop_ml", "Tx")):
-        if {key, torque} <= set(curves):
-            raise ValueError(f"a load cycle has {key} and {torque}, expected one of the two: leave one --map out")
     fy = curves["Fy_med"] + curves["Fy_lat"]
     if not {"cop_ap", "cop_ml"} <= set(curves) and not np.all(fy < 0.0):
         frame = int(np.argmax(fy >= 0.0))
         raise ValueError(f"frame {frame} has no compression, so that torques give no centre of pressure there")
-    return LoadCycle(
-        name,
-        time_s=curves["time"],
-        rz=curves["rz"],
-        ry=curves["ry"],
-        fy_med=curves["Fy_med"],
-        fy_lat=curves["Fy_lat"],
-        cop_ap_mm=curves["cop_ap"] if "cop_ap" in curves else curves["Tz"] / fy,
-        cop_ml_mm=curves["cop_ml"] if "cop_ml" in curves else -curves["Tx"] / fy,
-    )
+    cop_ap = curves["cop_ap"] if "cop_ap" in curves else curves["Tz"] / fy
+    cop_ml = curves["cop_ml"] if "cop_ml" in curves else -curves["Tx"] / fy
+    return LoadCycle(name, *(curves[key] for key in ("time", "rz", "ry", "Fy_med", "Fy_lat")), cop_ap, cop_ml)

@@ -79,11 +79,11 @@ def test_the_command_writes_the_cycle_that_a_file_holds(tmp_path):
     back = read_cycle(written(tmp_path, table, *maps, "tibia_Tx=Tx:Nm"))
     for key in ("time_s", "rz", "ry", "fy_med", "fy_lat", "cop_ap_mm", "cop_ml_mm"):
         np.testing.assert_allclose(getattr(back, key), getattr(walk, key), rtol=1e-12, atol=1e-12)
-    with pytest.raises(ValueError, match=r"Fy_lat, cop_ap \(or Tz\), cop_ml \(or Tx\)"):
+    with pytest.raises(ValueError, match="needs the curves"):
         written(tmp_path, table, *maps[:3])
 
 
-@pytest.mark.parametrize(("names", "said"), [(("F=Fy_med", "ty=ty"), "place for ty"), (("knee=rz", "ty=ty"), "poses")])
+@pytest.mark.parametrize(("names", "said"), [(("F=Fy_med", "ty=ty"), "needs the curves"), (("knee=rz", "ty=ty"), "poses")])
 def test_a_mixture_that_is_neither_poses_nor_a_load_cycle_is_refused(tmp_path, names, said):
     with pytest.raises(ValueError, match=said):
         written(tmp_path, TABLE, *names)

@@ -39,11 +39,9 @@ class BallInCup(Shape):
         return values
 
     def start_pose(self, geometry: Geometry) -> Array:
-        """The ball centred in the cup."""
         return np.array([*geometry["cup_centre"], 0.0, 0.0, 0.0])
 
     def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
-        """The ball."""
         return [sphere(geometry["ball_radius"])]
 
     def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:

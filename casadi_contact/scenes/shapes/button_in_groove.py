@@ -49,16 +49,13 @@ class ButtonInGroove(Shape):
         return values
 
     def patches(self, geometry: Geometry) -> tuple[str, ...]:
-        """The medial and the lateral facet."""
         return ("med", "lat")
 
     def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
-        """The dome, which faces both facets."""
         radii = [geometry["dome_sagittal_radius"]]
         return [swept_arcs(radii, [], geometry["dome_radius"], 0.0)] * 2
 
     def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
-        """Both facets."""
         return [_facet(geometry, side, *grid) for side in (1.0, -1.0)]
 
 

@@ -19,11 +19,9 @@ class SphereOnPlane(Shape):
     parameters = (Parameter("radius", "mm"), Parameter("patch_side", "mm"))
 
     def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
-        """The sphere."""
         return [sphere(geometry["radius"])]
 
     def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
-        """The square."""
         return [plane(grid, (geometry["patch_side"], geometry["patch_side"]))]
 
 
@@ -35,11 +33,9 @@ class CylinderOnPlane(Shape):
     parameters = (Parameter("radius", "mm"), Parameter("length", "mm"), Parameter("patch_side", "mm"))
 
     def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
-        """The cylinder."""
         return [cylinder(geometry["radius"])]
 
     def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
-        """The strip."""
         return [plane(grid, (geometry["patch_side"], geometry["length"]))]
 
 
@@ -51,11 +47,9 @@ class PunchOnPlane(Shape):
     parameters = (Parameter("area", "mm²"),)
 
     def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
-        """The punch's face."""
         return [half_space()]
 
     def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
-        """The square."""
         side = geometry["area"] ** 0.5
         return [plane(grid, (side, side))]
 
@@ -76,10 +70,8 @@ class SphereInDish(Shape):
         return values
 
     def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
-        """The sphere."""
         return [sphere(geometry["radius"])]
 
     def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
-        """The dish."""
         radius, side = geometry["dish_radius"], geometry["patch_side"]
         return [dish(grid, (side, side), radius, radius)]

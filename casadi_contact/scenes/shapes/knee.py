@@ -66,26 +66,21 @@ class Knee(Shape):
                 raise fail(f"geometry.{key} ({side})", g[key], f"more than {limit:g} (condyle and half patch)")
 
     def patches(self, geometry: Geometry) -> tuple[str, ...]:
-        """The medial and the lateral side."""
         return SIDES
 
     def patch_geometry(self, geometry: Geometry, patch: str) -> dict[str, Any]:
-        """The common values, with the side's own in their place."""
         common = {key: value for key, value in geometry.items() if key not in SIDES}
         return common | dict(geometry.get(patch, {}))
 
     def symmetric(self, geometry: Geometry) -> bool:
-        """True where both sides have the same numbers."""
         medial, lateral = (self.patch_geometry(geometry, side) for side in SIDES)
         return medial == lateral
 
     def anchors(self, geometry: Geometry) -> Array:
-        """The condyles' centres."""
         medial, lateral = (self.patch_geometry(geometry, side)["condyle_offset"] for side in SIDES)
         return np.array([[0.0, 0.0, medial], [0.0, 0.0, -lateral]])
 
     def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
-        """The condyles."""
         surfaces = []
         for side, anchor in zip(SIDES, self.anchors(geometry), strict=True):
             g = self.patch_geometry(geometry, side)
@@ -94,7 +89,6 @@ class Knee(Shape):
         return surfaces
 
     def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
-        """The dishes, lowest below the condyles' centres."""
         cells = []
         for side, anchor in zip(SIDES, self.anchors(geometry), strict=True):
             g = self.patch_geometry(geometry, side)

@@ -112,7 +112,6 @@ class Mesh(Shape):
     mesh_bodies = BODIES
 
     def check(self, table: object) -> dict[str, Any]:
-        """Files, units, axes and patches, with the defaults filled in."""
         values: dict[str, Any] = _DEFAULTS | table_of("geometry", table, _NEEDED, complete=True, optional=_OPTIONAL)
         for key in sorted({*BODIES, *_DIGESTS.values()} & set(values)):
             if not isinstance(values[key], str) or not values[key]:
@@ -138,15 +137,12 @@ class Mesh(Shape):
         return values
 
     def patches(self, geometry: Geometry) -> tuple[str, ...]:
-        """As named."""
         return tuple(geometry["patches"])
 
     def anchors(self, geometry: Geometry) -> Array:
-        """As given."""
         return patch_anchors(geometry)
 
     def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
-        """The moving mesh's field, which faces every patch."""
         from casadi_contact.scenes.shapes import mesh_bodies as bodies
 
         bodies.check_shells(geometry)
@@ -154,7 +150,6 @@ class Mesh(Shape):
         return [MovingSurface(MESH_FIELD, field.parameters)] * len(geometry["patches"])
 
     def start_pose(self, geometry: Geometry) -> Array:
-        """As given, or zero."""
         return np.array(geometry.get("start_pose", np.zeros(6)))
 
     def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:

@@ -28,7 +28,6 @@ class OwnModel(Shape):
     has_layer = False
 
     def check(self, table: object) -> dict[str, Any]:
-        """The patches, each with a name and an anchor."""
         values = table_of("geometry", table, ("patches",), complete=True)
         patches = values["patches"]
         if not isinstance(patches, Mapping) or not patches:
@@ -43,19 +42,15 @@ class OwnModel(Shape):
         return values
 
     def patches(self, geometry: Geometry) -> tuple[str, ...]:
-        """As named."""
         return tuple(geometry["patches"])
 
     def anchors(self, geometry: Geometry) -> Array:
-        """As given."""
         return patch_anchors(geometry)
 
     def surfaces(self, geometry: Geometry) -> NoReturn:
-        """None; raises ValueError."""
         raise ValueError("a scene of the shape own_model has no surfaces: give your own contact model")
 
     def cells(self, geometry: Geometry, grid: tuple[int, int]) -> NoReturn:
-        """None; raises ValueError."""
         self.surfaces(geometry)
 
 
