@@ -56,10 +56,3 @@ def test_a_thread_may_hold_a_folder_twice_and_another_thread_not_meanwhile(tmp_p
             with pytest.raises(BlockingIOError, match=f"process {os.getpid()} "):
                 other.submit(hold).result()
         assert other.submit(hold).result()
-
-
-def test_a_block_that_fails_lets_the_folder_go(tmp_path):
-    with pytest.raises(ZeroDivisionError), folder_lock(tmp_path):
-        raise ZeroDivisionError
-    with held_elsewhere(tmp_path):
-        pass

@@ -28,12 +28,11 @@ def test_a_closed_mesh_with_a_sliver_is_closed():
     assert np.abs(SmoothSurface(mesh).distance(points) - exact)[near].max() < 0.01
 
 
-@pytest.mark.parametrize("by_mm", [3.0, 5.0])
-def test_a_vertex_that_slid_over_its_neighbours_leaves_the_outside_outside(by_mm):
+def test_a_vertex_that_slid_over_its_neighbours_leaves_the_outside_outside():
     """Pseudonormals of the triangles that it turns over tell points the wrong side, at any distance."""
-    mesh = checked_mesh("ball", *with_slid_vertex(*ball_mesh(16.0, 2.5), by_mm))
+    mesh = checked_mesh("ball", *with_slid_vertex(*ball_mesh(16.0, 2.5), 5.0))
     assert ((mesh.normals * mesh.corners_mm.mean(axis=1)).sum(axis=1) < 0.0).any()
-    points = np.random.default_rng(0).normal(size=(100_000, 3)) * 9.0
+    points = np.random.default_rng(0).normal(size=(20_000, 3)) * 9.0
     exact = np.linalg.norm(points, axis=1) - 16.0
     near = np.abs(exact) < 8.0
     assert np.abs(SmoothSurface(mesh).distance(points[near]) - exact[near]).max() < 1.0
@@ -52,18 +51,10 @@ def test_slivers_at_an_open_edge_leave_it_open():
     assert (filled.dropped, len(filled.boundary_edges)) == (1, len(plain.boundary_edges))
 
 
-def test_a_part_beside_a_sliver_is_open_where_it_is_cut():
-    mesh = checked_mesh("ball", *with_sliver(*ball_mesh(16.0, 2.5)))
-    beside = np.isin(mesh.faces, mesh.slivers[0]).sum(axis=1) == 2
-    assert beside.sum() == 3
-    assert len(mesh.part(beside).boundary_edges) == 4  # of a quadrilateral: the halves and their neighbour
-    for face in np.flatnonzero(beside):
-        assert len(mesh.part(np.arange(len(mesh.faces)) == face).boundary_edges) == 3
-
-
 def test_a_shell_with_a_hole_and_two_unjoined_sheets_are_as_thin_as_a_closed_shell():
+    """However far from the file's origin they lie."""
     vertices, faces = shell_mesh(14.5, 16.0, 1.5, 1.0, [0.0, 1.0, 0.0])
-    holed = checked_mesh("shell", vertices, np.delete(faces, 400, axis=0))
+    holed = checked_mesh("shell", vertices + np.array([1e7, -8e6, 1.2e7]), np.delete(faces, 400, axis=0))
     assert len(holed.boundary_edges) == 3
     assert shell_thickness(holed) == pytest.approx(1.5, abs=0.05)
     sheet, front = sheet_mesh(14.0, 2.0)
@@ -71,17 +62,10 @@ def test_a_shell_with_a_hole_and_two_unjoined_sheets_are_as_thin_as_a_closed_she
     assert shell_thickness(checked_mesh("sheets", *sheets)) == pytest.approx(0.5, abs=2e-3)
 
 
-def test_nothing_is_thin_about_a_single_open_surface():
+@pytest.mark.parametrize("angle", [0.6, 1.9])
+def test_nothing_is_thin_about_a_single_open_surface(angle):
     """A cap's back is open; of a femur's profile some rays come out at its other end, most do not."""
-    for vertices, faces in (cap_mesh(20.0, 2.0, 0.6), cap_mesh(20.0, 2.0, 1.9)):
-        assert shell_thickness(checked_mesh("cap", vertices, faces)) == np.inf
-
-
-@pytest.mark.parametrize("far_mm", [0.0, 1e5, 1e7])
-def test_a_shell_is_as_thick_wherever_the_file_s_origin_lies(far_mm):
-    vertices, faces = shell_mesh(14.5, 16.0, 1.5, 1.0, [0.0, 1.0, 0.0])
-    far = checked_mesh("shell", vertices + far_mm * np.array([1.0, -0.8, 1.2]), faces)
-    assert shell_thickness(far) == pytest.approx(1.5, abs=0.05)
+    assert shell_thickness(checked_mesh("cap", *cap_mesh(20.0, 2.0, angle))) == np.inf
 
 
 def together(*meshes):
@@ -106,10 +90,8 @@ CUP = shell_mesh(10.0, 20.0, 2.0, 1.2, [0.0, 1.0, 0.0])
     [
         ([BIG, ball(8.0, ASIDE, inside_out=True)], r"1 of its 2 pieces, first about \((50|49\.9)"),
         ([BIG, ball(8.0, ASIDE), ball(4.0, ASIDE), ball(0.5, [0.0, 25.0, 0.0], inside_out=True)], "1 of its 4 pieces"),
-        ([BIG, ball(12.0, MIDDLE, inside_out=True), ball(5.0, MIDDLE, inside_out=True)], "1 of its 3"),
         ([CUP, ball(5.0, MIDDLE, inside_out=True)], "1 of its 2 pieces"),  # in its hollow, not in its solid
         ([sheet_mesh(40.0, 2.0), ball(5.0, [0.0, 20.0, 0.0], inside_out=True)], "1 of its 2 pieces"),
-        ([(BIG[0], BIG[1][:, ::-1]), ball(5.0, MIDDLE)], "1 of its 2 pieces"),
     ],
 )
 def test_a_closed_piece_that_is_inside_out_and_no_cavity_is_refused(meshes, where):
@@ -124,7 +106,6 @@ OPEN_BONE = (lambda vertices, faces: (vertices, faces[(vertices[faces][..., 0] <
     "meshes",
     [
         [BIG, ball(8.0, ASIDE)],
-        [BIG, ball(12.0, [3.0, 0.0, 0.0], inside_out=True)],
         [BIG, ball(12.0, [3.0, 0.0, 0.0], inside_out=True), ball(5.0, [3.0, 0.0, 0.0])],
         [CUP, ball(3.0, [0.0, 15.0, 0.0], inside_out=True)],
         [OPEN_BONE, ball(3.0, MIDDLE, inside_out=True)],
@@ -147,7 +128,6 @@ PEG = wheel_mesh(4.0, 5.0, 1.0)  # along z
     "meshes",
     [
         [BIG, ball(15.0, MIDDLE)],  # bone under cartilage
-        [BIG, (PEG[0] + [0.0, 0.0, 12.0], PEG[1])],  # 3 mm under the surface
         [BIG, (PEG[0] + [0.0, 0.0, 19.0], PEG[1])],  # through the surface
         [sheet_mesh(40.0, 2.0), (sheet_mesh(40.0, 2.0)[0] - [0.0, 0.3, 0.0], sheet_mesh(40.0, 2.0)[1])],
     ],

@@ -1,7 +1,6 @@
 """At creases each side of a mesh keeps its own normals, and what lies outside stays outside."""
 
 import numpy as np
-import pytest
 
 from casadi_contact.geometry.creases import split_at_creases
 from casadi_contact.geometry.distance_field import build_field
@@ -58,11 +57,10 @@ def test_the_distance_of_a_box_from_points_all_around_it():
     assert np.abs(found / exact - 1.0).max() < 0.1  # past an edge, where the fan begins
 
 
-@pytest.mark.parametrize("height_mm", [-6.0, -5.0, -3.0, 0.0])
-def test_nothing_is_solid_beside_the_sharp_rim_of_a_part_with_long_triangles(height_mm):
-    points = np.array([[x, height_mm, 0.0] for x in (7.5, 8.6, 9.0, 9.4, 11.0)])
+def test_nothing_is_solid_beside_the_sharp_rim_of_a_part_with_long_triangles():
+    points = np.array([[x, y, 0.0] for y in (-6.0, -5.0, -3.0, 0.0) for x in (7.5, 8.6, 9.0, 9.4, 11.0)])
     rim = np.array([9.0, -np.sqrt(11.0**2 - 9.0**2), 0.0])
     values, _ = build_field(dish_mesh(), 0.45)(points)
-    to_the_dish = np.linalg.norm(points, axis=1)  # from its middle
-    exact = np.where(points[:, 0] < 9.0 / rim[1] * height_mm, 11.0 - to_the_dish, np.linalg.norm(points - rim, axis=1))
+    above_the_dish = points[:, 0] < 9.0 / rim[1] * points[:, 1]  # whose middle is the origin
+    exact = np.where(above_the_dish, 11.0 - np.linalg.norm(points, axis=1), np.linalg.norm(points - rim, axis=1))
     np.testing.assert_allclose(values, exact, rtol=0.1, atol=0.05)

@@ -37,18 +37,14 @@ def test_condyle_distance_is_convex_as_culling_needs():
     assert np.all(middle <= 0.5 * (distance(surface, a)[:, 0] + distance(surface, b)[:, 0]) + 1e-12)
 
 
-def test_condyle_arcs_meet_without_a_step_or_a_kink():
+def test_condyle_arcs_meet_without_a_step_or_a_kink_about_the_moving_origin():
     scene = cc.load_scene("knee")
     surface = scene.surfaces()[0]
     for junction in np.deg2rad(scene.geometry["sagittal_junctions_deg"]):
         sides = [junction - 1e-9, junction + 1e-9]
         near = distance(surface, [[30 * np.sin(f), -30 * np.cos(f), 25.0] for f in sides])
         np.testing.assert_allclose(near[0], near[1], atol=1e-6)
-
-
-def test_main_arc_of_the_knee_has_its_axis_at_the_moving_origin():
-    surface = cc.load_scene("knee").surfaces()[0]
-    flexion = np.deg2rad(40.0)
+    flexion = np.deg2rad(40.0)  # on the main arc
     point = [27.3 * np.sin(flexion), -27.3 * np.cos(flexion), 22.0]
     assert distance(surface, [point])[0, 0] == pytest.approx(0.0, abs=1e-12)
 

@@ -83,7 +83,9 @@ def test_the_command_writes_the_cycle_that_a_file_holds(tmp_path):
         written(tmp_path, table, *maps[:3])
 
 
-@pytest.mark.parametrize(("names", "said"), [(("F=Fy_med", "ty=ty"), "needs the curves"), (("knee=rz", "ty=ty"), "poses")])
+@pytest.mark.parametrize(
+    ("names", "said"), [(("F=Fy_med", "ty=ty"), "needs the curves"), (("knee=rz", "ty=ty"), "poses")]
+)
 def test_a_mixture_that_is_neither_poses_nor_a_load_cycle_is_refused(tmp_path, names, said):
     with pytest.raises(ValueError, match=said):
         written(tmp_path, TABLE, *names)
