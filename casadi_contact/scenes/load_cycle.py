@@ -125,4 +125,5 @@ def cycle_from_curves(name: str, curves: Mapping[str, Array]) -> LoadCycle:
         raise ValueError(f"frame {frame} has no compression, so that torques give no centre of pressure there")
     cop_ap = curves["cop_ap"] if "cop_ap" in curves else curves["Tz"] / fy
     cop_ml = curves["cop_ml"] if "cop_ml" in curves else -curves["Tx"] / fy
-    return LoadCycle(name, *(curves[key] for key in ("time", "rz", "ry", "Fy_med", "Fy_lat")), cop_ap, cop_ml)
+    time_s, rz, ry, fy_med, fy_lat = (curves[key] for key in ("time", "rz", "ry", "Fy_med", "Fy_lat"))
+    return LoadCycle(name, time_s, rz, ry, fy_med, fy_lat, cop_ap, cop_ml)
