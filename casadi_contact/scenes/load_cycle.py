@@ -113,7 +113,7 @@ def cycle_from_curves(name: str, curves: Mapping[str, Array]) -> LoadCycle:
     """
     chosen = ({"cop_ap", "Tz"}, {"cop_ml", "Tx"})
     needed = {"time", "rz", "ry", "Fy_med", "Fy_lat"}
-    if set(curves) - set.union(*chosen) != needed or any(len(either & set(curves)) != 1 for either in chosen):
+    if set(curves) - chosen[0] - chosen[1] != needed or any(len(either & set(curves)) != 1 for either in chosen):
         raise ValueError(
             "a load cycle needs the curves time, rz, ry, Fy_med, Fy_lat, cop_ap (or Tz) and cop_ml (or Tx), and has no "
             f"place for others; there are {', '.join(curves)}; poses need tx, ty, tz, rx, ry, rz and no loads, another "
