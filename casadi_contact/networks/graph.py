@@ -12,7 +12,7 @@ differentiation of the gradient needs three times as many. Nothing is ever expan
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
@@ -55,7 +55,7 @@ def nan_if_not_finite(pose: ca.MX, expressions: Expressions) -> Expressions:
     marker = nan_marker(pose)
 
     def marked(output: Output) -> Output:
-        parts = (getattr(output, part.name) for part in fields(output))
+        parts = (output.value, output.jacobian, output.second)
         return Output(*(part if part.is_empty() else part + marker for part in parts))
 
     return Expressions(marked(expressions.roots), marked(expressions.loads))

@@ -137,10 +137,18 @@ class Regression:
         return replace(self, **columns, false_load=false_load, domain=domain)
 
     def weighted(self, by_domain: Mapping[int, float]) -> Regression:
-        """The regression with the residuals of these domains multiplied (see `_domain_weights`)."""
+        """The regression with the residuals of these domains multiplied, all scaled to a mean square factor of 1.
+
+        Raises ValueError for rows of no domain.
+        """
         if not by_domain:
             return self
-        factors = _domain_weights(self.domain, by_domain)
+        if self.domain is None:
+            raise ValueError("the regression's rows belong to no domain, expected samples")
+        factors = np.ones(len(self.domain))
+        for number, factor in by_domain.items():
+            factors[self.domain == number] = factor
+        factors /= np.sqrt(np.mean(factors**2))
         false_load = factors * self.false_load if np.any(self.false_load) else 0.0
         columns = factors.reshape(-1, *[1] * (np.ndim(self.targets) - 1))
         return replace(self, weights=columns * self.weights, false_load=false_load)
@@ -150,19 +158,6 @@ class Regression:
         values = network.value(self.inputs)
         off = self.weights * (values - self.targets)
         return np.asarray(np.copysign(np.hypot(off, self.false_load * np.maximum(values, 0.0) ** 2), off))
-
-
-def _domain_weights(domain: np.ndarray | None, by_domain: Mapping[int, float]) -> Array:
-    """Factors (n,) of residuals, 1 for domains not named, all scaled to a mean square of 1.
-
-    Raises ValueError for rows of no domain.
-    """
-    if domain is None:
-        raise ValueError("the regression's rows belong to no domain, expected samples")
-    factors = np.ones(len(domain))
-    for number, factor in by_domain.items():
-        factors[domain == number] = factor
-    return np.asarray(factors / np.sqrt(np.mean(factors**2)))
 
 
 def size_text(hidden: Sequence[int]) -> str:

@@ -82,11 +82,13 @@ class Fitness:
 
 def fitness(surrogate: Surrogate) -> Fitness:
     """Judge a surrogate by the errors that its file records (`SurrogateInfo.test_errors`)."""
-    info = surrogate.info()
-    errors = {domain: {load: row["rms"] for load, row in loads.items()} for domain, loads in info.test_errors.items()}
+    errors = {
+        domain: {load: row["rms"] for load, row in loads.items()}
+        for domain, loads in surrogate.info().test_errors.items()
+    }
     return Fitness(
         errors,
         {load: surrogate.scene.tolerances[load] for load in surrogate.load_names},
-        info.dropped,
-        info.test_samples,
+        surrogate.record.get("dropped", {}),
+        surrogate.record.get("test_samples", {}),
     )

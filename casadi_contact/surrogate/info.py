@@ -26,7 +26,7 @@ all others are kept and printed as they are:
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,11 +62,6 @@ class SurrogateInfo:
         return self.record.get("samples", {})
 
     @property
-    def dropped(self) -> Mapping[str, float]:
-        """Share of a domain's plan that became no samples: what the surrogate does not know, and no error tells of."""
-        return self.record.get("dropped", {})
-
-    @property
     def reach(self) -> list[tuple[str, float, float, str]]:
         """Sampled range of each pose parameter and load: name, low, high, unit (mm, °, N, N·mm)."""
         rows = []
@@ -77,19 +72,9 @@ class SurrogateInfo:
         return rows
 
     @property
-    def training_errors(self) -> Mapping[str, float]:
-        """Root mean square error of each network's fit, N or N·mm."""
-        return self.record.get("training_errors", {})
-
-    @property
     def test_errors(self) -> Mapping[str, Mapping[str, Mapping[str, float]]]:
         """Per domain and load: ``rms`` and ``max`` on held-back samples, N or N·mm."""
         return self.record.get("test_errors", {})
-
-    @property
-    def test_samples(self) -> Mapping[str, int]:
-        """Held-back samples of `test_errors`, per domain; empty for files that do not record them."""
-        return self.record.get("test_samples", {})
 
     @property
     def coverage(self) -> Mapping[str, Mapping[str, float]]:
@@ -105,7 +90,7 @@ class SurrogateInfo:
             f"networks: {len(self.networks)}, {parameters} parameters",
         ]
         for name, network in self.networks.items():
-            error = self.training_errors.get(name)
+            error = self.record.get("training_errors", {}).get(name)
             fit = "" if error is None else f"  fit {three_digits(error)}"
             lines.append(f"  {name:<16} {size_text(network.hidden):<12} {network.activation}{fit}")
         if self.samples:
@@ -113,7 +98,9 @@ class SurrogateInfo:
             lines.append(f"trained on {sum(self.samples.values())} samples: {counts}")
         else:
             lines.append("trained on: not recorded")
-        if lost := [f"{domain} {100.0 * share:.1f} %" for domain, share in self.dropped.items() if share]:
+        if lost := [
+            f"{domain} {100.0 * share:.1f} %" for domain, share in self.record.get("dropped", {}).items() if share
+        ]:
             lines.append(f"dropped, of the plan: {', '.join(lost)}")
         lines += filter(None, [budget_line(self.record)])
         lines += [*self._reach_lines(), *self._test_lines(), *self._coverage_lines()]
@@ -132,31 +119,33 @@ class SurrogateInfo:
     def _test_lines(self) -> list[str]:
         if not self.test_errors:
             return ["test errors: not recorded"]
+
+        def cell(errors: Mapping[str, float] | None) -> str:
+            return "-" if errors is None else f"{three_digits(errors['rms'])} / {three_digits(errors['max'])}"
+
         loads = list(next(iter(self.test_errors.values())))
-        width = max([20, *(len(load) + 2 for load in loads)])
-        lines = ["test errors, RMS / max:", "  domain " + "".join(f"{load:>{width}}" for load in loads)]
-        for domain, errors in self.test_errors.items():
-            cells = [
-                f"{three_digits(errors[load]['rms'])} / {three_digits(errors[load]['max'])}" if load in errors else "-"
-                for load in loads
-            ]
-            lines.append(f"  {domain:<7}" + "".join(f"{cell:>{width}}" for cell in cells))
-        return lines
+        rows = {domain: [cell(row.get(load)) for load in loads] for domain, row in self.test_errors.items()}
+        return ["test errors, RMS / max:", *_table(loads, rows, 20)]
 
     def _coverage_lines(self) -> list[str]:
         if not self.coverage:
             return ["validity and expected error: not calibrated"]
         columns = ("valid", *self.loads)
-        widths = [max(8, len(column) + 2) for column in columns]
-        lines = [
-            "held-back samples with validity above 0.9, errors below the expected error [%]:",
-            "  domain " + "".join(f"{column:>{width}}" for column, width in zip(columns, widths, strict=True)),
-        ]
-        for domain, shares in self.coverage.items():
-            cells = [f"{100.0 * shares[c]:.0f}" if c in shares else "-" for c in columns]
-            row = "".join(f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True))
-            lines.append(f"  {domain:<7}{row}")
-        return [*lines, *(f"  {line}" for line in other_rows(self.coverage))]
+        rows = {
+            domain: [f"{100.0 * shares[c]:.0f}" if c in shares else "-" for c in columns]
+            for domain, shares in self.coverage.items()
+        }
+        said = "held-back samples with validity above 0.9, errors below the expected error [%]:"
+        return [said, *_table(columns, rows, 8), *(f"  {line}" for line in other_rows(self.coverage))]
+
+
+def _table(columns: Sequence[str], rows: Mapping[str, Sequence[str]], least: int) -> list[str]:
+    """A line for each row, columns of at least so many letters."""
+    widths = [max(least, len(column) + 2) for column in columns]
+    return [
+        f"  {name:<7}" + "".join(f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True))
+        for name, cells in {"domain": columns, **rows}.items()
+    ]
 
 
 def other_rows(coverage: Mapping[str, Any]) -> list[str]:

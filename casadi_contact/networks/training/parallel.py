@@ -49,14 +49,9 @@ def fit_all(
     starts: networks to go on from instead of random weights, by the regression's name.
     progress: called here as by `fit`; for a fit that a worker has ended, at once, with the work done as the budget.
 
-    Raises ValueError for duplicate names, missing settings, and for what `fit` refuses; the fits still waiting are
-    then cancelled, those running go on in their workers until the executor is shut down.
+    Raises ValueError for what `fit` refuses; the fits still waiting are then cancelled, those running go on in their
+    workers until the executor is shut down.
     """
-    names = [regression.name for regression in regressions]
-    if len(set(names)) < len(names):
-        raise ValueError(f"regressions are named {', '.join(names)}, expected names that differ")
-    if missing := set(names) - settings.keys():
-        raise ValueError(f"no settings for regression {', '.join(missing)}, expected some for each")
     for regression in regressions:
         check(regression)
     with tempfile.TemporaryDirectory(prefix="casadi_contact_") as temporary:

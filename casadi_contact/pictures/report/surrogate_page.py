@@ -214,7 +214,7 @@ def _training(surrogate: Surrogate) -> str:
     samples = ", ".join(f"{domain} {count}" for domain, count in info.samples.items()) or "not recorded"
     rows = []
     for name, network in info.networks.items():
-        fit = info.training_errors.get(name)
+        fit = record.get("training_errors", {}).get(name)
         ended = record.get("stop_reasons", {}).get(name, "-")
         hidden = "-".join(map(str, network.hidden))
         rows.append([name, hidden, "-" if fit is None else three_digits(fit), str(ended)])

@@ -94,10 +94,6 @@ def test_a_fit_that_has_ended_is_told_while_another_goes_on(monkeypatch):
     assert set(fits) == {"root_med", "Fx/lat"}
 
 
-def test_names_must_differ_and_have_settings():
-    with pytest.raises(ValueError, match="differ"):
-        fit_all([DATA[0], DATA[0]], EACH)
+def test_what_cannot_be_fitted_is_refused_before_any_fit():
     with pytest.raises(ValueError, match="Fx/lat: targets holds"):
         fit_all([DATA[0], replace(DATA[1], targets=np.full(400, np.nan))], EACH)
-    with pytest.raises(ValueError, match="no settings"):
-        fit_all(DATA, {"root_med": SETTINGS})
