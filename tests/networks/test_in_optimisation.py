@@ -1,4 +1,4 @@
-"""The CasADi functions where they are used: chosen loads, map, nlpsol, IPOPT, files."""
+"""The CasADi functions where they are used: chosen loads, map, derivatives as nlpsol makes them, files."""
 
 import casadi as ca
 import numpy as np
@@ -8,18 +8,12 @@ from casadi_contact.scenes.loading import load_scene
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from tests.support.agreement import close
 from tests.support.compiler import needs_compiler
-from tests.support.random_surrogates import POSE_CENTRE, POSE_SPREAD, random_network, random_poses, random_surrogate
+from tests.support.random_surrogates import POSE_CENTRE, random_network, random_poses, random_surrogate
 
 
 @pytest.fixture(scope="module", params=["patch", "two_stage"])
 def surrogate(request):
     return random_surrogate(load_scene("knee"), request.param, seed=4)
-
-
-def poses_in_contact(surrogate, count):
-    poses = random_poses(400, seed=9)
-    roots = surrogate.root_loads(poses)[0]
-    return poses[np.argsort(-roots.min(axis=1))[:count]]
 
 
 def test_only_the_needed_networks_are_in_the_graph(surrogate):
@@ -38,13 +32,6 @@ def _graph(function):
     steps = [function.instruction_MX(k) for k in range(function.n_instructions())]
     (graph,) = [step.which_function() for step in steps if step.is_call()]
     return graph
-
-
-def test_names_that_casadi_refuses_are_refused_clearly(surrogate):
-    for name in ("jac", "hess", "null", "two words", "a__b"):
-        with pytest.raises(ValueError, match="not usable"):
-            surrogate.function(name=name)
-    assert surrogate.function(name="knee_loads").name() == "knee_loads"
 
 
 @pytest.mark.parametrize("parallel", [("serial",), ("thread", 2)])
@@ -99,39 +86,6 @@ def test_functions_made_by_factory_give_the_derivatives(surrogate, kind, compile
         close(gradient(pose, *weights).full().ravel(), total, 6)
         upper = hessian(pose, *weights).full()
         close(np.triu(upper) + np.triu(upper, 1).T, want_hessian(pose).full(), 6)
-
-
-def problem(surrogate, frames):
-    """Track target loads in the objective, keep one load and one root load within bounds."""
-    x = ca.MX.sym("x", 6, frames)
-    loads, roots = surrogate.load_and_root_function().map(frames)(x)
-    targets = surrogate(poses_in_contact(surrogate, frames)).T
-    weight = 1.0 / np.abs(targets).max(axis=1)
-    objective = ca.sumsqr((loads - targets) * weight) + 1e-4 * ca.sumsqr((x - POSE_CENTRE) / POSE_SPREAD)
-    constraints = ca.vertcat(ca.vec(loads[1, :]) / 1000, ca.vec(roots[0, :]))
-    return {"x": ca.vec(x), "f": objective, "g": constraints}
-
-
-def test_nlpsol_gets_the_right_second_derivatives(surrogate):
-    """The Hessian of the Lagrangian that nlpsol builds against central differences of its gradient."""
-    solver = ca.nlpsol("solver", "ipopt", problem(surrogate, 2), {"ipopt.print_level": 0, "print_time": False})
-    hessian = solver.get_function("nlp_hess_l")
-    gradient = solver.oracle().factory(
-        "gradient", ["x", "p", "lam:f", "lam:g"], ["grad:gamma:x"], {"gamma": ["f", "g"]}
-    )
-    lam_g = np.array([0.7, -1.3, 0.4, 2.1])
-    for poses in (poses_in_contact(surrogate, 2), random_poses(2, seed=12)):
-        x, step = poses.ravel(), 1e-6
-        upper = hessian(x, [], 1.0, lam_g).full()
-        got = np.triu(upper) + np.triu(upper, 1).T
-        columns = [
-            (gradient(x + step * e, [], 1.0, lam_g) - gradient(x - step * e, [], 1.0, lam_g)).full().ravel()
-            / (2 * step)
-            for e in np.eye(12)
-        ]
-        want = np.stack(columns, axis=1)
-        assert np.abs(want).max() > 0.0
-        np.testing.assert_allclose(got, want, rtol=1e-5, atol=1e-6 * np.abs(want).max())
 
 
 def test_saved_function_keeps_its_derivatives(surrogate, tmp_path):

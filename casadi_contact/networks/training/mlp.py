@@ -30,7 +30,7 @@ from scipy.linalg.blas import dsyrk
 
 from casadi_contact.core.conventions import Array
 from casadi_contact.networks.activations import activation_of
-from casadi_contact.networks.network import Network
+from casadi_contact.networks.network import Network, Regression
 from casadi_contact.networks.training.rows import Block, Factors, RowLoss, draw_rows
 from casadi_contact.networks.training.weights import layer_shapes, split
 
@@ -57,29 +57,23 @@ class Mlp:
     def __init__(
         self,
         like: Network,
-        inputs: Array,
-        targets: Array,
-        weights: Array,
-        false_load: Array | float = 0.0,
+        data: Regression,
         chunk_rows: int = 2000,
         *,
         single_from: int = 5000,
         rows_per_parameter: float = 1.5,
         output_ridge: float = 1e-13,
     ) -> None:
-        self.like, self.rows = like, len(targets)
-        self.outputs = like.outputs
-        self.shapes = layer_shapes(inputs.shape[1], like.hidden, self.outputs)
-        self.parameter_count = sum(neurons * width for neurons, width in self.shapes)
-        false = np.broadcast_to(false_load * np.square(like.output_scale), targets.shape)
-        row_weights = weights * like.output_scale
+        self.like, self.rows, self.outputs = like, len(data.targets), like.outputs
+        self.shapes = layer_shapes(data.inputs.shape[1], like.hidden, self.outputs)
+        self.parameter_count = like.parameter_count
+        false = np.broadcast_to(data.false_load * np.square(like.output_scale), data.targets.shape)
+        targets, row_weights = data.targets / like.output_scale, data.weights * like.output_scale
         self._rows = RowLoss(
-            np.ascontiguousarray(targets / like.output_scale),
-            np.ascontiguousarray(row_weights),
-            false.copy() if false.any() else None,
+            np.ascontiguousarray(targets), np.ascontiguousarray(row_weights), false.copy() if false.any() else None
         )
         self._unit = float(np.abs(row_weights).max(initial=0.0)) or 1.0  # of weights in single precision
-        self._blocks = list(self._blocks_of(inputs, chunk_rows))
+        self._blocks = list(self._blocks_of(data.inputs, chunk_rows))
         self._chunk_rows, self._rows_per_parameter, self._output_ridge = chunk_rows, rows_per_parameter, output_ridge
         self._outputs = self._tried_outputs = np.zeros(targets.shape)
         self._weight, self.residuals = self._rows.weight_and_residual(self._outputs)  # at the current parameters

@@ -208,8 +208,8 @@ class Trainer:
 
     def _start(self, network: Network, state: State | None = None) -> None:
         def mlp(rows: np.ndarray) -> Mlp:
-            kind, of = Mlp if network.outputs == 1 else SeveralOutputsMlp, self.regression.of_rows(rows)
-            return kind(network, of.inputs, of.targets, of.weights, of.false_load, self.settings.chunk_rows)
+            kind = Mlp if network.outputs == 1 else SeveralOutputsMlp
+            return kind(network, self.regression.of_rows(rows), self.settings.chunk_rows)
 
         seed = int(np.random.default_rng(self._seed(self.level)).integers(2**31))
         validation = self.regression.validation

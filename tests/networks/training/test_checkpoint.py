@@ -57,13 +57,6 @@ def test_a_finished_fit_comes_from_its_checkpoint(tmp_path, monkeypatch):
     assert (again.gflop, again.cpu_s) == (first.gflop, first.cpu_s)
 
 
-def test_more_iterations_continue_a_finished_fit(tmp_path):
-    path = tmp_path / "a.npz"
-    fit(smooth(), FIXED, path)
-    longer = replace(FIXED, max_iterations=70)
-    np.testing.assert_array_equal(flatten(fit(smooth(), longer, path).network), flatten(fit(smooth(), longer).network))
-
-
 @pytest.mark.parametrize("harm", ["cut", "lost", "short", "not finite"])
 def test_a_damaged_checkpoint_starts_again_with_a_warning(tmp_path, caplog, harm):
     path = tmp_path / "a.npz"

@@ -11,8 +11,7 @@ from tests.support.smooth_samples import smooth
 
 def solver(data, hidden, seed=0, like=None, activation="algebraic", settings=None, **options):
     like = like or initial_network(data.inputs, data.targets, hidden, activation, seed)
-    mlp = Mlp(like, data.inputs, data.targets, data.weights, data.false_load, **options)
-    return LevenbergMarquardt(mlp, flatten(like), seed, None, settings), like
+    return LevenbergMarquardt(Mlp(like, data, **options), flatten(like), seed, None, settings), like
 
 
 def test_linear_least_squares_takes_one_step():

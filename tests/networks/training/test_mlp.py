@@ -23,7 +23,7 @@ def regression(outputs=1, rows=150):
 
 def mlp_of(network, data, chunk_rows=64, **options):
     kind = Mlp if network.outputs == 1 else SeveralOutputsMlp
-    return kind(network, data.inputs, data.targets, data.weights, data.false_load, chunk_rows, **options)
+    return kind(network, data, chunk_rows, **options)
 
 
 def all_rows(mlp):

@@ -75,25 +75,6 @@ def test_progress_of_a_worker_reaches_the_caller(tmp_path, monkeypatch):
     assert 0.0 < end[1] == end[2] < 300.0
 
 
-def test_a_fit_that_has_ended_is_told_while_another_goes_on(monkeypatch):
-    """The other one here goes on only when the caller has heard of the end."""
-    heard = Event()
-
-    def one_waits(regression, *rest):
-        assert regression.name != "root_med" or heard.wait(60.0), "the caller heard of no end"
-        return fit(regression, *rest)
-
-    def progress(name, used, allotted, remark):
-        if name == "Fx/lat" and used == allotted:
-            heard.set()
-
-    monkeypatch.setattr(parallel, "fit", one_waits)
-    few = replace(SETTINGS, max_iterations=3)
-    with ThreadPoolExecutor(2) as pool:
-        fits = fit_all(DATA[:2], dict.fromkeys(EACH, few), pool, progress=progress)
-    assert set(fits) == {"root_med", "Fx/lat"}
-
-
 def test_what_cannot_be_fitted_is_refused_before_any_fit():
     with pytest.raises(ValueError, match="Fx/lat: targets holds"):
         fit_all([DATA[0], replace(DATA[1], targets=np.full(400, np.nan))], EACH)
