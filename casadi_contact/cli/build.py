@@ -31,7 +31,6 @@ from casadi_contact.cli.tables import evaluation_tables, fine_grid_remark, read_
 from casadi_contact.core.files.writing import folder_lock
 from casadi_contact.core.terminal import progress_bars
 from casadi_contact.core.workers import cluster_workers
-from casadi_contact.samples.models import model_pair
 from casadi_contact.surrogate.fitness import fitness
 from casadi_contact.workflow import samples as sampling
 from casadi_contact.workflow.project import Project, project_surrogates
@@ -169,7 +168,7 @@ def _sample(
         say(f"{len(samples)} samples of {table} in {project.samples_path}")
         return
     with progress_bars(console) as update:
-        samples, report = sampling.sample(project, cycle_files, update, executor, models=model_pair(model))
+        samples, report = sampling.sample(project, cycle_files, update, executor, model)
     say(report)
     for domain, share in samples.dropped_shares().items():
         reasons = samples.provenance["dropped"].get(domain, {})
@@ -183,7 +182,7 @@ def _sample(
 
 def _train_to_tolerance(project: Project, files: list[Path], model: str, executor: Executor | None) -> None:
     with progress_bars(console) as update:
-        train_to_tolerance(project, files, update, executor, model_pair(model))
+        train_to_tolerance(project, files, update, executor, model)
 
 
 def _train(project: Project, executor: Executor | None, structure: str | None = None) -> None:

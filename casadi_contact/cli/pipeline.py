@@ -22,7 +22,7 @@ from casadi_contact.export.fmu import export_fmu
 from casadi_contact.pictures.contact_picture import contact_pose
 from casadi_contact.pictures.report.charts import draw_charts
 from casadi_contact.pictures.report.surrogate_page import surrogate_page
-from casadi_contact.samples.models import teacher_of
+from casadi_contact.samples.models import DrawnModel, teacher_of
 from casadi_contact.samples.samples import read_samples
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.surrogate.base import Surrogate
@@ -39,7 +39,7 @@ from casadi_contact.workflow.project import (
     project_surrogates,
     read_motion,
 )
-from casadi_contact.workflow.samples import DrawnModel, check_table, draw, take_table
+from casadi_contact.workflow.samples import check_table, sample, take_table
 from casadi_contact.workflow.train import train
 
 
@@ -71,7 +71,7 @@ def build(
         if table is not None:
             take_table(project, Path(table))
         else:
-            draw(project, [Path(path) for path in cycles], model, progress, executor)
+            sample(project, [Path(path) for path in cycles], progress, executor, model)
         train(project, progress, executor, teacher=None if isinstance(model, str) else model)
         evaluate(project)
         export(project)

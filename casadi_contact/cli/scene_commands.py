@@ -15,7 +15,6 @@ from casadi_contact.core.files.writing import writable_folder, write_text
 from casadi_contact.core.terminal import progress_bars
 from casadi_contact.geometry.mesh import MM_PER_UNIT
 from casadi_contact.pictures.contact_picture import draw_contact
-from casadi_contact.samples.models import model_pair
 from casadi_contact.scenes.joint_cycle import joint_cycle_from_curves, write_joint_cycle
 from casadi_contact.scenes.load_cycle import cycle_from_curves, write_cycle
 from casadi_contact.scenes.loading import load_scene
@@ -106,7 +105,7 @@ def cut(
     _check_free("--to", [path], force)
     project = Project.open(scene, preset, out)
     with progress_bars(console) as update:
-        samples, _ = sampling.sample(project, cycles or [], update, models=model_pair(model))
+        samples, _ = sampling.sample(project, cycles or [], update, model=model)
         patches = find_cuts(project.scene, samples, update, settings=settings)
     parts = cut_scene(project.scene, [each.cuts_mm for each in patches], [each.bounds_mm for each in patches])
     sampled = [*(word for file in cycles or [] for word in ("--cycles", str(file))), "--model", model]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -62,16 +63,32 @@ def foundations(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel,
 MODELS: dict[str, ModelPair] = {"elements": elastic_foundations, "foundation": foundations}
 
 
-def model_pair(name: str) -> ModelPair:
-    """The model pair of a name in `MODELS`; raises ValueError for another."""
-    if name not in MODELS:
-        raise ValueError(f"model is {name!r}, expected one of {', '.join(MODELS)}")
-    return MODELS[name]
+class DrawnModel(ContactModel, WrenchModel, Protocol):
+    """A contact model that samples can be drawn from."""
+
+
+@dataclass(frozen=True)
+class _Given:
+    """A user's own model, to settle on and to evaluate samples on."""
+
+    model: DrawnModel
+
+    def __call__(self, scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
+        return self.model, self.model
+
+
+def model_pair(model: str | DrawnModel) -> ModelPair:
+    """The model pair of a name in `MODELS`, or of a user's own model; raises ValueError for another name."""
+    if not isinstance(model, str):
+        return _Given(model)
+    if model not in MODELS:
+        raise ValueError(f"model is {model!r}, expected one of {', '.join(MODELS)}")
+    return MODELS[model]
 
 
 def model_name(models: ModelPair) -> str:
     """The name in `MODELS`, or the full name of a user's class or function."""
-    named: Any = getattr(models, "stands_for", models)
+    named: Any = type(models.model) if isinstance(models, _Given) else models
     own = f"{named.__module__}.{named.__qualname__}"
     return next((name for name, pair in MODELS.items() if pair is models), own)
 

@@ -5,29 +5,21 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import dataclass
+from contextlib import nullcontext
 from pathlib import Path
-from typing import Protocol
 
-from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import Update, stage_progress
-from casadi_contact.samples.chunk import WrenchModel
 from casadi_contact.samples.draw import check_rejection_rate, draw_samples
-from casadi_contact.samples.models import ModelPair, elastic_foundations, model_name_of, model_pair, models_identity
+from casadi_contact.samples.models import DrawnModel, model_name_of, model_pair, models_identity
 from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.resume import KeptMotion, begun, check_same_plan, motion_origin
 from casadi_contact.samples.samples import Samples, write_samples
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.samples.table import check_gaps, conflicting_rows, read_sample_table
-from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.walking import reference_motion_cycles
 from casadi_contact.workflow.project import Project, exclusive, trained_surrogates
 
 _log = logging.getLogger(__name__)
-
-
-class DrawnModel(ContactModel, WrenchModel, Protocol):
-    """A contact model that samples can be drawn from."""
 
 
 def check_table(table: str | Path | None, cycles: Sequence[str | Path], model: DrawnModel | str) -> None:
@@ -36,50 +28,18 @@ def check_table(table: str | Path | None, cycles: Sequence[str | Path], model: D
         raise ValueError(f"got a table of samples and {'cycles' if cycles else 'a model'}, expected one of them")
 
 
-def draw(
-    project: Project,
-    cycles: Sequence[Path],
-    model: DrawnModel | str,
-    update: Update | None,
-    executor: Executor | None,
-) -> None:
-    """Draw the samples of the scene's elastic foundation, of another model by its name, or of a user's own."""
-    if isinstance(model, str):
-        sample(project, cycles, update, executor, model_pair(model))
-        return
-    if model.scene.digest != project.scene.digest:
-        raise ValueError(f"the model stands for another scene than {project.scene.name}: make it for this one")
-
-    with ThreadPoolExecutor(1) as here:  # a user's model may not reach worker processes
-        sample(project, cycles, update, here, models=_Given(model))
-
-
-@dataclass(frozen=True)
-class _Given:
-    """A user's own model, to settle on and to evaluate samples on; samples are named after its class."""
-
-    model: DrawnModel
-
-    @property
-    def stands_for(self) -> type:
-        return type(self.model)
-
-    def __call__(self, scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
-        return self.model, self.model
-
-
 @exclusive
 def sample(
     project: Project,
     cycle_files: Sequence[Path] = (),
     update: Update | None = None,
     executor: Executor | None = None,
-    models: ModelPair = elastic_foundations,
+    model: DrawnModel | str = "elements",
 ) -> tuple[Samples, str]:
     """Estimate the poses of the reference cycles and draw the samples, or go on where an earlier run stopped.
 
-    cycle_files: measured cycles (§3.3); the built-in reference motion if empty. models: as in `draw_samples`, for
-    another contact model than the elastic foundation.
+    cycle_files: measured cycles (§3.3); the built-in reference motion if empty. model: a name in `MODELS`, or a user's
+    own contact model of the scene, which is evaluated in this process.
 
     Returns the samples and the report of the reference motion, which is kept beside the samples: a later call goes on
     around it.
@@ -87,6 +47,9 @@ def sample(
     Raises ValueError for samples or surrogates of something else in the folder, where more of a domain was dropped than
     the settings' ``most_dropped`` and for gaps of the wrong sign (the file is kept).
     """
+    models = model_pair(model)
+    if not isinstance(model, str) and model.scene.digest != project.scene.digest:
+        raise ValueError(f"the model stands for another scene than {project.scene.name}: make it for this one")
     trained_surrogates(project)
     cycles = reference_motion_cycles(project.scene, cycle_files)
     settings = SamplingSettings.from_scene(project.scene, scale=project.preset.sampling_scale)
@@ -96,20 +59,22 @@ def sample(
         kept = KeptMotion.read(project.motion_path, project.scene.pose_space)
         check_same_plan(kept.origin, origin, drawn)
     else:
-        model, progress = models(project.scene, settings)[0], stage_progress(update, "reference motion")
-        motion, report = reference_motion(model, cycles, settings, progress)
+        settled_on, progress = models(project.scene, settings)[0], stage_progress(update, "reference motion")
+        motion, report = reference_motion(settled_on, cycles, settings, progress)
         names, files = (tuple(map(str, each)) for each in ([cycle.name for cycle in cycles], cycle_files))
         kept = KeptMotion(motion, names, str(report), files, origin)
         kept.write(project.motion_path)
-    samples = draw_samples(
-        project.scene,
-        kept.motion,
-        project.samples_path,
-        settings=settings,
-        executor=executor,
-        models=models,
-        progress=stage_progress(update, "samples"),
-    )
+    progress = stage_progress(update, "samples")
+    with nullcontext(executor) if isinstance(model, str) else ThreadPoolExecutor(1) as workers:
+        samples = draw_samples(
+            project.scene,
+            kept.motion,
+            project.samples_path,
+            settings=settings,
+            executor=workers,
+            models=models,
+            progress=progress,
+        )
     check_rejection_rate(samples, settings.most_dropped)
     if model_name_of(samples) is None:
         check_gaps(samples, str(project.samples_path))

@@ -21,7 +21,7 @@ from casadi_contact.core.files.reading import sha256_of
 from casadi_contact.core.files.writing import replacing
 from casadi_contact.core.quantities import FORCE, TORQUE, of_kind, three_digits
 from casadi_contact.core.workers import worker_pool
-from casadi_contact.samples.models import ModelPair, elastic_foundations, teacher_of
+from casadi_contact.samples.models import teacher_of
 from casadi_contact.samples.samples import TEST, VALIDATION, LoadModel, Samples, domain_errors, partial_folder
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.tolerance import Tolerance
@@ -133,7 +133,7 @@ def train_to_tolerance(
     cycle_files: Sequence[Path] = (),
     update: Update | None = None,
     executor: Executor | None = None,
-    models: ModelPair = elastic_foundations,
+    model: str = "elements",
     settings: ToleranceSettings | None = None,
 ) -> Surrogate:
     """Sample and train in rounds until the tolerances of the project's scene are met on validation and test rows;
@@ -153,7 +153,7 @@ def train_to_tolerance(
         preset = Preset(chosen.first_scale * 2 ** (number - 1), {structure: efforts})
         this = replace(project, folder=rounds_folder / f"round-{number}", own=preset)
         this.folder.mkdir(parents=True, exist_ok=True)
-        samples, _ = sample(this, cycle_files, _in_round(update, number), executor, models)
+        samples, _ = sample(this, cycle_files, _in_round(update, number), executor, model)
         with worker_pool(executor) as workers:
             cycles = [str(path) for path in cycle_files]
             command = build_command(project, samples, cycles, *_options(project.scene))

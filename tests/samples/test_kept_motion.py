@@ -10,7 +10,7 @@ from casadi_contact.cli import pipeline
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.workflow.presets import Preset
 from casadi_contact.workflow.project import Project, read_motion
-from casadi_contact.workflow.samples import draw
+from casadi_contact.workflow.samples import sample
 from tests.support import own_contact
 
 COUNTS = {"D1": 60, "D2": 0, "D3": 60, "D4": 0, "D5": 15, "D6": 0, "D7": 10}
@@ -36,7 +36,7 @@ def drawn(project, model, stop_at=None):
         if what == "samples" and done == stop_at:
             raise StopError
 
-    draw(project, [], model, update, None)
+    sample(project, [], update, None, model)
     return project.samples()
 
 
