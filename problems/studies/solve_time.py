@@ -31,10 +31,10 @@ from casadi_contact.scenes.load_cycle import LoadCycle
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.walking import reference_motion_cycles
-from casadi_contact.workflow.benchmark.candidates import surrogate_candidates, untrained_candidates
+from casadi_contact.workflow.benchmark.candidates import Candidate, surrogate_candidates, untrained_candidates
 from casadi_contact.workflow.benchmark.evaluate import converged_elements
 from casadi_contact.workflow.benchmark.front_file import Front, Point, write_front
-from casadi_contact.workflow.benchmark.timing import Candidate, compare
+from casadi_contact.workflow.benchmark.timing import compare
 from casadi_contact.workflow.project import shipped_surrogates
 
 NAME = "solve_time"
@@ -52,9 +52,10 @@ def measured_front(scene: Scene, cycle: LoadCycle | JointCycle, repeats: int = 3
     measurements: dict[str, Callable[[], float]] = {}
     with one_thread():
         for candidate in _candidates(scene):
-            points[candidate.name] = point = _point(candidate, cycle, truth)
-            if candidate.model is not None and not point.failure:
-                measurements[candidate.name] = partial(_seconds_a_frame, _symbolic(candidate), cycle)
+            name = candidate.point.name
+            points[name] = _point(candidate, cycle, truth)
+            if candidate.model is not None and not points[name].failure:
+                measurements[name] = partial(_seconds_a_frame, _symbolic(candidate), cycle)
         timings = compare(measurements, repeats)
     header = {
         "scene": scene.name,
@@ -85,7 +86,7 @@ def _candidates(scene: Scene) -> Iterator[Candidate]:
 
 def _point(candidate: Candidate, cycle: LoadCycle | JointCycle, truth: ElasticFoundation) -> Point:
     """A model's errors at the poses that it finds."""
-    point = Point(candidate.name, candidate.family, failure=candidate.failure)
+    point = replace(candidate.point, training_seconds=0.0, parameters=0, remark="")
     if candidate.model is None:
         return point
     result = PoseEstimation.of_cycle(_symbolic(candidate), cycle, compiled=True).solve()
@@ -94,7 +95,7 @@ def _point(candidate: Candidate, cycle: LoadCycle | JointCycle, truth: ElasticFo
         return replace(point, failure=f"{solved} of {len(result.solved)} frames solved")
     errors = load_errors(truth.load_names, candidate.model(result.poses), truth(result.poses))
     rms = {load: error["rms"] for load, error in errors.items()}
-    return replace(point, load_rms=rms, samples=candidate.samples, remark=f"{result.ipopt.iterations} IPOPT iterations")
+    return replace(point, load_rms=rms, remark=f"{result.ipopt.iterations} IPOPT iterations")
 
 
 def _symbolic(candidate: Candidate) -> SymbolicContact:

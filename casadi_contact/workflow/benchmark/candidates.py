@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
 
@@ -18,13 +18,14 @@ from casadi_contact.core.conventions import Update
 from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.core.workers import worker_pool
 from casadi_contact.networks.network import size_text
-from casadi_contact.samples.samples import Samples
+from casadi_contact.samples.samples import LoadModel, Samples
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.load import STRUCTURES, load_surrogate
 from casadi_contact.surrogate.sample_rows import samples_record
+from casadi_contact.workflow.benchmark.front_file import Point
 from casadi_contact.workflow.benchmark.kernel_speed import lagrangian_hessian
-from casadi_contact.workflow.benchmark.timing import Candidate, time_batch, time_mapped, time_single_calls
+from casadi_contact.workflow.benchmark.timing import Stopwatch, time_batch, time_mapped, time_single_calls
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
 from casadi_contact.workflow.presets import ChartEffort, Effort
 from casadi_contact.workflow.project import Project, exclusive, project_surrogates, shipped_surrogates
@@ -32,6 +33,17 @@ from casadi_contact.workflow.project import Project, exclusive, project_surrogat
 EF_FAMILY, FOUNDATION_FAMILY = "EF", "foundation"
 MX_SUFFIX = " (CasADi MX)"  # follows name and family of a function that is also shown in another form
 GRIDS = ((20, 15), (40, 30), (80, 40), (160, 80), (320, 160))
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A row of the chart that is not measured yet, its model (None where none could be made, as the row's failure
+    says), and stopwatches of `TIMES`: "value" times single calls, as an optimiser makes them, "batch" one call with all
+    poses."""
+
+    point: Point
+    model: LoadModel | None = None
+    stopwatches: Mapping[str, Stopwatch] = field(default_factory=dict)
 
 
 def refuse_without_elements(project: Project) -> None:
@@ -49,9 +61,9 @@ def untrained_candidates(scene: Scene) -> Iterator[Candidate]:
     yield from _element_candidates(scene)
     try:
         for model in foundation_ladder(scene):
-            yield _symbolic_candidate(f"{FOUNDATION_FAMILY} {model.resolution}", FOUNDATION_FAMILY, model)
+            yield _symbolic_candidate(Point(f"{FOUNDATION_FAMILY} {model.resolution}", FOUNDATION_FAMILY), model)
     except ValueError as error:  # of a shape without one, or where none is good enough
-        yield Candidate(FOUNDATION_FAMILY, FOUNDATION_FAMILY, None, failure=" ".join(str(error).split()))
+        yield Candidate(Point(FOUNDATION_FAMILY, FOUNDATION_FAMILY, failure=" ".join(str(error).split())))
 
 
 def _element_candidates(scene: Scene) -> Iterator[Candidate]:
@@ -61,15 +73,8 @@ def _element_candidates(scene: Scene) -> Iterator[Candidate]:
     for grid in sorted({*(grid for grid in grids if math.prod(grid) < math.prod(teacher)), teacher}, key=math.prod):
         model = ElasticFoundation(scene, grid)
         batch = partial(time_batch, model)
-        yield Candidate(
-            name=f"EF {grid_text(grid)}",
-            family=EF_FAMILY,
-            model=model,
-            time_value=batch,
-            time_jacobian=partial(time_batch, model.jacobian),
-            time_batch=batch,
-            remark="timed as one batch of poses",
-        )
+        point = Point(f"EF {grid_text(grid)}", EF_FAMILY, remark="timed as one batch of poses")
+        yield Candidate(point, model, {"value": batch, "jacobian": partial(time_batch, model.jacobian), "batch": batch})
 
 
 def surrogate_candidates(name: str, surrogate: Surrogate, *, graph: bool = False) -> Iterator[Candidate]:
@@ -77,29 +82,28 @@ def surrogate_candidates(name: str, surrogate: Surrogate, *, graph: bool = False
     optimiser does. Without a compiler the kernel is a graph too, and its remark says so."""
     record = surrogate.record
     for compiled, suffix in ((True, ""), (False, MX_SUFFIX))[: 2 if graph else 1]:
-        family = f"{surrogate.structure}{suffix}"
-        yield replace(
-            _symbolic_candidate(f"{name}{suffix}", family, surrogate, compiled=compiled),
+        point = Point(
+            f"{name}{suffix}",
+            f"{surrogate.structure}{suffix}",
             samples=sum(record.get("samples", {}).values()),
             training_seconds=round(sum(record.get("seconds", {}).values()), 1),
             parameters=sum(network.parameter_count for network in surrogate.networks.values()),
         )
+        yield _symbolic_candidate(point, surrogate, compiled=compiled)
 
 
-def _symbolic_candidate(name: str, family: str, model: SymbolicContact, *, compiled: bool = True) -> Candidate:
+def _symbolic_candidate(point: Point, model: SymbolicContact, *, compiled: bool = True) -> Candidate:
     """A model with CasADi functions, called through their buffers."""
     function, weights = model.function(compiled=compiled), np.ones(len(model.load_names))
     hessian, mapped = lagrangian_hessian(function), cache(lambda count: model.function(compiled=compiled, batch=count))
-    return Candidate(
-        name=name,
-        family=family,
-        model=model,
-        time_value=partial(time_single_calls, function),
-        time_jacobian=partial(time_single_calls, function.jacobian()),
-        time_hessian=lambda poses: time_single_calls(hessian, poses, weights),
-        time_batch=lambda poses: time_mapped(mapped(len(poses)), poses),
-        remark="compiled kernel" if function.class_name() == "External" else "CasADi graph; batch: its map",
-    )
+    remark = "compiled kernel" if function.class_name() == "External" else "CasADi graph; batch: its map"
+    stopwatches: dict[str, Stopwatch] = {
+        "value": partial(time_single_calls, function),
+        "jacobian": partial(time_single_calls, function.jacobian()),
+        "hessian": lambda poses: time_single_calls(hessian, poses, weights),
+        "batch": lambda poses: time_mapped(mapped(len(poses)), poses),
+    }
+    return Candidate(replace(point, remark=remark), model, stopwatches)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -27,6 +27,7 @@ from casadi_contact.samples.samples import load_errors
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.workflow.benchmark.candidates import (
+    Candidate,
     charted_surrogates,
     own_name,
     refuse_without_elements,
@@ -35,8 +36,8 @@ from casadi_contact.workflow.benchmark.candidates import (
     untrained_candidates,
 )
 from casadi_contact.workflow.benchmark.evaluate import converged_elements, unseen_walking
-from casadi_contact.workflow.benchmark.front_file import FILE_NAME, TIMES, Front, Point, write_front
-from casadi_contact.workflow.benchmark.timing import Candidate, Stopwatch, compare
+from casadi_contact.workflow.benchmark.front_file import FILE_NAME, Front, Point, write_front
+from casadi_contact.workflow.benchmark.timing import compare
 from casadi_contact.workflow.project import (
     Project,
     built_in_motion,
@@ -112,15 +113,16 @@ def measure(
     measurements: dict[tuple[str, str], Callable[[], float]] = {}
     with one_thread():
         for candidate in candidates:
-            tell(candidate.name)
-            if candidate.name in points:
-                raise ValueError(f"two candidates are called {candidate.name!r}, expected names that differ")
+            name = candidate.point.name
+            tell(name)
+            if name in points:
+                raise ValueError(f"two candidates are called {name!r}, expected names that differ")
             try:
-                points[candidate.name] = _errors(candidate, scene, walking, converged)
-                if not points[candidate.name].failure:
+                points[name] = _with_errors(candidate, scene, walking, converged)
+                if not points[name].failure:
                     measurements |= _measurements(candidate, walking)
             except _FAILURES as error:
-                points[candidate.name] = _point(candidate, failure=" ".join(str(error).split()))
+                points[name] = replace(candidate.point, failure=" ".join(str(error).split()))
         tell("times")
         for (name, what), timing in compare(measurements).items():
             points[name] = replace(points[name], **{what: timing})  # type: ignore[arg-type]
@@ -139,31 +141,24 @@ def measure(
 def _measurements(candidate: Candidate, poses: Array) -> dict[tuple[str, str], Callable[[], float]]:
     """Measurements by name and kind of time; single calls on as many poses as the time for one allows."""
     found: dict[tuple[str, str], Callable[[], float]] = {}
-    for what in TIMES:
-        stopwatch: Stopwatch | None = getattr(candidate, f"time_{what}")
-        if stopwatch is not None:
-            stopwatch(poses[:_FIRST_LOOK])  # compiles, fills caches
-            seconds = stopwatch(poses[:_FIRST_LOOK])
-            count = min(len(poses), max(_FIRST_LOOK, math.ceil(_MEASUREMENT_S / max(seconds, 1e-9))))
-            found[candidate.name, what] = partial(stopwatch, poses[:count])
+    for what, stopwatch in candidate.stopwatches.items():
+        stopwatch(poses[:_FIRST_LOOK])  # compiles, fills caches
+        seconds = stopwatch(poses[:_FIRST_LOOK])
+        count = min(len(poses), max(_FIRST_LOOK, math.ceil(_MEASUREMENT_S / max(seconds, 1e-9))))
+        found[candidate.point.name, what] = partial(stopwatch, poses[:count])
     return found
 
 
-def _point(candidate: Candidate, **result: Any) -> Point:
-    """The candidate's row without times; result: load_rms or failure."""
-    known = {name: getattr(candidate, name) for name in ("samples", "training_seconds", "parameters", "remark")}
-    return Point(candidate.name, candidate.family, **known, **result)
-
-
-def _errors(candidate: Candidate, scene: Scene, walking: Array, converged: Array) -> Point:
-    model = candidate.model
-    if model is None or candidate.failure:
-        return _point(candidate, failure=candidate.failure or "no model")
+def _with_errors(candidate: Candidate, scene: Scene, walking: Array, converged: Array) -> Point:
+    """The candidate's row with its errors, without times."""
+    model, point = candidate.model, candidate.point
+    if model is None:
+        return replace(point, failure=point.failure or "no model")
     columns = [scene.load_names.index(load) for load in model.load_names]
     errors = load_errors(model.load_names, model(walking), converged[:, columns])
     if not all(math.isfinite(error["rms"]) for error in errors.values()):
-        return _point(candidate, failure="gives NaN or infinity on the walking poses")
-    return _point(candidate, load_rms={load: error["rms"] for load, error in errors.items()})
+        return replace(point, failure="gives NaN or infinity on the walking poses")
+    return replace(point, load_rms={load: error["rms"] for load, error in errors.items()})
 
 
 app = new_app(add_completion=False)

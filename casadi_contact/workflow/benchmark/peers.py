@@ -21,7 +21,9 @@ from casadi_contact.core.workers import one_thread
 from casadi_contact.samples.samples import Samples
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.sample_rows import finite, fitted_rows
-from casadi_contact.workflow.benchmark.timing import Candidate, time_batch, time_calls
+from casadi_contact.workflow.benchmark.candidates import Candidate
+from casadi_contact.workflow.benchmark.front_file import Point
+from casadi_contact.workflow.benchmark.timing import time_batch, time_calls
 
 
 @dataclass(frozen=True)
@@ -154,16 +156,14 @@ def regressor_candidates(family: str, data: TrainingSet, gflop: float) -> Iterat
     for settings, estimator, count in REGRESSORS[family](data, gflop):
         began = time.process_time()
         model = fitted(data, estimator, count)
-        yield Candidate(
+        point = Point(
             f"{family} {settings}",
             family,
-            model,
-            time_value=partial(time_calls, model.one),
-            time_batch=partial(time_batch, model),
             samples=count,
             training_seconds=time.process_time() - began,
             remark="NumPy through scikit-learn; no derivatives; pulling forces clamped to zero",
         )
+        yield Candidate(point, model, {"value": partial(time_calls, model.one), "batch": partial(time_batch, model)})
 
 
 def peer_candidates(
@@ -187,6 +187,6 @@ def peer_candidates(
                 break
             except Exception as error:  # a peer is someone else's method: whatever stops it is its entry in the table
                 failure = " ".join(str(error).split()) or type(error).__name__
-                yield Candidate(family, family, None, failure=failure)
+                yield Candidate(Point(family, family, failure=failure))
                 break
             yield candidate

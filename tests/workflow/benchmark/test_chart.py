@@ -16,12 +16,11 @@ from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.quantities import FORCE, quantity
 from casadi_contact.samples.samples import TEST, write_samples
 from casadi_contact.workflow import samples as sampling
-from casadi_contact.workflow.benchmark.candidates import chart_surrogates, sized_path, train_sizes
+from casadi_contact.workflow.benchmark.candidates import Candidate, chart_surrogates, sized_path, train_sizes
 from casadi_contact.workflow.benchmark.choose import python_line
 from casadi_contact.workflow.benchmark.evaluate import unseen_walking
-from casadi_contact.workflow.benchmark.front_file import read_front
+from casadi_contact.workflow.benchmark.front_file import Point, read_front
 from casadi_contact.workflow.benchmark.measure import measure, measure_project
-from casadi_contact.workflow.benchmark.timing import Candidate
 from casadi_contact.workflow.presets import PRESETS, ChartEffort, Effort, Preset
 
 TINY = Preset(
@@ -154,7 +153,7 @@ def test_a_candidate_that_fails_stays_in_the_table(project):
         def __call__(self, poses):
             raise RuntimeError("out of\nluck")
 
-    candidates = [Candidate("none", "A", None, failure="did not fit"), Candidate("broken", "B", Broken())]
+    candidates = [Candidate(Point("none", "A", failure="did not fit")), Candidate(Point("broken", "B"), Broken())]
     poses = pipeline.read_motion(project).motion.poses[0][:10]
     points = measure(candidates, project.scene, poses).points
     assert [point.failure for point in points] == ["did not fit", "out of luck"]

@@ -20,13 +20,13 @@ def test_every_family_is_in_the_table_and_every_stopwatch_runs():
     pytest.importorskip("sklearn")
     made = list(peer_candidates(smooth_samples(100), gflop=1.0, names=NAMES))
     poses = smooth_poses(4, seed=1)
-    assert {c.family for c in made} == set(REGRESSORS)
+    assert {c.point.family for c in made} == set(REGRESSORS)
     for candidate in made:
         loads = candidate.model(poses)
         assert loads.shape == (4, 3)
         assert np.isfinite(loads).all()
-        assert candidate.time_value(poses) > 0.0
-        assert candidate.time_batch(poses) > 0.0
+        assert set(candidate.stopwatches) == {"value", "batch"}
+        assert all(stopwatch(poses) > 0.0 for stopwatch in candidate.stopwatches.values())
 
 
 def test_without_scikit_learn_it_says_what_to_install(monkeypatch):
@@ -34,7 +34,7 @@ def test_without_scikit_learn_it_says_what_to_install(monkeypatch):
         monkeypatch.setitem(sys.modules, name, None)
     (only,) = peer_candidates(smooth_samples(100), gflop=1.0, families=["neighbours"])
     assert only.model is None
-    assert "scikit-learn" in only.failure or "sklearn" in only.failure
+    assert "scikit-learn" in only.point.failure or "sklearn" in only.point.failure
 
 
 def test_no_test_or_validation_sample_is_fitted():
