@@ -35,7 +35,7 @@ class Fitting:
 
     structure: key of `STRUCTURES`. efforts: by the start of a network's name (see `Preset`). checkpoints: folder that a
     later call goes on from. command: what a reader of the record runs to make it again. title: in progress, the
-    structure if empty. seed: of random weights. kept: networks by name that are taken as they are.
+    structure if empty. kept: networks by name that are taken as they are.
     """
 
     structure: str
@@ -43,7 +43,6 @@ class Fitting:
     checkpoints: Path
     command: str
     title: str = ""
-    seed: int = 0
     kept: Mapping[str, Network] = field(default_factory=dict)
 
 
@@ -84,9 +83,7 @@ def fit_surrogate(
     for regression in regressions:
         if (name := regression.name) not in networks:
             effort = efforts[name]
-            settings[name] = TrainingSettings(
-                effort.sizes, effort.activation, effort.gflop, seed=fitting.seed, restarts=restarts
-            )
+            settings[name] = TrainingSettings(effort.sizes, effort.activation, effort.gflop, restarts=restarts)
             weighted = regression.weighted(weights)
             closer = replace(weighted, tolerance=effort.tolerance_share * regression.tolerance)
             chosen.append(_random_rows(closer, effort.max_rows))

@@ -148,11 +148,8 @@ def worst_samples(model: LoadModel, samples: Samples, share: float) -> Samples:
     """The share of samples on which a model is worst, and all on which nothing touches, as training rows.
 
     The error of a sample is max over loads |model - sample|/tolerance, the scene's tolerances. Lifted bodies all belong
-    to them because a load error of zero does not tell how near a false contact is. Raises ValueError for a share
-    outside 0 to 1.
+    to them because a load error of zero does not tell how near a false contact is.
     """
-    if not 0.0 <= share <= 1.0:
-        raise ValueError(f"share is {share!r}, expected 0 to 1")
     tolerances = samples.scene.tolerances_of(model.load_names)
     errors = np.max(np.abs(model(samples.poses) - samples.loads(model.load_names)) / tolerances, axis=1)
     chosen = (samples.wrenches == 0.0).all(axis=(1, 2))

@@ -30,7 +30,7 @@ _OTHERS = ("samples", "training_seconds", "parameters", "remark", "failure")
 
 @dataclass(frozen=True)
 class Point:
-    """A model on the chart (see `candidate.Candidate`): times per pose, errors, and what it cost.
+    """A model on the chart (see `candidates.Candidate`): times per pose, errors, and what it cost.
 
     value, jacobian, hessian, batch: µs per pose on one thread, None for what the model cannot do. load_rms: RMS
     error of each load [N, N·mm] on the unseen walking sequence against the converged EF. A failed model has none of
