@@ -126,11 +126,8 @@ class KeptMotion:
         """Read ``motion.npz``; raises FileNotFoundError, and ValueError for a damaged file."""
         try:
             content = read_npz(path)
-            motion = ReferenceMotion(
-                SamplePoint.of_inputs([str(name) for name in content["inputs"]], space),
-                content["curves"],
-                content["poses"],
-            )
+            point = SamplePoint(tuple(map(str, content["inputs"])), space.free_names)
+            motion = ReferenceMotion(point, content["curves"], content["poses"])
             if not (np.isfinite(motion.curves).all() and np.isfinite(motion.poses).all()):
                 raise ValueError("curves or poses are not finite")
             cycles, files = (tuple(map(str, content[name])) for name in ("cycles", "files"))

@@ -9,7 +9,6 @@ from typing import Any
 
 from casadi_contact.core.conventions import POSE_NAMES, WRENCH_NAMES
 from casadi_contact.samples.samples import DOMAINS
-from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.checks import grid_size
 
@@ -36,23 +35,27 @@ class SamplePoint:
     """
 
     inputs: tuple[str, ...]
-    free: tuple[str, ...]
     movable: tuple[str, ...] = POSE_NAMES
 
     def __post_init__(self) -> None:
-        given, loads = ", ".join(self.inputs), self.load_inputs
-        if sorted((*self.free, *self.pose_inputs)) != sorted(self.movable) or len(set(loads)) != len(loads):
+        if len(set(self.inputs)) != len(self.inputs) or not set(self.pose_inputs) <= set(self.movable):
             raise ValueError(
-                f"sample point has inputs {given} and free {', '.join(self.free)}, expected each load once and each of "
-                f"{', '.join(self.movable)} in exactly one of them"
+                f"sample point has inputs {', '.join(self.inputs)}, expected each once, and of pose parameters only "
+                f"{', '.join(self.movable)}, which can move"
             )
+        loads, free = self.load_inputs, self.free
         for name in loads:
             if name.partition("_")[0] not in WRENCH_NAMES:
                 raise ValueError(f"sample point input {name!r} is neither a pose parameter nor a load")
-        if len(loads) != len(self.free):
+        if len(loads) != len(free):
             raise ValueError(
-                f"sample point has {len(loads)} loads for {len(self.free)} free pose parameters, expected as many"
+                f"sample point has {len(loads)} loads for {len(free)} free pose parameters, expected as many"
             )
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Movable pose parameters that are no inputs."""
+        return tuple(name for name in self.movable if name not in self.inputs)
 
     @property
     def pose_inputs(self) -> tuple[str, ...]:
@@ -67,12 +70,6 @@ class SamplePoint:
     def columns(self, names: Sequence[str]) -> list[int]:
         """Columns of these inputs in an array of inputs."""
         return [self.inputs.index(name) for name in names]
-
-    @classmethod
-    def of_inputs(cls, inputs: Sequence[str], space: PoseSpace | None = None) -> SamplePoint:
-        """The definition with these inputs; the other movable pose parameters are free."""
-        movable = POSE_NAMES if space is None else space.free_names
-        return cls(tuple(inputs), tuple(name for name in movable if name not in inputs), movable)
 
     @classmethod
     def of_scene(cls, scene: Scene) -> SamplePoint:
@@ -93,7 +90,8 @@ class SamplePoint:
                 f"{len(loads)} sensitive loads, expected as many; give sampling.inputs"
             )
         swap = dict(zip(scene.sensitive_pose, loads, strict=True))
-        return cls.of_inputs([swap.get(name, name) for name in scene.pose_space.free_names], scene.pose_space)
+        movable = scene.pose_space.free_names
+        return cls(tuple(swap.get(name, name) for name in movable), movable)
 
 
 @dataclass(frozen=True)
@@ -160,7 +158,7 @@ class SamplingSettings:
         for name, value in plain.items():
             object.__setattr__(self, name, value)
         if self.inputs:
-            SamplePoint.of_inputs(self.inputs)
+            SamplePoint(tuple(self.inputs))
 
     @classmethod
     def from_scene(cls, scene: Scene, **overrides: Any) -> SamplingSettings:
@@ -186,7 +184,7 @@ class SamplingSettings:
 
     def sample_point(self, scene: Scene) -> SamplePoint:
         """The sample-point definition: these settings' inputs, or the scene's [EF15 §3.2]."""
-        point = SamplePoint.of_inputs(self.inputs, scene.pose_space) if self.inputs else SamplePoint.of_scene(scene)
+        point = SamplePoint(self.inputs, scene.pose_space.free_names) if self.inputs else SamplePoint.of_scene(scene)
         for setting in ("fixed_offsets", "d3_minimum_widths"):
             for name in getattr(self, setting):
                 if name not in (*POSE_NAMES, *point.inputs):
