@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from casadi_contact.contact.callable_model import CallableModel
-from casadi_contact.contact.model import ContactModel
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, partial_folder, read_samples
 from casadi_contact.samples.settings import SamplingSettings
@@ -134,19 +133,13 @@ def users_models(scene, settings):
     return model, model
 
 
-class Gapless(ContactModel):
+class Gapless(TwoSpheres):
     """The spheres without gaps, which a contact model may lack."""
 
-    has_wrenches = True
+    has_gaps = False
 
-    def __init__(self, scene):
-        spheres = TwoSpheres(scene)
-        self.scene, self.load_names, self.patch_names = scene, spheres.load_names, spheres.patch_names
-        self.wrenches, self.jacobian, self.root_loads = spheres.wrenches, spheres.jacobian, spheres.root_loads
-        self.wrench_jacobian, self._loads = spheres.wrench_jacobian, spheres.__call__
-
-    def __call__(self, poses):
-        return self._loads(poses)
+    def gaps(self, poses):
+        raise NotImplementedError
 
 
 def gapless_models(scene, settings):
