@@ -72,8 +72,11 @@ class Samples:
             if getattr(self, name).shape != shape:
                 raise ValueError(f"samples: {name} has shape {getattr(self, name).shape}, expected {shape}")
         for name, least, most in (("domain", 1, len(DOMAINS)), ("role", 0, len(ROLES) - 1)):
-            if not np.isin(getattr(self, name), range(least, most + 1)).all():
-                raise ValueError(f"samples: {name} holds numbers outside {least}..{most}")
+            column = getattr(self, name)
+            if (wrong := ~np.isin(column, range(least, most + 1))).any():
+                found = f"{column[wrong][0]:g} in row {int(wrong.argmax()) + 1}"
+                raise ValueError(f"samples: {name} is {found}, expected a whole number from {least} to {most}")
+            object.__setattr__(self, name, column.astype(np.uint8))
 
     def __len__(self) -> int:
         return len(self.poses)

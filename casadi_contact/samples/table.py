@@ -22,7 +22,7 @@ from casadi_contact.core.conventions import POSE_NAMES, WRENCH_NAMES, Array, loa
 from casadi_contact.core.files.containers import open_hdf5
 from casadi_contact.core.files.reading import existing_file, sha256_of, short
 from casadi_contact.core.quantities import quantity, three_digits
-from casadi_contact.samples.samples import DOMAINS, ROLES, TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.samples.samples import ROLES, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.scenes.columns import check_size, read_columns
 from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.scenes.scene import Scene
@@ -59,8 +59,8 @@ def read_sample_table(path: str | Path, scene: Scene) -> Samples:
         poses=poses,
         wrenches=np.stack([np.stack([table.get(name, zero) for name in of[:6]], axis=1) for of in columns], axis=1),
         gaps=np.stack([table.get(of[6], unknown) for of in columns], axis=1),
-        domain=_whole(path, "domain", table.get("domain", np.ones(count)), 1, len(DOMAINS)),
-        role=_whole(path, "role", table["role"], 0, len(ROLES) - 1) if "role" in table else _split(poses),
+        domain=table.get("domain", np.ones(count)),
+        role=table["role"] if "role" in table else _split(poses),
         provenance={"table": str(path), "table_digest": sha256_of(path)},
     )
     missing = [f"{number} ({name})" for number, name in enumerate(ROLES) if not (samples.role == number).any()]
@@ -87,16 +87,6 @@ def _read_hdf5(path: Path, required: list[str], optional: list[str]) -> dict[str
         if len(column) != count or not np.isfinite(column).all():
             raise ValueError(f"{path}: {name} holds {len(column)} numbers, expected {count} finite numbers")
     return columns
-
-
-def _whole(path: Path, name: str, column: Array, least: int, most: int) -> np.ndarray:
-    """A column of whole numbers in a range; ValueError for others."""
-    if np.any(wrong := (column != np.round(column)) | (column < least) | (column > most)):
-        row = int(wrong.argmax())
-        raise ValueError(
-            f"{path}: {name} is {column[row]:g} in row {row + 1}, expected a whole number from {least} to {most}"
-        )
-    return column.astype(np.uint8)
 
 
 def _split(poses: Array) -> np.ndarray:
