@@ -234,9 +234,10 @@ class Surrogate(SurrogateFunctions, ContactModel):
         return [pose_index(name) for name in (scene.insensitive_pose if described else POSE_NAMES)]
 
     def confidence_roots(self, poses: Array) -> Array:
-        """Signed root loads (n, P) that validity and expected error depend on: those of `root_loads`."""
-        self.check_roots()
-        return map_in_chunks(lambda block: self._roots(block, derivative=False)[0], poses)
+        """Signed root loads (n, P) that validity and expected error depend on."""
+        roots: Any = self._validity_roots
+        roots.check_roots()
+        return map_in_chunks(lambda block: roots._roots(block, derivative=False)[0], poses)
 
     @pose_or_poses
     def validity(self, poses: Array) -> Array:

@@ -64,9 +64,14 @@ class SurrogateFunctions(ContactFunctions):
         """Root loads of the patches (P x n) from those (parts x n) that `_expressions` and `_kernel` give."""
         return roots
 
+    @property
+    def _validity_roots(self) -> SurrogateFunctions:
+        """Whose root loads validity and expected error depend on."""
+        return self
+
     def _confidence_expressions(self, pose: ca.MX) -> tuple[ca.MX, ca.MX]:
         """Validity (1) and expected errors (L) of a pose (6)."""
-        return self.require_confidence().expressions(pose, self.root_function()(pose))
+        return self.require_confidence().expressions(pose, self._validity_roots.root_function()(pose))
 
     def validity_function(self, name: str = "contact_validity") -> ca.Function:
         """casadi.Function pose (6) -> validity (1), twice continuously differentiable.
@@ -114,12 +119,11 @@ class SurrogateFunctions(ContactFunctions):
         self, pose: ca.MX, loads: Sequence[str], outputs: Sequence[str]
     ) -> dict[str, tuple[ca.MX, ca.MX, ca.MX]]:
         """Value, Jacobian and second derivatives of "loads" and "roots", each as a graph of its own."""
-        graphs = [self._graph(pose, loads, order) for order in range(3)]
-        found = {}
-        for key in outputs:
-            value, jacobian, second = (getattr(graph, key) for graph in graphs)
-            found[key] = (value.value, jacobian.jacobian, second.second)
-        return found
+        values, slopes, bends = (self._graph(pose, loads, order) for order in range(3))
+        return {
+            key: (getattr(values, key).value, getattr(slopes, key).jacobian, getattr(bends, key).second)
+            for key in outputs
+        }
 
     def whole_kernel(self, loads: Sequence[str]) -> SurrogateKernel:
         """C of the loads, with all else that the networks and the calibration are enough for."""

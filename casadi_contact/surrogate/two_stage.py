@@ -95,32 +95,21 @@ class TwoStageSurrogate(Surrogate):
         return [*of_loads, *(root_regressions(samples) if np.isfinite(samples.gaps).all() else [])]
 
     @cached_property
-    def _root_surrogate(self) -> PatchSurrogate | None:
-        """The root load networks as a surrogate; None where a patch has none."""
+    def _validity_roots(self) -> Surrogate:  # type: ignore[override]
+        """The root load networks as a surrogate; this one where a patch has none."""
         names = [root_name(part.name) for part in self.scene.parts]
         if not all(name in self.networks for name in names):
-            return None
+            return self
         return PatchSurrogate(self.scene, {name: self.networks[name] for name in names})
 
     @property
     def confidence_columns(self) -> Sequence[int]:
         """All six where no root load network tells how far the surfaces are apart."""
-        return range(6) if self._root_surrogate is None else super().confidence_columns
-
-    def confidence_roots(self, poses: Array) -> Array:
-        """Signed root loads (n, P) of the root load networks; those of the loads where a surrogate has none."""
-        roots = self._root_surrogate
-        return super().confidence_roots(poses) if roots is None else roots.confidence_roots(poses)
-
-    def _confidence_expressions(self, pose: ca.MX) -> tuple[ca.MX, ca.MX]:
-        roots = self._root_surrogate
-        if roots is None:
-            return super()._confidence_expressions(pose)
-        return self.require_confidence().expressions(pose, roots.root_function()(pose))
+        return range(6) if self._validity_roots is self else super().confidence_columns
 
     def _confidence_roots_source(self) -> tuple[Sequence[Bundle], str]:
-        roots = self._root_surrogate
-        if roots is None:
+        roots = self._validity_roots
+        if not isinstance(roots, PatchSurrogate):
             return super()._confidence_roots_source()
         return root_network_source(roots.parts, roots._root_bounds)
 
