@@ -8,10 +8,9 @@ import os
 import signal
 import threading
 import warnings
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future
+from collections.abc import Iterable, Iterator
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -132,52 +131,15 @@ def cluster_workers(scheduler: str | None, *, patience_s: float = 10.0) -> Itera
         raise ConnectionError(f"no Dask scheduler answers at {address}: {error}") from None
     with _quiet("distributed.client"), client:
         _check_versions(client, address, patience_s)
-        yield _ClusterExecutor(client, address)
-
-
-class _ClusterExecutor(Executor):
-    """Tasks on the workers of a Dask client, each with an end: its result, its error or the loss of the scheduler.
-
-    The executor that Dask itself offers leaves a future without an end where a result is lost on its way here.
-    """
-
-    def __init__(self, client: Any, address: str) -> None:
-        self._client, self._address = client, address
-
-    def submit(self, task: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        if self._client.status == "closed":
-            raise self._lost()
-        there = self._client.submit(task, *args, pure=False, **kwargs)
-        here: Future[Any] = Future()
-        here.add_done_callback(lambda ended: there.cancel() if ended.cancelled() else None)
-        self._client.loop.add_callback(self._deliver, there, here)
-        return here
-
-    async def _deliver(self, there: Any, here: Future[Any]) -> None:
         try:
-            result = await self._client.gather(there, asynchronous=True)
-        except BaseException as error:  # one that is not delivered would never be seen
-            end = partial(here.set_exception, self._explained(there, error))
-        else:
-            end = partial(here.set_result, result)
-        if here.set_running_or_notify_cancel():
-            end()
-
-    def _explained(self, there: Any, error: BaseException) -> BaseException:
-        """The task's own error as it is, that of its worker or of the way here by what the user can do."""
-        from distributed import KilledWorker
-
-        if there.status != "error":
-            return self._lost()
-        if isinstance(error, KilledWorker):
-            return ChildProcessError(
+            yield client.get_executor(pure=False)
+        except distributed.KilledWorker as error:
+            raise ChildProcessError(
                 f"a task ended one worker too many ({error.last_worker.address} was the last; is its memory full?): "
                 "run the same command again to go on"
-            )
-        return error
-
-    def _lost(self) -> ConnectionError:
-        return ConnectionError(f"the scheduler at {self._address} was lost: run the same command again to go on")
+            ) from None
+        except (CancelledError, distributed.CancelledError, distributed.client.ClosedClientError):
+            raise ConnectionError(f"the scheduler at {address} was lost: run the same command again to go on") from None
 
 
 @contextmanager

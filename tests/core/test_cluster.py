@@ -88,11 +88,14 @@ def test_a_scheduler_without_workers_says_how_to_start_some():
 
 
 def test_a_lost_scheduler_is_one_line(cluster, caplog):
-    with cluster_workers(cluster.scheduler_address) as executor:
-        waiting = executor.submit(time.sleep, 600)
-        cluster.close()
-        with pytest.raises(ConnectionError, match="lost"):
+    def lose():
+        with cluster_workers(cluster.scheduler_address) as executor:
+            waiting = executor.submit(time.sleep, 600)
+            cluster.close()
             waiting.result()
+
+    with pytest.raises(ConnectionError, match="lost"):
+        lose()
     assert not [record for record in caplog.records if record.name == "distributed.client"], "no traceback beside it"
 
 
