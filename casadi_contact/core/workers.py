@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import os
 import signal
@@ -11,13 +10,12 @@ import warnings
 from collections.abc import Iterable, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 from loky import ProcessPoolExecutor, cpu_count
 
 from casadi_contact import __version__
-from casadi_contact.core.files.reading import MOST_TEXT, checked_size
+from casadi_contact.core.files.reading import MOST_TEXT, checked_size, existing_file
 from casadi_contact.core.machine import blas_environment
 
 
@@ -113,9 +111,9 @@ def cluster_workers(scheduler: str | None, *, patience_s: float = 10.0) -> Itera
     the same path. Dask sends Python objects: connect only to a scheduler that you trust. Work of a worker that dies is
     done again by another one.
 
-    Raises ImportError without the extra ``cluster``, ValueError for a scheduler file that is none, ConnectionError
-    where no scheduler answers, one has other versions, or it was lost: what is finished is kept, and the same command
-    goes on from there; ChildProcessError where one task ended too many workers.
+    Raises ImportError without the extra ``cluster``, ConnectionError where no scheduler answers, one has other
+    versions, or it was lost: what is finished is kept, and the same command goes on from there; ChildProcessError where
+    one task ended too many workers.
     """
     if scheduler is None:
         yield None
@@ -124,11 +122,17 @@ def cluster_workers(scheduler: str | None, *, patience_s: float = 10.0) -> Itera
         import distributed
     except ImportError:
         raise ImportError("a scheduler needs Dask: pip install 'casadi_contact[cluster]'") from None
-    address = _address(scheduler)
+    found = {"address": scheduler} if "://" in scheduler else {"scheduler_file": scheduler}
     try:
-        client = distributed.Client(address, timeout=patience_s, set_as_default=False)
-    except (OSError, ValueError, TimeoutError) as error:
-        raise ConnectionError(f"no Dask scheduler answers at {address}: {error}") from None
+        if "scheduler_file" in found:
+            checked_size(existing_file(scheduler), MOST_TEXT)  # Dask would wait for the file
+        client = distributed.Client(**found, timeout=patience_s, set_as_default=False)
+        address = client.scheduler.address
+    except Exception as error:  # of many kinds where the file is another
+        raise ConnectionError(
+            f"no Dask scheduler answers at {scheduler} ({error}), expected its address as tcp://host:8786, or the file "
+            "that `dask scheduler --scheduler-file` wrote"
+        ) from None
     with _quiet("distributed.client"), client:
         _check_versions(client, address, patience_s)
         try:
@@ -152,26 +156,6 @@ def _quiet(name: str) -> Iterator[None]:
         yield
     finally:
         log.setLevel(before)
-
-
-def _address(scheduler: str) -> str:
-    """The address itself, or the one in a scheduler file."""
-    if "://" in scheduler:
-        return scheduler
-    path = Path(scheduler)
-    if not path.is_file():
-        raise ValueError(
-            f"scheduler is {scheduler!r}, expected an address as tcp://host:8786 or the file that "
-            "`dask scheduler --scheduler-file` wrote"
-        )
-    checked_size(path, MOST_TEXT)
-    try:
-        address = json.loads(path.read_text("utf-8"))["address"]
-    except (ValueError, KeyError, TypeError):
-        address = None
-    if not isinstance(address, str):
-        raise ValueError(f"{path} is no scheduler file: it holds no address (JSON)")
-    return address
 
 
 def _version() -> str:

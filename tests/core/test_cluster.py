@@ -104,16 +104,9 @@ def test_an_error_of_the_work_arrives_as_it_is(cluster):
         executor.submit(divmod, 1, 0).result()
 
 
-@pytest.mark.parametrize(
-    ("scheduler", "reason"),
-    [
-        ("nowhere.json", "address"),
-        ("other.json", "scheduler file"),
-        ("tcp://127.0.0.1:9", "answers"),
-    ],
-)
-def test_a_scheduler_that_is_none_is_one_line(scheduler, reason, tmp_path, monkeypatch):
+@pytest.mark.parametrize("scheduler", ["nowhere.json", "other.json", "tcp://127.0.0.1:9"])
+def test_a_scheduler_that_is_none_is_one_line(scheduler, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "other.json").write_text("[1]")
-    with pytest.raises((ValueError, ConnectionError), match=reason), cluster_workers(scheduler, patience_s=1.0):
+    (tmp_path / "other.json").write_text("{}")
+    with pytest.raises(ConnectionError, match="answers"), cluster_workers(scheduler, patience_s=1.0):
         pass
