@@ -1,5 +1,5 @@
 import os
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -71,18 +71,14 @@ def test_a_locked_pose_that_leaves_fewer_parameters_than_loads_is_named():
         reference_poses(locked, made, frames=21)
 
 
-def test_motion_holds_estimated_poses_and_measured_loads():
+def test_motion_holds_estimated_poses_and_measured_loads_and_start_poses_near_them():
     made, wanted = cycles(MODEL)
     motion, _ = reference_motion(MODEL, made, SamplingSettings(frames=21))
     assert motion.point.inputs == ("tx", "Fy_med", "tz", "Fy_lat", "ry", "rz")
     np.testing.assert_allclose(motion.curves[..., 0], wanted[..., 0], atol=1e-4)
     np.testing.assert_allclose(motion.curves[2, :, 3], made[2].loads["Fy_lat"])
     np.testing.assert_allclose(motion.envelopes.upper[:, 5], wanted[..., 5].max(axis=0))
-
-
-def test_starts_take_the_free_parameters_of_the_nearest_reference_pose():
-    made, _ = cycles(MODEL)
-    motion, _ = reference_motion(MODEL, made, SamplingSettings(frames=21))
+    # starts take the free parameters of the nearest reference pose
     inputs = motion.curves[1, [3, 9]] + np.array([1e-4, -50.0, 1e-4, 80.0, 1e-5, 1e-5])
     starts = motion.starts(inputs)
     np.testing.assert_array_equal(starts[:, [1, 3]], motion.poses[1, [3, 9]][:, [1, 3]])
@@ -123,28 +119,16 @@ def test_a_pose_that_no_cycle_moves_is_sampled_about_as_well():
     assert np.ptp(d3.inputs[:, 2]) == pytest.approx(4.0, rel=0.02)
 
 
-@dataclass(frozen=True)
-class Column:
-    table: np.ndarray
-
-    def __getitem__(self, name: str) -> np.ndarray:
-        return self.table[name]
-
-
 def test_measured_cycles_have_a_pose_in_every_frame():
     files = sorted((SHARED / "data" / "jw").glob("og*_loads.csv"))
     if not files:
         pytest.skip(f"no measured cycles under {SHARED}")
     measured = []
     for file in files:
-        t = Column(np.genfromtxt(file, delimiter=",", names=True))
+        t = np.genfromtxt(file, delimiter=",", names=True)
         fy = t["Fy_med_N"] + t["Fy_lat_N"]
-        loads = {
-            "Fy_med": t["Fy_med_N"],
-            "Fy_lat": t["Fy_lat_N"],
-            "Tx": -t["cop_ml_mm"] * fy,
-            "Tz": t["cop_ap_mm"] * fy,
-        }
+        loads = {"Fy_med": t["Fy_med_N"], "Fy_lat": t["Fy_lat_N"]}
+        loads |= {"Tx": -t["cop_ml_mm"] * fy, "Tz": t["cop_ap_mm"] * fy}
         measured.append(Cycle(file.stem, t["time_s"], t["rotation_ry_rad"], t["flexion_rz_rad"], loads))
     _, report = reference_poses(ElasticFoundation(knee(), (80, 40)), measured)
     assert report.converged.all(), str(report)

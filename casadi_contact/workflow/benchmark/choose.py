@@ -128,9 +128,6 @@ def _checked_request(
     for kind, wanted in ((FORCE, force_n), (TORQUE, torque_nmm)):
         if wanted is None and of_kind(names, kind):
             raise ValueError(f"no {kind.name} tolerance given, expected one because {kind.name}s are asked for")
-    others = [name for name in names if name not in (*of_kind(names, FORCE), *of_kind(names, TORQUE))]
-    if others:
-        raise ValueError(f"no tolerance can be given for {', '.join(others)}, expected forces and torques only")
     return names, tolerance
 
 
