@@ -54,7 +54,7 @@ def build(
 ) -> None:
     """Sample, train, evaluate and export; run again after an interruption to go on."""
     files, to_tolerance = [*(cycles or []), *(more_cycles or [])], force_tol is not None or torque_tol is not None
-    pipeline.check_table(table, files, model)
+    pipeline.check_single_source(table, files, model)
     if to_tolerance:
         project = _project_to_tolerance(scene, out, preset, table, force_tol, torque_tol)
     else:
@@ -106,7 +106,7 @@ def sample(
 ) -> None:
     """Draw samples of the elastic foundation in domains D1 to D7."""
     files = [*(cycles or []), *(more_cycles or [])]
-    pipeline.check_table(table, files, model)
+    pipeline.check_single_source(table, files, model)
     project = Project.open(scene, preset, out)
     with cluster_workers(scheduler) as executor:
         _sample(project, files, table, model, executor)

@@ -39,7 +39,7 @@ from casadi_contact.workflow.project import (
     project_surrogates,
     read_motion,
 )
-from casadi_contact.workflow.samples import check_table, sample, take_table
+from casadi_contact.workflow.samples import check_single_source, sample, take_table
 from casadi_contact.workflow.train import train
 
 
@@ -65,7 +65,7 @@ def build(
     Raises ValueError for input that cannot be used, OSError for a folder that cannot be
     written or that another process works in.
     """
-    check_table(table, cycles, model)
+    check_single_source(table, cycles, model)
     project = Project.open(scene, preset, None if folder is None else Path(folder))
     with folder_lock(project.folder):
         if table is not None:

@@ -22,7 +22,7 @@ from casadi_contact.workflow.project import Project, exclusive, trained_surrogat
 _log = logging.getLogger(__name__)
 
 
-def check_table(table: str | Path | None, cycles: Sequence[str | Path], model: DrawnModel | str) -> None:
+def check_single_source(table: str | Path | None, cycles: Sequence[str | Path], model: DrawnModel | str) -> None:
     """ValueError for cycles or another model beside a table of samples: nothing is drawn then."""
     if table is not None and (cycles or model != "elements"):
         raise ValueError(f"got a table of samples and {'cycles' if cycles else 'a model'}, expected one of them")
