@@ -106,10 +106,7 @@ class ReferenceMotion:
 
 
 def reference_motion(
-    model: ContactModel,
-    cycles: Sequence[Cycle],
-    settings: SamplingSettings,
-    progress: Progress | None = None,
+    model: ContactModel, cycles: Sequence[Cycle], settings: SamplingSettings, progress: Progress | None = None
 ) -> tuple[ReferenceMotion, ReferenceReport]:
     """Estimate the poses of the cycles and pick the sample-point inputs: pose parameters from the estimated poses,
     loads from the measured ones. progress: as in `reference_poses`.

@@ -113,7 +113,7 @@ PRESETS: dict[str, Preset] = {
                     *((16, 100.0, None), (24, 220.0, None), (32, 380.0, None), (48, 800.0, None)),
                 ),
                 "two_stage": _ladder("tanh", (8, 6.0, 5_000), (16, 18.0, 5_000)),
-            },
+            }
         ),
     ),
     "standard": Preset(

@@ -91,12 +91,7 @@ def build_command(project: Project, samples: Samples, cycles: Sequence[str], *to
 
 
 def _active_rounds(
-    project: Project,
-    samples: Samples,
-    surrogate: Surrogate,
-    first: Fitting,
-    update: Update | None,
-    executor: Executor,
+    project: Project, samples: Samples, surrogate: Surrogate, first: Fitting, update: Update | None, executor: Executor
 ) -> Surrogate:
     """The surrogate after the active rounds of its structure; first: how it was fitted before them."""
     name, learned = first.structure, samples

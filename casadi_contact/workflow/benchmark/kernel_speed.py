@@ -22,13 +22,7 @@ from casadi_contact.core.workers import one_thread
 from casadi_contact.networks.kernel.source import sigmoid_source
 from casadi_contact.networks.network import Network
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.workflow.benchmark.timing import (
-    Timing,
-    compare,
-    time_batch,
-    time_mapped,
-    time_single_calls,
-)
+from casadi_contact.workflow.benchmark.timing import Timing, compare, time_batch, time_mapped, time_single_calls
 from casadi_contact.workflow.project import Project, available_poses, available_surrogates
 
 BATCH = 1000

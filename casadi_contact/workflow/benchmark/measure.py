@@ -91,12 +91,7 @@ def measure_project(
     return path
 
 
-def measure(
-    candidates: Iterable[Candidate],
-    scene: Scene,
-    walking: Array,
-    tell: Tell | None = None,
-) -> Front:
+def measure(candidates: Iterable[Candidate], scene: Scene, walking: Array, tell: Tell | None = None) -> Front:
     """Errors and times of all candidates, the times in turn within one run on one thread.
 
     Errors are on the walking poses (n, 6), against the converged EF. A candidate that fails becomes a point that says

@@ -30,7 +30,7 @@ TINY = Preset(
         sizes={
             "patch": (Effort(((4, 4),), 0.2), Effort(((6, 6),), 0.6)),
             "two_stage": (Effort(((4,),), 0.05, "tanh", max_rows=300),),
-        },
+        }
     ),
 )
 

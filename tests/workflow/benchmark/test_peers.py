@@ -7,12 +7,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.samples.samples import TEST
-from casadi_contact.workflow.benchmark.peers import (
-    REGRESSORS,
-    TrainingSet,
-    peer_candidates,
-    regressor_candidates,
-)
+from casadi_contact.workflow.benchmark.peers import REGRESSORS, TrainingSet, peer_candidates, regressor_candidates
 from tests.support.smooth_samples import NAMES, smooth_poses, smooth_samples, smooth_wrenches
 
 
@@ -45,8 +40,7 @@ def test_no_test_or_validation_sample_is_fitted():
 
 
 @pytest.mark.parametrize(
-    ("family", "share"),
-    [("polynomial", 0.02), ("Gaussian process", 0.05), ("neighbours", 0.5), ("radial basis", 0.1)],
+    ("family", "share"), [("polynomial", 0.02), ("Gaussian process", 0.05), ("neighbours", 0.5), ("radial basis", 0.1)]
 )
 def test_regressors_predict_unseen_points_of_a_smooth_function(family, share):
     pytest.importorskip("sklearn")
