@@ -1,8 +1,6 @@
 """Before anything is built, the shipped surrogates of a scene and their measured front serve it."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import casadi as ca
@@ -12,6 +10,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.cli import pipeline
 from casadi_contact.cli.tables import read_kernel_speed
+from casadi_contact.core.terminal import run_app
 from casadi_contact.samples.samples import load_errors, rms_by_kind
 from casadi_contact.workflow.benchmark import kernel_speed as speed_module
 from casadi_contact.workflow.benchmark import measure as measuring
@@ -117,7 +116,7 @@ def test_speed_times_the_shipped_surrogates_on_poses_of_the_built_in_cycles(proj
     assert set(content["surrogates"]) == set(timed)
 
 
-def test_measuring_again_writes_a_file_of_its_own_and_a_mistake_is_one_line(tmp_path, monkeypatch):
+def test_measuring_again_writes_a_file_of_its_own_and_a_mistake_is_one_line(tmp_path, monkeypatch, capsys):
     path, front = shipped_front(cc.load_scene("knee"))
     before = path.read_bytes()
     monkeypatch.setattr(measuring, "measure", lambda *_: front)
@@ -125,11 +124,11 @@ def test_measuring_again_writes_a_file_of_its_own_and_a_mistake_is_one_line(tmp_
     measuring.measure_shipped("knee", None)
     assert read_front(tmp_path / "results" / "knee-front.csv") == front
     assert path.read_bytes() == before
-    command = [sys.executable, "-m", "casadi_contact.workflow.benchmark.measure", str(tmp_path / "none.toml")]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 1
-    assert len(done.stderr.splitlines()) == 1
-    assert "none.toml" in done.stderr
+    with pytest.raises(SystemExit) as ended:
+        run_app(measuring.app, "measure", [str(tmp_path / "none.toml")], "measure")
+    said = f"{ended.value.code} {capsys.readouterr().err}".strip()
+    assert "none.toml" in said
+    assert "\n" not in said
 
 
 def test_a_scene_without_geometry_has_no_motion_of_its_own():
