@@ -48,11 +48,11 @@ if TYPE_CHECKING:
     from casadi_contact.contact.choice import foundation
     from casadi_contact.contact.cup import CupFoundation
     from casadi_contact.contact.elements.foundation import ElasticFoundation
+    from casadi_contact.contact.model_checks import sensitive_directions
     from casadi_contact.contact.polar.foundation import PolarFoundation
     from casadi_contact.contact.polar.lines import Rays
     from casadi_contact.contact.ray_cast import RayCastFoundation
     from casadi_contact.contact.relax import relax
-    from casadi_contact.contact.sensitive import sensitive_directions
     from casadi_contact.contact.settle import settle
     from casadi_contact.export.c_source import export_c
     from casadi_contact.export.fmu import export_fmu
@@ -96,7 +96,7 @@ else:
         "load_surrogate": "surrogate.load",
         "refine": "workflow.refine",
         "relax": "contact.relax",
-        "sensitive_directions": "contact.sensitive",
+        "sensitive_directions": "contact.model_checks",
         "settle": "contact.settle",
         "verify": "optimisation.verification",
     }

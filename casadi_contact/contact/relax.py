@@ -20,7 +20,6 @@ from casadi_contact.core.conventions import (
     check_above_zero,
     rotation,
 )
-from casadi_contact.scenes.pose_space import PoseSpace
 
 
 def _conjugate_motion(model: ContactModel, names: Sequence[str], pose: Array) -> Array:
@@ -48,7 +47,7 @@ def _conjugate_motion(model: ContactModel, names: Sequence[str], pose: Array) ->
 class _DampedMotion:
     """The body of one row of the equations, moving from a pose (6,): m·q̈ = Aᵀ·(target - loads) - c·q̇.
 
-    A state (2k,) holds the k free pose parameters q [mm, rotations times LEVER_MM] and their rates [mm/s].
+    A state (2k,) holds steps q of the k free pose parameters [mm, rotations times LEVER_MM] and their rates [mm/s].
     """
 
     equations: Equilibrium
@@ -58,24 +57,18 @@ class _DampedMotion:
     mass: float = 1e-3  # tonne (N, mm, s): 1 kg, and 1 kg at LEVER_MM for rotations
 
     @property
-    def _free(self) -> list[int]:
-        return list(self.equations.free)
-
-    @property
-    def _space(self) -> PoseSpace:
-        return self.equations.model.scene.pose_space
-
-    @property
     def state(self) -> Array:
-        """At rest in the first pose (2k,)."""
-        q = self.start[self._free] / self.equations.free_scales
-        return np.concatenate([q, np.zeros_like(q)])
+        """At rest in the first pose (2k,): q as steps from it."""
+        return np.zeros(2 * len(self.equations.free))
 
     def pose(self, state: Array) -> Array:
         """The pose (6,) of a state."""
-        pose = self.start.copy()
-        pose[self._free] = _halves(state)[0] * self.equations.free_scales
-        return self._space.project(pose)
+        return self.equations.moved(self.start[None], _halves(state)[0])[0]
+
+    def _by_q(self, by_pose: Array) -> Array:
+        """Derivatives (m, k) by q of those by the pose (m, 6)."""
+        by_free = self.equations.model.scene.pose_space.pull_back(by_pose)[:, list(self.equations.free)]
+        return np.asarray(by_free * self.equations.free_scales)
 
     def rate(self, _: float, state: Array) -> Array:
         """d state/dt (2k,), by damping alone where loads are not finite: integration then crosses that border."""
@@ -87,10 +80,9 @@ class _DampedMotion:
     def rate_jacobian(self, _: float, state: Array) -> Array:
         """Derivative (2k, 2k) of the rate by the state. The motion A is taken as constant, and so are loads whose
         derivative is not finite."""
-        pose, size = self.pose(state), len(self._free)
+        pose, size = self.pose(state), len(self.equations.free)
         jacobian = np.zeros((2 * size, 2 * size))
-        by_pose = self.equations.model.jacobian(pose[None])[1][0, self._loads]
-        by_q = self._space.pull_back(by_pose)[:, self._free] * self.equations.free_scales
+        by_q = self._by_q(self.equations.model.jacobian(pose[None])[1][0, self._loads])
         by_q = np.where(np.isfinite(by_q), by_q, 0.0)
         jacobian[:size, size:] = np.eye(size)
         jacobian[size:, :size] = -self._motion(pose).T @ by_q / self.mass
@@ -108,8 +100,7 @@ class _DampedMotion:
 
     def _motion(self, pose: Array) -> Array:
         """A (targets, k)."""
-        moved = _conjugate_motion(self.equations.model, self.equations.names, pose)
-        return np.asarray(self._space.pull_back(moved)[:, self._free] * self.equations.free_scales)
+        return self._by_q(_conjugate_motion(self.equations.model, self.equations.names, pose))
 
 
 def _halves(state: Array) -> tuple[Array, Array]:

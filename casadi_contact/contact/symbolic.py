@@ -244,19 +244,12 @@ def parametric_function(
     placed = any(key in value for key in PLACEMENT)
     place = ca.vertcat(*(value.get(key, ca.MX(0.0)) for key in PLACEMENT))
     turn, shift = rotation(place[3:]), place[:3]
-    forces = ca.reshape(
-        wrenches(relative_pose((shift, turn), (pose[:3], rotation(pose[3:]))) if placed else pose),
-        6,
-        selection.shape[1],
-    )
-    parts = []
-    for p in range(selection.shape[1]):
-        force, torque = forces[:3, p], forces[3:, p]
-        if placed:
-            force = turn @ force
-            torque = turn @ torque + ca.cross(shift, force)
-        parts.append(ca.DM(selection[:, p]) @ ca.vertcat(force, torque))
-    loads = _stiffness_ratio(value, material) * sum(parts[1:], parts[0])
+    met = relative_pose((shift, turn), (pose[:3], rotation(pose[3:]))) if placed else pose
+    found = ca.reshape(wrenches(met), 6, selection.shape[1])
+    if placed:
+        force = turn @ found[:3, :]
+        found = ca.vertcat(force, turn @ found[3:, :] + ca.skew(shift) @ force)
+    loads = _stiffness_ratio(value, material) * (ca.DM(selection.reshape(len(selection), -1)) @ ca.vec(found))
     return ca.Function(name, [pose, given], [loads], ["pose", "parameters"], ["loads"])
 
 

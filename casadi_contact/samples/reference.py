@@ -13,8 +13,7 @@ from scipy.spatial import cKDTree
 from casadi_contact.contact.approach import advance_to_contact, rotate_about_anchors
 from casadi_contact.contact.continuity import Motion
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.contact.model_checks import check_contact_model
-from casadi_contact.contact.sensitive import sensitive_directions
+from casadi_contact.contact.model_checks import check_contact_model, sensitive_directions
 from casadi_contact.contact.settle import SettleReport, settle
 from casadi_contact.core.conventions import POSE_NAMES, Array, Progress, pose_index
 from casadi_contact.core.quantities import quantity

@@ -49,7 +49,6 @@ def test_some_bodies_sit_as_the_start_pose_does_under_light_and_heavy_loads(tmp_
 
 def test_poses_at_which_elements_are_unsure_themselves_decide_nothing():
     scene = cc.load_scene("sphere_on_plane")
-    assert choice.cell_foundation(scene, compiled=False).record["elements_unsure"] == 0.0
     with pytest.raises(NotGoodEnoughError, match="differ by more than its tolerances allow in every pose"):
         choice.cell_foundation(scene, compiled=False, choice=CellChoice(half=(2, 2)))
 

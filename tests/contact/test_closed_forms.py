@@ -36,6 +36,31 @@ def test_turning_a_ball_about_its_centre_changes_nothing(ball):
     np.testing.assert_allclose(turned, still, rtol=1e-9, atol=1e-6)
 
 
+def test_no_overlap_gives_exactly_zero_and_the_distance(ball):
+    poses = np.vstack([at(30.25), at(30.03)])
+    assert not ball.wrenches(poses).any()
+    assert not ball.jacobian(poses)[1].any()
+    np.testing.assert_allclose(ball.gaps(poses)[:, 0], [0.25, 0.03], atol=2e-4)
+    np.testing.assert_allclose(ball.root_loads(poses)[1][:, 0, 1], -ball.scene.gap_slope, rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "pose", "off"),
+    [
+        ("elements", "sphere_in_dish", [2.0, 30.0, 1.0, 0.0, 0.0, 0.0], 1e-9),
+        ("polar", "sphere_in_dish", [2.0, 30.0, 1.0, 0.0, 0.0, 0.0], 1e-4),
+        ("cells", "glenohumeral", [1.0, -0.5, -23.85, 0.1, 0.2, 0.3], 3e-5),
+    ],
+)
+def test_the_resultant_in_a_spherical_hollow_passes_through_its_centre(kind, name, pose, off):
+    model = MODELS[kind][0](cc.load_scene(name))
+    g = model.scene.geometry
+    centre = g["cup_centre"] if "cup_centre" in g else [0.0, g["dish_radius"], 0.0]
+    force, torque = model.wrenches(pose)[0].reshape(2, 3)
+    assert np.linalg.norm(force) > 100.0
+    assert np.linalg.norm(torque - np.cross(centre, force)) < off * np.linalg.norm(force) * np.linalg.norm(pose[:3])
+
+
 @pytest.mark.parametrize("kind", MODELS)
 def test_deep_poses_stay_finite_under_the_logarithmic_law(kind):
     model = MODELS[kind][0](cc.load_scene("sphere_on_plane", law="log"))

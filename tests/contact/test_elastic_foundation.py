@@ -30,22 +30,6 @@ def test_flat_punch_is_exact_on_any_grid(law):
     np.testing.assert_allclose(loads[[0, 2, 3, 4, 5]], 0.0, atol=1e-9)
 
 
-def test_no_overlap_gives_exactly_zero_and_the_gap():
-    model = cc.ElasticFoundation(cc.load_scene("sphere_on_plane"))
-    poses = np.vstack([at(30.0 + gap) for gap in (1e-6, 0.1, 7.0)])
-    assert not model(poses).any()
-    assert not model.jacobian(poses)[1].any()
-    np.testing.assert_allclose(model.gaps(poses)[:, 0], [1e-6, 0.1, 7.0], atol=2e-4)
-
-
-def test_resultant_of_a_sphere_in_a_dish_passes_through_the_dish_centre():
-    scene = cc.load_scene("sphere_in_dish")
-    model = cc.ElasticFoundation(scene)
-    wrench = model.wrenches(at(14.85, tx=0.4, tz=-0.7))[0, 0]
-    about_centre = wrench[3:] - np.cross([0.0, scene.geometry["dish_radius"], 0.0], wrench[:3])
-    assert np.linalg.norm(about_centre) < 1e-9 * np.linalg.norm(wrench[3:])
-
-
 def knee_poses(n, seed=0):
     """Poses over the walking range, from lightly lifted to 0.3 mm deep."""
     scene, (poses, targets) = cc.load_scene("knee"), walking(n, seed)

@@ -77,7 +77,7 @@ def test_bounds_hold_at_all_points_of_a_block_in_a_hollow(from_middle_mm, direct
 
 
 def in_c(model):
-    return [bed.compiled is not None for bed in model._patches]
+    return [bed.library is not None for bed in model._patches]
 
 
 @needs_compiler

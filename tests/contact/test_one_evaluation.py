@@ -11,8 +11,8 @@ POSES = [[0.0, -0.1, 0.2, 0.01, 0.0, -0.3], [0.0, 5.0, 0.0, 0.02, 0.0, 0.0], [0.
 
 MODELS = {
     "elements": lambda: cc.ElasticFoundation(cc.load_scene("knee"), (40, 20)),
-    "polar quadrature": lambda: cc.foundation("knee"),
-    "polar quadrature in NumPy": lambda: cc.foundation("knee", compiled=False),
+    "polar quadrature": lambda: cc.PolarFoundation(cc.load_scene("knee")),
+    "polar quadrature in NumPy": lambda: cc.PolarFoundation(cc.load_scene("knee"), compiled=False),
     "surrogate": lambda: cc.load_surrogate("knee"),
     "elements by other loads": lambda: NamedLoads(cc.ElasticFoundation(cc.load_scene("knee"), (40, 20)), ["Tx_lat"]),
 }
@@ -35,9 +35,12 @@ def test_a_pose_is_evaluated_once_for_both(monkeypatch):
 
 
 PRESSED_AND_APART = {
-    "knee": (lambda: cc.foundation("knee"), [[0.0, 27.0, 0.2, 0.0, 0.0, -0.3], [0.0, 29.5, 0.2, 0.0, 0.0, -0.3]]),
-    "knee on one side": (lambda: cc.foundation("knee"), [[0.0, 27.8, 0.2, 0.03, 0.0, -0.3]]),
-    "hip": (lambda: cc.foundation("hip"), [[69.7, -65.1, -84.2, 0.0, 0.0, 0.0], [70.0, -66.1, -84.0, 0.0, 0.0, 0.0]]),
+    "knee": (MODELS["polar quadrature"], [[0.0, 27.0, 0.2, 0.0, 0.0, -0.3], [0.0, 29.5, 0.2, 0.0, 0.0, -0.3]]),
+    "knee on one side": (MODELS["polar quadrature"], [[0.0, 27.8, 0.2, 0.03, 0.0, -0.3]]),
+    "hip": (
+        lambda: cc.CupFoundation(cc.load_scene("hip")),
+        [[69.7, -65.1, -84.2, 0.0, 0.0, 0.0], [70.0, -66.1, -84.0, 0.0, 0.0, 0.0]],
+    ),
     "cells": (
         lambda: cc.CellFoundation(cc.load_scene("sphere_on_plane")),
         [[0.0, 29.7, 0.0, 0.1, 0.0, 0.0], [0.0, 31.0, 0.0, 0.1, 0.0, 0.0]],

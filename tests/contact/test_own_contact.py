@@ -9,7 +9,6 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.cli import pipeline
 from casadi_contact.cli.tables import evaluation_tables, read_evaluation
-from casadi_contact.samples.models import model_name_of
 from casadi_contact.workflow.benchmark.choose import choose
 from casadi_contact.workflow.benchmark.kernel_speed import speed
 from casadi_contact.workflow.presets import PRESETS, Effort, Preset
@@ -76,6 +75,9 @@ def test_a_callable_is_sampled_trained_evaluated_and_transcribed(scene_file, tmp
     assert record["command"].startswith(f"cc.build({str(scene_file)!r}, 'small', model=...)"), "no command line can"
     np.testing.assert_allclose(np.linalg.norm(samples.select("D7").wrenches[:, 0, :3], axis=1), 5.0, atol=0.01)
     check_surrogate(project)
+    assert set(surrogates["patch"].record["coverage"]) & {"around", "edge", "outside"}
+    with pytest.raises(ValueError, match=r"calibrated on the contact model .* which is not here: build again"):
+        pipeline.calibrate(project)
     changed = scene_file.read_text().replace("reference_load = ", "reference_load = 2")
     scene_file.write_text(changed)
     other = pipeline.Project.open(scene_file, "small", tmp_path / "out")
@@ -100,39 +102,12 @@ def test_a_table_is_trained_evaluated_and_transcribed(scene_file, tmp_path):
         pipeline.read_motion(project)
     assert pipeline.take_table(project, table).provenance["table"] == str(table)
     command = cc.load_surrogate(project.surrogate_path("patch")).record["command"]
-    assert command == shlex.join(
-        [
-            "casadi-contact",
-            "build",
-            str(scene_file),
-            "--preset",
-            "small",
-            "--table",
-            str(table),
-            "--out",
-            str(project.folder),
-        ]
-    )
+    files = shlex.join([str(scene_file), "--preset", "small", "--table", str(table), "--out", str(project.folder)])
+    assert command == f"casadi-contact build {files}"
     with pytest.raises(ValueError, match="is of others: choose another --out"):
         pipeline.take_table(project, write_csv(tmp_path / "other.csv", table_rows(50)))
     with pytest.raises(ValueError, match=f"was made from {table} as it was before"):
         pipeline.take_table(project, write_csv(table, table_rows(50)))
-
-
-def test_a_named_model_is_drawn_from(tmp_path):
-    with pytest.raises(ValueError, match="model is 'foundations', expected one of elements, foundation"):
-        cc.build("hip", "small", model="foundations", folder=tmp_path / "out")
-    cc.build("hip", "small", model="foundation", folder=tmp_path / "out")
-    project = pipeline.Project.open("hip", "small", tmp_path / "out")
-    assert model_name_of(project.samples()) == "foundation"
-
-
-def test_the_error_of_an_own_model_is_known_between_its_samples(scene_file, tmp_path):
-    model = cc.CallableModel(own_contact.SCENE, own_contact.wrenches, own_contact.gaps)
-    (surrogate,) = cc.build(scene_file, "small", model=model, folder=tmp_path / "out").values()
-    assert set(surrogate.record["coverage"]) & {"around", "edge", "outside"}
-    with pytest.raises(ValueError, match=r"calibrated on the contact model .* which is not here: build again"):
-        pipeline.calibrate(pipeline.Project.open(scene_file, "small", tmp_path / "out"))
 
 
 def test_a_gap_is_never_beyond_the_reach():

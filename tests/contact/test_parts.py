@@ -61,9 +61,9 @@ def test_a_cut_moves_no_force_and_no_gap(tmp_path, elements):
 def test_cells_tell_parts_apart_as_elements_do(tmp_path):
     """Where elements lie on one side of a cut or the other, cells end at it: fine elements come near."""
     scene = ball_on_plate(tmp_path / "cut", med="split_z = [1.0, 2.5]", lat="split_z = [-1.0]")
-    cells, poses = CellFoundation(scene, Cells(0.35, 0.35)), poses_about(16)
+    cells, poses = CellFoundation(scene, Cells(0.5, 0.5)), poses_about(8)
     parts = cells.part_wrenches(poses)
-    fine = cc.ElasticFoundation(scene, (600, 700))
+    fine = cc.ElasticFoundation(scene, (400, 420))
     size = np.repeat([np.abs(parts[..., :3]).max(), np.abs(parts[..., 3:]).max()], 3)
     np.testing.assert_allclose(parts / size, fine.part_wrenches(poses) / size, rtol=0.0, atol=0.02)
     whole = np.stack([parts[:, :3].sum(axis=1), parts[:, 3:].sum(axis=1)], axis=1)

@@ -23,7 +23,7 @@ def on_both_ends(scene):
     """Poses of a femur turned by 3 to 10 degrees about the vertical in its dishes, shifted and flexed a little, lowered
     until the dishes carry 50 to 800 N a side on elements."""
     random = np.random.default_rng(2)
-    n = 60
+    n = 30
     poses = np.zeros((n, 6))
     poses[:, 0], poses[:, 1] = random.uniform(-8.0, 8.0, n), 27.8
     poses[:, 4] = np.deg2rad(random.uniform(3.0, 10.0, n)) * random.choice([-1.0, 1.0], n)
@@ -50,7 +50,7 @@ def pressed():
     model = cc.PolarFoundation(fitting(41.0, 23.0), Rays(24, 3), compiled=False)
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(quadrature, "second_peak", one_spot_only)
-        return model, *pressed_poses(model.patches[0], model.law, (20.0, 2500.0), 300)
+        return model, *pressed_poses(model.patches[0], model.law, (20.0, 2500.0), 240)
 
 
 @pytest.mark.parametrize("fit_mm", FITS_MM)
@@ -74,7 +74,7 @@ def test_what_bears_on_the_rim_beside_a_spot_within_it_counts(pressed):
     force, off = (np.linalg.norm(f, axis=-1) for f in (wanted, found - wanted))
     seen = -fine.gaps(poses)[:, 0] < 1.0  # else the condyle's back lies in the dish
     beside = seen & model.at_edge(poses)[:, 0]
-    assert beside.sum() > 10
+    assert beside.sum() > 5
     assert np.median(off[beside] / force[beside]) < 0.01
     assert (off[seen] > 0.05 * force[seen] + 1.0).mean() < 0.03
 
@@ -83,8 +83,8 @@ def test_what_bears_on_the_rim_beside_a_spot_within_it_counts(pressed):
 def test_c_and_numpy_are_the_same_formulas_with_two_spots(pressed):
     model, R, t = pressed
     poses = as_poses(R, t)
-    two = poses[model.at_edge(poses)[:, 0]][:8]
-    assert len(two) == 8
+    two = poses[model.at_edge(poses)[:, 0]][:4]
+    assert len(two) == 4
     check_same_formulas(cc.PolarFoundation(model.scene, model.rays), model, two)
 
 

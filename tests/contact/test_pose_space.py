@@ -42,9 +42,9 @@ def test_settled_poses_lie_on_the_tie_and_carry_the_loads_there(ball):
 
 
 def test_damped_motion_comes_to_rest_in_the_same_poses(ball):
-    ball = cc.ElasticFoundation(ball.scene, (40, 40))
-    poses, _ = cc.settle(ball, OFF, ("tx", "ty"), TARGET)
-    rested, report = cc.relax(ball, poses + np.array([0.1, 0.02, 0.3, 0.1, 0.0, 0.0]), ("tx", "ty"), TARGET)
+    ball, target = cc.ElasticFoundation(ball.scene, (40, 40)), {name: loads[:1] for name, loads in TARGET.items()}
+    poses, _ = cc.settle(ball, OFF[:1], ("tx", "ty"), target)
+    rested, report = cc.relax(ball, poses + np.array([0.1, 0.02, 0.3, 0.1, 0.0, 0.0]), ("tx", "ty"), target)
     assert report.converged.all(), report.reason
     is_held(rested)
     np.testing.assert_allclose(rested, poses, atol=1e-5)

@@ -14,13 +14,8 @@ from tests.support.two_spheres import TwoSpheres
 PRESSED = ("ty",), {"Fy_med": -400.0}
 
 
-@pytest.fixture(scope="module")
-def knee():
-    return cc.ElasticFoundation(cc.load_scene("knee"), (40, 20))
-
-
-def test_damped_dynamics_finds_the_same_equilibrium(knee):
-    poses, targets = walking(1)
+def test_damped_dynamics_finds_the_same_equilibrium():
+    knee, (poses, targets) = TwoSpheres(two_spheres.knee()), walking(1)
     newton, _ = cc.settle(knee, poses, ("ty", "rx"), targets)
     rest, report = cc.relax(knee, poses, ("ty", "rx"), targets)
     assert report.converged.all(), report.reason
@@ -35,9 +30,9 @@ def test_damped_dynamics_falls_into_contact(method):
     assert model(rest)[0, 1] == pytest.approx(-400.0, abs=1e-3)
 
 
-def test_each_load_works_on_the_motion_of_where_it_acts(knee):
+def test_each_load_works_on_the_motion_of_where_it_acts():
     """Central differences: of a patch's anchor for its force, of the rotation for a torque, of the origin else."""
-    pose, step = np.array([1.0, 27.0, 2.0, 0.3, -0.4, -0.7]), 1e-6
+    knee, pose, step = TwoSpheres(two_spheres.knee()), np.array([1.0, 27.0, 2.0, 0.3, -0.4, -0.7]), 1e-6
     motion = _conjugate_motion(knee, ("Fy_med", "Fy_lat", "Fx", "Fz", "Tx", "Ty", "Tz"), pose)
 
     def places(q):

@@ -15,8 +15,7 @@ typedef struct {
   Lanes e_000, e_001, e_011, e_022, e_111, e_122;
 } Moments;
 
-INLINE double larger(double a, double b) { return a > b ? a : b; }
-INLINE double clipped(double x) { return x < -1.0 ? -1.0 : (x > 1.0 ? 1.0 : x); }
+INLINE double clipped(double x) { return bounded_by(x, -1.0, 1.0); }
 
 INLINE Place place_of(const double *t) {
   Place p;

@@ -11,9 +11,12 @@ typedef struct {
   int cut;                                            /* contact reaches the rim */
 } PatchLoads;
 
+INLINE double larger(double a, double b) { return a > b ? a : b; }
+INLINE double smaller(double a, double b) { return a < b ? a : b; }
+INLINE double bounded_by(double x, double low, double high) { return x < low ? low : (x > high ? high : x); }
 INLINE double dot3(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-/* ---- pressure at a depth, see contact/pressure/law.py */
+/* ---- pressure at a depth, see scenes/material.py */
 #define STIFFNESS_AT_ZERO (MODULUS / THICKNESS)
 
 #if LOGARITHMIC

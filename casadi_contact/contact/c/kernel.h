@@ -1,28 +1,21 @@
 /* patch_loads from the model's loads_of_patch: one function for each order, not inlined, so that compiling is quick and
  * patches share them. */
-FUNCTION void loads_value(int patch, const double *pose, const Frame *frame, int with_gap, PatchLoads *out) {
-  loads_of_patch(patch, pose, frame, VALUE, with_gap, 0, out);
-}
-
-FUNCTION void loads_first(int patch, const double *pose, const Frame *frame, int with_gap, PatchLoads *out) {
-  loads_of_patch(patch, pose, frame, FIRST, with_gap, 0, out);
-}
-
-FUNCTION void loads_second(int patch, const double *pose, const Frame *frame, int with_gap, const double *weights,
-                           PatchLoads *out) {
-  loads_of_patch(patch, pose, frame, SECOND, with_gap, weights, out);
-}
-
-FUNCTION void loads_gaps(int patch, const double *pose, const Frame *frame, PatchLoads *out) {
-  loads_of_patch(patch, pose, frame, GAPS, 1, 0, out);
-}
+#define LOADS_OF_ORDER(name, order)                                                                                 \
+  FUNCTION void name(int patch, const double *pose, const Frame *frame, int with_gap, const double *weights,       \
+                     PatchLoads *out) {                                                                            \
+    loads_of_patch(patch, pose, frame, order, with_gap, weights, out);                                              \
+  }
+LOADS_OF_ORDER(loads_value, VALUE)
+LOADS_OF_ORDER(loads_first, FIRST)
+LOADS_OF_ORDER(loads_second, SECOND)
+LOADS_OF_ORDER(loads_gaps, GAPS)
 
 INLINE void patch_loads(int patch, const double *pose, const Frame *frame, int order, int with_gap,
                         const double *weights, PatchLoads *out) {
-  if (order == VALUE) loads_value(patch, pose, frame, with_gap, out);
-  if (order == FIRST) loads_first(patch, pose, frame, with_gap, out);
+  if (order == VALUE) loads_value(patch, pose, frame, with_gap, weights, out);
+  if (order == FIRST) loads_first(patch, pose, frame, with_gap, weights, out);
   if (order == SECOND) loads_second(patch, pose, frame, with_gap, weights, out);
-  if (order == GAPS) loads_gaps(patch, pose, frame, out);
+  if (order == GAPS) loads_gaps(patch, pose, frame, 1, weights, out);
 }
 
 /* Named loads and root loads of a pose with derivatives, from patch_loads. loads = sum of selection x wrench; the root
@@ -65,55 +58,42 @@ INLINE void add_by_pose(const Frame *frame, const double m[6][6], double *hessia
   }
 }
 
-INLINE double root_load(int patch, const PatchLoads *of, double normal) {
-  (void)patch;
-  return normal > 0.0 ? sqrt(normal * (1.0 / REFERENCE_LOAD)) : -GAP_SLOPE * of->gap + 0.0 * normal;
+INLINE void kernel_loads(const double *pose, int order, double *loads, double *roots, double (*loads_jacobian)[6],
+                         double (*roots_jacobian)[6]) {
+  const Frame frame = frame_of(pose);
+  memset(loads, 0, LOADS * sizeof(double));
+  if (order == FIRST) memset(loads_jacobian, 0, LOADS * sizeof(double[6]));
+  for (int p = 0; p < PATCHES; p++) {
+    PatchLoads of;
+    double rows[6][6], slope[3], normal;
+    patch_loads(p, pose, &frame, order, ROOTS > 0, 0, &of);
+    for (int k = 0; k < 6 && order == FIRST; k++) row_by_pose(&frame, of.stiffness[k], rows[k]);
+    for (int i = 0; i < LOADS; i++) {
+      for (int k = 0; k < 6; k++) {
+        loads[i] += selection[p][i][k] * of.wrench[k];
+        for (int j = 0; j < 6 && order == FIRST; j++) loads_jacobian[i][j] += selection[p][i][k] * rows[k][j];
+      }
+    }
+    if (!ROOTS) continue;
+    normal = normal_load(p, of.wrench, slope);
+    roots[p] = normal > 0.0 ? sqrt(normal * (1.0 / REFERENCE_LOAD)) : -GAP_SLOPE * of.gap + 0.0 * normal;
+    if (order == VALUE) continue;
+    if (!(normal > 0.0)) row_by_pose(&frame, of.gap_slope, roots_jacobian[p]);
+    for (int j = 0; j < 6; j++) {
+      const double by_force = slope[0] * rows[0][j] + slope[1] * rows[1][j] + slope[2] * rows[2][j];
+      roots_jacobian[p][j] = normal > 0.0 ? 0.5 / (REFERENCE_LOAD * roots[p]) * by_force
+                                          : -GAP_SLOPE * roots_jacobian[p][j];
+    }
+  }
 }
 
 FUNCTION void kernel_value(const double *pose, double *loads, double *roots) {
-  const Frame frame = frame_of(pose);
-  memset(loads, 0, LOADS * sizeof(double));
-  for (int p = 0; p < PATCHES; p++) {
-    PatchLoads of;
-    double slope[3];
-    patch_loads(p, pose, &frame, VALUE, ROOTS > 0, 0, &of);
-    for (int i = 0; i < LOADS; i++) {
-      for (int k = 0; k < 6; k++) loads[i] += selection[p][i][k] * of.wrench[k];
-    }
-    if (ROOTS) roots[p] = root_load(p, &of, normal_load(p, of.wrench, slope));
-  }
+  kernel_loads(pose, VALUE, loads, roots, 0, 0);
 }
 
 FUNCTION void kernel_jacobian(const double *pose, double *loads, double *roots, double (*loads_jacobian)[6],
                               double (*roots_jacobian)[6]) {
-  const Frame frame = frame_of(pose);
-  memset(loads, 0, LOADS * sizeof(double));
-  memset(loads_jacobian, 0, LOADS * sizeof(double[6]));
-  for (int p = 0; p < PATCHES; p++) {
-    PatchLoads of;
-    double rows[6][6], slope[3];
-    patch_loads(p, pose, &frame, FIRST, ROOTS > 0, 0, &of);
-    for (int k = 0; k < 6; k++) row_by_pose(&frame, of.stiffness[k], rows[k]);
-    for (int i = 0; i < LOADS; i++) {
-      for (int k = 0; k < 6; k++) {
-        loads[i] += selection[p][i][k] * of.wrench[k];
-        for (int j = 0; j < 6; j++) loads_jacobian[i][j] += selection[p][i][k] * rows[k][j];
-      }
-    }
-    if (ROOTS) {
-      const double normal = normal_load(p, of.wrench, slope);
-      roots[p] = root_load(p, &of, normal);
-      if (normal > 0.0) {
-        const double scale = 0.5 / (REFERENCE_LOAD * roots[p]);
-        for (int j = 0; j < 6; j++) {
-          roots_jacobian[p][j] = scale * (slope[0] * rows[0][j] + slope[1] * rows[1][j] + slope[2] * rows[2][j]);
-        }
-      } else {
-        row_by_pose(&frame, of.gap_slope, roots_jacobian[p]);
-        for (int j = 0; j < 6; j++) roots_jacobian[p][j] *= -GAP_SLOPE;
-      }
-    }
-  }
+  kernel_loads(pose, FIRST, loads, roots, loads_jacobian, roots_jacobian);
 }
 
 /* What a weighted root load adds: to the weights of the wrench's components, and what bends beside them. */

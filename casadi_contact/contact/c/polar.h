@@ -30,6 +30,14 @@ INLINE void load_of(const Ray *ray, Lanes u, Lanes z, Lanes load[6]) {
   load[5] = u - ray->y * ray->n_x;
 }
 
+/* Derivatives of the depth at a ray's end by the twist: -(G, arm x G)/sigma */
+INLINE void depth_slope(const Place *p, const Ray *ray, Lanes arm[3], Lanes slope[6]) {
+  const Lanes sigma = ray->length / steepness(ray);
+  for (int k = 0; k < 3; k++) arm[k] = ray->x[k] - p->t[k];
+  twist_of(ray->gradient, arm, slope);
+  for (int k = 0; k < 6; k++) slope[k] *= -sigma;
+}
+
 INLINE void polar_wrench(const Surfaces *s, const Place *p, const Points *points, double wrench[6]) {
   Lanes sum[6] = {{0.0}};
   for (int i = 0; i < points->count; i++) {
@@ -44,25 +52,24 @@ INLINE void polar_wrench(const Surfaces *s, const Place *p, const Points *points
   for (int k = 0; k < 6; k++) wrench[k] = sum_of(sum[k]);
 }
 
-/* -sum weight p' V d_a with d_a = -(G, rho x G)/sigma */
+/* -sum weight p' V d_a */
 INLINE void polar_stiffness(const Surfaces *s, const Place *p, const Points *points, double wrench[6],
                             double stiffness[6][6]) {
   Lanes load[6][ENDS], slope[6][ENDS], sum[6] = {{0.0}};
   for (int i = 0; i < points->count; i++) {
     const Lanes u = points->at[i].u, v = points->at[i].v, weight = points->at[i].weight;
-    Lanes here[6], twist[6], arm[3], depth, force, scale;
+    Lanes here[6], d[6], arm[3], depth, force, scale;
     Ray ray;
     cast(s, p, u, v, points->at[i].arc, TO_END, &ray);
     depth = ray.step * ray.length;
     force = weight * pressure_at(depth);
-    scale = weight * pressure_slope_at(depth) * ray.length / steepness(&ray);
+    scale = -weight * pressure_slope_at(depth);
     load_of(&ray, u, v + s->z_0, here);
-    for (int k = 0; k < 3; k++) arm[k] = ray.x[k] - p->t[k];
-    twist_of(ray.gradient, arm, twist);
+    depth_slope(p, &ray, arm, d);
     for (int k = 0; k < 6; k++) {
       sum[k] -= force * here[k];
       load[k][i] = here[k];
-      slope[k][i] = scale * twist[k];
+      slope[k][i] = scale * d[k];
     }
   }
   KEEP_LOOP for (int k = 0; k < 6; k++) {
@@ -97,9 +104,7 @@ INLINE void polar_curvature(const Surfaces *s, const Place *p, const Lines *line
     sigma = ray.length / steepness(&ray);
     load_of(&ray, u, v + s->z_0, load);
     for (int k = 0; k < 6; k++) pull += weights[k] * load[k];
-    for (int k = 0; k < 3; k++) arm[k] = ray.x[k] - p->t[k];
-    twist_of(ray.gradient, arm, d);
-    for (int k = 0; k < 6; k++) d[k] *= -sigma;
+    depth_slope(p, &ray, arm, d);
     if (edge < 0) {
       const Lanes normal[3] = {ray.n_x * inverse, inverse, ray.n_z * inverse}, weight = -points->at[i].weight * pull;
       const Lanes mu = weight * pressure_slope_at(depth) * sigma, nu = 0.5 * weight * pressure_bend_at(depth);

@@ -49,11 +49,6 @@ INLINE Lanes rim_distance(const Surfaces *s, const Line *line) {
 #endif
 }
 
-INLINE Lanes edge_of(Lanes depth, Lanes slope, Lanes curvature) {
-  const Lanes k = larger_of(curvature, all(LEAST_CURVATURE));
-  return (slope + root(slope * slope + 2.0 * k * depth)) / k;
-}
-
 /* Slope of the distance from the body along (du, dv) in the chart */
 INLINE Lanes rise_of(const Ray *ray, Lanes du, Lanes dv) {
   return du * (ray->gradient[0] - ray->n_x * ray->gradient[1]) + dv * (ray->gradient[2] - ray->n_z * ray->gradient[1]);

@@ -1,6 +1,4 @@
-/* The rim of a patch and the point nearest to the body: the formulas of contact/polar/surfaces.py and nearest.py. */
-
-INLINE double bounded_by(double x, double low, double high) { return x < low ? low : (x > high ? high : x); }
+/* The rim of a patch and the point nearest to the body: the formulas of contact/polar/surfaces.py and peak.py. */
 
 /* u = w s(v): in (w, v) the rim is a box */
 INLINE void box_of(const Surfaces *s, double low[2], double high[2]) {
@@ -22,13 +20,10 @@ INLINE void stretch_of(const Surfaces *s, double v, double stretch[3]) {
 }
 
 INLINE void u_range(const Surfaces *s, double v, double *low, double *high) {
-#if CURVED_RIM
-  *high = s->spread * (s->offset + s->rho_sign * sqrt(s->radius * s->radius - v * v));
-  *low = -*high;
-#else
-  (void)v;
-  *low = s->u_low, *high = s->u_high;
-#endif
+  double least[2], most[2], stretch[3];
+  box_of(s, least, most);
+  stretch_of(s, v, stretch);
+  *low = least[0] * stretch[0], *high = most[0] * stretch[0];
 }
 
 INLINE void within(const Surfaces *s, double *u, double *v) {
@@ -197,19 +192,13 @@ INLINE void deepest(const Surfaces *s, const Place *p, double *u, double *v) {
 #endif
 }
 
-/* r > 0 at which depth + slope r - curvature r^2/2 = 0 */
-INLINE double edge_distance(double depth, double slope, double curvature) {
-  const double k = larger(curvature, LEAST_CURVATURE);
-  return (slope + sqrt(slope * slope + 2.0 * k * depth)) / k;
-}
-
 /* Where the chord along u (0) or v (1) through a spot ends, (u, v) each: estimates, within the rim */
 INLINE void chord_ends(const Surfaces *s, const Spot *spot, int along, double ends[2][2]) {
   for (int i = 0; i < 2; i++) {
     const double sign = i ? 1.0 : -1.0;
-    const double r = edge_distance(larger(spot->depth, 0.0), sign * spot->slope[along], spot->curvature[2 * along]);
+    const double depth = larger(spot->depth, 0.0), slope = sign * spot->slope[along];
     ends[i][0] = spot->u, ends[i][1] = spot->v;
-    ends[i][along] += sign * r;
+    ends[i][along] += sign * edge_of(all(depth), all(slope), all(spot->curvature[2 * along]))[0];
     within(s, ends[i], ends[i] + 1);
   }
 }

@@ -1,23 +1,14 @@
 /* Pressure moments of a patch: the formulas of contact/polar/quadrature.py. */
 
-/* Derivatives of the depth at a ray's end by the twist: -(G, arm x G)/sigma */
-INLINE void depth_slope(const Place *p, const Ray *ray, Lanes slope[6]) {
-  const Lanes sigma = ray->length / steepness(ray);
-  Lanes arm[3];
-  for (int k = 0; k < 3; k++) arm[k] = ray->x[k] - p->t[k];
-  twist_of(ray->gradient, arm, slope);
-  for (int k = 0; k < 6; k++) slope[k] *= -sigma;
-}
-
 /* The area's derivative: - sum of width |N| d_a / d_r over the edges that the rim does not make. */
 INLINE void area_slope(const Surfaces *s, const Place *p, const Lines *lines, double slope[6]) {
   Lanes sum[6] = {{0.0}};
   for (int j = 0; j < lines->count; j++) {
     const Line *line = lines->line + j;
-    Lanes d[6], steep, width;
+    Lanes arm[3], d[6], steep, width;
     Ray ray;
     cast(s, p, line->u + line->edge * line->du, line->v + line->edge * line->dv, line->arc, TO_END, &ray);
-    depth_slope(p, &ray, d);
+    depth_slope(p, &ray, arm, d);
     steep = ray.length / steepness(&ray) * rise_of(&ray, line->du, line->dv);
     width = edge_width(line) * ray.length / smaller_of(steep, all(-LEAST_RISE));
     for (int k = 0; k < 6; k++) sum[k] -= width * d[k];
@@ -27,10 +18,10 @@ INLINE void area_slope(const Surfaces *s, const Place *p, const Lines *lines, do
 
 INLINE double largest_depth(const Surfaces *s, const Place *p, const Spot *middle, double slope[6]) {
   const Spot spot = deepest_within(s, p, middle->u, middle->v);
-  Lanes d[6];
+  Lanes arm[3], d[6];
   Ray ray;
   cast(s, p, all(spot.u), all(spot.v), OWN_ARC, TO_END, &ray);
-  depth_slope(p, &ray, d);
+  depth_slope(p, &ray, arm, d);
   for (int k = 0; k < 6; k++) slope[k] = d[k][0];
   return spot.depth;
 }
@@ -48,13 +39,13 @@ FUNCTION void patch_moments(int patch, const double *pose, const Frame *frame, d
   place_points(&lines, &points);
   for (int i = 0; i < points.count; i++) {
     const Lanes u = points.at[i].u, v = points.at[i].v;
-    Lanes d[6], depth, area, stiff;
+    Lanes arm[3], d[6], depth, area, stiff;
     Ray ray;
     cast(s, &p, u, v, points.at[i].arc, TO_END, &ray);
     depth = ray.step * ray.length, area = points.at[i].weight * ray.length, stiff = area * pressure_slope_at(depth);
     {
       const Lanes weight[4] = {all(1.0), u, ray.y, v + s->z_0}, force = area * pressure_at(depth);
-      depth_slope(&p, &ray, d);
+      depth_slope(&p, &ray, arm, d);
       sums[0] += area;
       for (int k = 0; k < 4; k++) {
         sums[1 + k] += force * weight[k];
@@ -69,7 +60,8 @@ FUNCTION void patch_moments(int patch, const double *pose, const Frame *frame, d
   area_slope(s, &p, &lines, slope[0]);
   value[5] = largest_depth(s, &p, &middle.spot, slope[5]);
 #if TURNED
-  turn_back_vectors(s->turn, value + 2, slope + 2);
+  turn_back_vector(s->turn, value + 2, 1);
+  for (int a = 0; a < 6; a++) turn_back_vector(s->turn, slope[2] + a, 6);
   for (int k = 0; k < 6; k++) turn_back_row(s->turn, slope[k]);
 #endif
 }

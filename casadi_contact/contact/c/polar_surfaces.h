@@ -9,43 +9,20 @@ INLINE void turn_twist(const double turn[3][3], const double x[6], double out[6]
 }
 
 #if TURNED
-/* B^T h B with B = turn twice */
-INLINE void turn_back_square(const double turn[3][3], double h[6][6]) {
-  double half[6][6];
-  for (int i = 0; i < 6; i++) {
-    for (int j = 0; j < 6; j++) {
-      half[i][j] = 0.0;
-      for (int k = 0; k < 3; k++) half[i][j] += h[i][(j < 3 ? 0 : 3) + k] * turn[k][j % 3];
-    }
-  }
-  for (int i = 0; i < 6; i++) {
-    for (int j = 0; j < 6; j++) {
-      h[i][j] = 0.0;
-      for (int k = 0; k < 3; k++) h[i][j] += turn[k][i % 3] * half[(i < 3 ? 0 : 3) + k][j];
-    }
-  }
+/* A vector in chart axes, its components a stride apart, becomes that in the fixed body's. */
+INLINE void turn_back_vector(const double turn[3][3], double *x, int stride) {
+  const double old[3] = {x[0], x[stride], x[2 * stride]};
+  for (int i = 0; i < 3; i++) x[i * stride] = turn[0][i] * old[0] + turn[1][i] * old[1] + turn[2][i] * old[2];
 }
 
 INLINE void turn_back_row(const double turn[3][3], double x[6]) {
-  double old[6];
-  memcpy(old, x, sizeof old);
-  for (int i = 0; i < 6; i++) {
-    const double *part = old + (i < 3 ? 0 : 3);
-    x[i] = turn[0][i % 3] * part[0] + turn[1][i % 3] * part[1] + turn[2][i % 3] * part[2];
-  }
+  for (int i = 0; i < 6; i += 3) turn_back_vector(turn, x + i, 1);
 }
 
-/* A vector with the rows of its derivatives. */
-INLINE void turn_back_vectors(const double turn[3][3], double x[3], double rows[3][6]) {
-  double old[3], old_rows[3][6];
-  memcpy(old, x, sizeof old);
-  memcpy(old_rows, rows, sizeof old_rows);
-  for (int i = 0; i < 3; i++) {
-    x[i] = turn[0][i] * old[0] + turn[1][i] * old[1] + turn[2][i] * old[2];
-    for (int a = 0; a < 6; a++) {
-      rows[i][a] = turn[0][i] * old_rows[0][a] + turn[1][i] * old_rows[1][a] + turn[2][i] * old_rows[2][a];
-    }
-  }
+/* B^T h B with B = turn twice */
+INLINE void turn_back_square(const double turn[3][3], double h[6][6]) {
+  for (int i = 0; i < 6; i++) turn_back_row(turn, h[i]);
+  for (int j = 0; j < 6; j++) turn_back_vector(turn, (double *)h + j, 6), turn_back_vector(turn, (double *)h + 18 + j, 6);
 }
 #endif
 
@@ -64,7 +41,7 @@ INLINE void turn_back(const double turn[3][3], int order, PatchLoads *out) {
 #endif
 }
 
-/* Two smooth surfaces with one spot of contact: the formulas of contact/polar/ray_hits.py and spot.py, in chart axes.
+/* Two smooth surfaces with one spot of contact: the formulas of contact/polar/ray_hits.py, in chart axes.
  * TORUS: the fixed surface is a torus, else the plane y = 0. CURVED_RIM: |u| <= spread rho(v). */
 typedef struct {
   double axis_x, axis_y, offset, tangent_x, tangent_y; /* the tangent ends the arc */
@@ -91,7 +68,6 @@ typedef struct {
   Lanes x[3], gradient[3], across[3], along[3], kappa; /* at the end on the body, where asked for */
   Lanes arc;
 } Ray;
-
 
 INLINE void fixed_point(const Surfaces *s, Lanes u, Lanes v, Ray *ray) {
 #if TORUS
@@ -187,8 +163,11 @@ INLINE Lanes steepness(const Ray *ray) {
   return ray->gradient[0] * ray->n_x + ray->gradient[1] + ray->gradient[2] * ray->n_z;
 }
 
-INLINE double larger(double a, double b) { return a > b ? a : b; }
-INLINE double smaller(double a, double b) { return a < b ? a : b; }
+/* r > 0 at which depth + slope r - curvature r^2/2 = 0 */
+INLINE Lanes edge_of(Lanes depth, Lanes slope, Lanes curvature) {
+  const Lanes k = larger_of(curvature, all(LEAST_CURVATURE));
+  return (slope + root(slope * slope + 2.0 * k * depth)) / k;
+}
 
 /* One ray: depth at (u, v), its slopes, and the curvatures (uu, uv, vv) of the moving surface relative to the fixed
  * one; the fixed surface's own, towards the body; the end on the body. AT_START: all of -g instead of the depth. */

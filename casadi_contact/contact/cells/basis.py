@@ -39,23 +39,15 @@ def hermite_functions(cells: Cells) -> Array:
 
 def hermite_products(xi: Array, eta: Array) -> Array:
     """The functions of `hermite_functions` at the points of a grid ξ (n,), η (m,): (12, n·m)."""
-    (value_u, slope_u), (value_v, slope_v) = _hermite(xi), _hermite(eta)
-    rows = []
-    for a in (0, 1):
-        for b in (0, 1):
-            rows += [
-                np.outer(value_u[a], value_v[b]),
-                np.outer(slope_u[a], value_v[b]),
-                np.outer(value_u[a], slope_v[b]),
-            ]
+    (u, u_slope), (v, v_slope) = _hermite(xi), _hermite(eta)
+    corners = ((u[a], u_slope[a], v[b], v_slope[b]) for a in (0, 1) for b in (0, 1))
+    rows = [np.outer(*pair) for x, dx, y, dy in corners for pair in ((x, y), (dx, y), (x, dy))]
     return np.stack(rows).reshape(12, -1)
 
 
 def corner_shares(cells: Cells) -> Array:
     """(4, sub-points): bilinear share of each corner in a sub-point, over the number of sub-points."""
-    xi, eta = middles(cells.along_u), middles(cells.along_v)
-    shares = [np.outer(x, y) for x in (1.0 - xi, xi) for y in (1.0 - eta, eta)]
-    return np.stack(shares).reshape(4, -1) / cells.sub_points
+    return np.einsum("ia,jb->abij", linear_shares(cells.along_u), linear_shares(cells.along_v)).reshape(4, -1)
 
 
 def hermite_of(count: int) -> Array:

@@ -17,8 +17,7 @@ from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.foundation_source import C_FOLDER
 from casadi_contact.contact.model import PatchLoads
 from casadi_contact.contact.pressure_law import law_of
-from casadi_contact.contact.pressures import PressureMap
-from casadi_contact.core.conventions import Array, as_poses, pose_or_poses, rotation
+from casadi_contact.core.conventions import Array, pose_or_poses
 from casadi_contact.geometry.distance_field import in_single_precision
 from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface
 from casadi_contact.networks.kernel.source import c_text
@@ -66,15 +65,6 @@ class CellFoundation(CompiledFoundation):
     def _parts(self) -> CellFoundation:
         scene = self.scene.by_parts
         return self if scene is self.scene else CellFoundation(scene, self.cells, compiled=self._compiled)
-
-    def pressure_maps(self, pose: Array) -> list[PressureMap]:
-        """Mean pressure of every cell in one pose (6,), patch by patch."""
-        (position,) = as_poses([pose])
-        R, t = rotation(position[3:]), position[:3].copy()
-        return [
-            PressureMap(name, *patch.pressures(R, t))
-            for name, patch in zip(self.patch_names, self.patches, strict=True)
-        ]
 
     def _patch_source(self) -> str:
         return self._code[0]

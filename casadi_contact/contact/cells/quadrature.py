@@ -71,11 +71,10 @@ class Quadrature:
     def loads(self, R: Array, t: Array) -> PatchLoads:
         """The patch's loads at rotation (3, 3) and translation (3,)."""
         p = self.patch
-        distance = point_distances(self.body.family, self.body.parameters, p.c, R, t)
-        nearest = int(np.argmin(np.where(p.known, distance, np.inf)))
+        nearest = int(np.argmin(np.where(p.known, self._distances(R, t), np.inf)))
         gap, slope, _ = distance_derivatives(self.body, ((p.c[nearest] - t) @ R)[None])
         gap_gradient = -wrench_about_origin(R @ slope[0], p.c[nearest] - t)
-        touch = self._touch(R, t, distance)
+        touch = self.touch(R, t)
         total, by_total = touch.total, -p.loads[touch.nodes.used].T @ self.derivatives(touch)[0]
         fade, fade_slope = smooth_step(-total[6] / self.fade_n)
         wrench, stiffness = total[:6], by_total[:6]
@@ -86,19 +85,6 @@ class Quadrature:
         """The patch's wrench (6,), and whether contact reaches the rim."""
         touch = self.touch(R, t)
         return smooth_step(-touch.total[6] / self.fade_n)[0] * touch.total[:6], touch.cut
-
-    def pressures(self, R: Array, t: Array) -> tuple[Array, Array, Array]:
-        """Middles (k, 3) [mm], areas (k,) [mm²] and mean pressures (k,) [MPa] of the cells."""
-        p = self.patch
-        values = self._nodes(R, t, np.arange(len(p.c))).values[p.corners].reshape(-1, 12)
-        depths = np.maximum(ramp(values @ hermite_functions(self.cells), self.tuning.width)[0], 0.0)
-        share = p.present.mean(axis=1)
-        mean = (pressure_derivatives(*self.law, depths)[0] * p.present).mean(axis=1) / share
-        return p.c[p.corners].mean(axis=1), p.loads[p.corners, 6].mean(axis=1) * share, mean
-
-    def touch(self, R: Array, t: Array) -> Touch:
-        """What touches in a pose."""
-        return self._touch(R, t, point_distances(self.body.family, self.body.parameters, self.patch.c, R, t))
 
     def derivatives(self, touch: Touch) -> tuple[Array, Array]:
         """Derivatives by the twist of the moving body: of the nodes' weights (m, 6), of depths (k, sub-points, 6)."""
@@ -145,12 +131,16 @@ class Quadrature:
         by_corner = derivatives[touch.corners].reshape(-1, 12, 6)
         return np.asarray(np.einsum("jr,kja->kra", hermite_functions(self.cells), by_corner, optimize=True))
 
-    def _touch(self, R: Array, t: Array, distance: Array) -> Touch:
-        """With the distances (m,) of the nodes from the body."""
+    def _distances(self, R: Array, t: Array) -> Array:
+        """Of the nodes (m,) from the body [mm]."""
+        return np.asarray(point_distances(self.body.family, self.body.parameters, self.patch.c, R, t))
+
+    def touch(self, R: Array, t: Array) -> Touch:
+        """What touches in a pose."""
         p = self.patch
         diagonal = np.linalg.norm(p.tangents, axis=2).sum(axis=1).max()
         reach = self.tuning.touch_mm(self.cells) + self.tuning.steepest * diagonal
-        cells = np.flatnonzero((distance[p.corners] < reach).any(axis=1))
+        cells = np.flatnonzero((self._distances(R, t)[p.corners] < reach).any(axis=1))
         used, corners = np.unique(p.corners[cells], return_inverse=True)
         nodes, corners = self._nodes(R, t, used), corners.reshape(-1, 4)
         found = nodes.values[corners].reshape(-1, 12) @ hermite_functions(self.cells)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,46 +36,6 @@ from casadi_contact.scenes.shapes.checks import grid_size
 def grid_text(grid: tuple[int, int]) -> str:
     """Elements per side as people write them: "80×40"."""
     return f"{grid[0]}×{grid[1]}"
-
-
-@dataclass(frozen=True)
-class CompiledElements:
-    """One bed as C reads it (``c/elements.h``): the library, and what it gets besides poses.
-
-    Both C and numba stay. Numba has every surface and pressure law, and needs no compiler. The C has swept arcs only,
-    with four elements in a vector: 8 against 105 µs a pose of 80×40 elements, which samples, references and
-    verification of knees wait for.
-    """
-
-    lanes: ClassVar[int] = 4  # groups of elements in a vector
-
-    library: Path
-    constants: tuple[np.ndarray, ...]
-
-    @classmethod
-    def of(cls, surface: MovingSurface, elements: ElementGrid, material: Material) -> CompiledElements | None:
-        """None where there is no C for the surface or the pressure law, or no compiler: numba has the same numbers."""
-        if surface.family != SWEPT_ARCS or material.law not in C_LAWS:
-            return None
-        texts = [law_source(material), c_text("elements.h", C_FOLDER)]
-        try:
-            library = shared_library("\n".join(texts))
-        except CompilerError:
-            return None
-        members, present = _in_groups(elements, cls.lanes)
-        boxes = _boxes(members, present).reshape(-1, cls.lanes, 12).transpose(0, 2, 1).copy()
-        count = np.array([len(members)], dtype=np.int64)
-        return cls(library, (count, surface.parameters.copy(), boxes, members.transpose(0, 2, 1).copy()))
-
-    def wrenches(self, rotations: Array, translations: Array, *, derivatives: bool) -> tuple[Array, Array]:
-        """Wrenches (n, 6), and d wrench/d twist (n, 6, 6) if asked for (else none), at n poses."""
-        count = len(translations)
-        wrenches = np.empty((count, 6))
-        stiffness = np.empty((count, 6, 6)) if derivatives else None
-        arrays = (np.ascontiguousarray(translations), wrenches, stiffness)
-        rotations = np.ascontiguousarray(rotations)
-        call_in_shares(self.library, "element_wrenches", rotations, *arrays, constants=self.constants)
-        return wrenches, np.empty((0, 6, 6)) if stiffness is None else stiffness
 
 
 def _in_groups(elements: ElementGrid, lanes: int) -> tuple[Array, np.ndarray]:
@@ -109,28 +68,49 @@ def _boxes(members: Array, present: np.ndarray) -> Array:
 
 
 class PatchElements(NamedTuple):
-    """Elements, as numba's loops read an `ElementGrid`, and the moving surface that faces them; in C where it can."""
+    """Elements, as numba's loops read an `ElementGrid`, and the moving surface that faces them; where there is one, the
+    library in C (``c/elements.h``), and what that gets besides poses.
+
+    Both C and numba stay. Numba has every surface and pressure law, and needs no compiler. The C has swept arcs only,
+    with four elements in a vector: 8 against 105 µs a pose of 80×40 elements, which samples, references and
+    verification of knees wait for.
+    """
 
     surface: MovingSurface
     elements: tuple[Array, Array, Array, np.ndarray, Array, Array]
-    compiled: CompiledElements | None
+    library: Path | None = None
+    constants: tuple[np.ndarray, ...] = ()
 
     @classmethod
-    def of(cls, surface: MovingSurface, e: ElementGrid, compiled: Material | None) -> PatchElements:
-        """compiled: the material whose law the C has; None for numba alone."""
-        in_c = None if compiled is None else CompiledElements.of(surface, e, compiled)
-        elements = (e.centres_mm, e.normals, e.areas_mm2, e.blocks, e.block_centres_mm, e.block_extents_mm)
-        return cls(surface, elements, in_c)
+    def of(cls, surface: MovingSurface, e: ElementGrid, compiled: Material | None, lanes: int = 4) -> PatchElements:
+        """compiled: the material whose law the C has, with as many groups of elements in a vector as lanes; None for
+        numba alone."""
+        bed = cls(surface, (e.centres_mm, e.normals, e.areas_mm2, e.blocks, e.block_centres_mm, e.block_extents_mm))
+        if compiled is None or surface.family != SWEPT_ARCS or compiled.law not in C_LAWS:
+            return bed
+        try:
+            library = shared_library("\n".join([law_source(compiled), c_text("elements.h", C_FOLDER)]))
+        except CompilerError:
+            return bed  # numba has the same numbers
+        members, present = _in_groups(e, lanes)
+        boxes = _boxes(members, present).reshape(-1, lanes, 12).transpose(0, 2, 1).copy()
+        count = np.array([len(members)], dtype=np.int64)
+        constants = (count, surface.parameters.copy(), boxes, members.transpose(0, 2, 1).copy())
+        return bed._replace(library=library, constants=constants)
 
     def wrenches(
         self, law: tuple[int, float, float], rotations: Array, translations: Array, *, derivatives: bool
     ) -> tuple[Array, Array]:
         """Wrenches (n, 6) and, if asked, d wrench / d twist (n, 6, 6)."""
-        if self.compiled is not None:
-            return self.compiled.wrenches(rotations, translations, derivatives=derivatives)
-        s = self.surface
-        with threads_for(len(rotations)):
-            return wrench_many(s.family, s.parameters, self.elements, *law, rotations, translations, derivatives)
+        if self.library is None:
+            s = self.surface
+            with threads_for(len(rotations)):
+                return wrench_many(s.family, s.parameters, self.elements, *law, rotations, translations, derivatives)
+        wrenches = np.empty((len(translations), 6))
+        stiffness = np.empty((len(translations), 6, 6)) if derivatives else None
+        arrays = (np.ascontiguousarray(rotations), translations, wrenches, stiffness)
+        call_in_shares(self.library, "element_wrenches", *arrays, constants=self.constants)
+        return wrenches, np.empty((0, 6, 6)) if stiffness is None else stiffness
 
 
 class ElasticFoundation(WrenchLoads):
@@ -198,7 +178,7 @@ class ElasticFoundation(WrenchLoads):
         with threads_for(len(poses)):
             touched = [
                 touches_many(s.family, s.parameters, edge, rotations, translations)
-                for (s, _, _), edge in zip(self._patches, self._edges, strict=True)
+                for (s, *_), edge in zip(self._patches, self._edges, strict=True)
             ]
         return np.stack(touched, axis=1)
 
@@ -230,7 +210,7 @@ class ElasticFoundation(WrenchLoads):
     def _depths(self, pose: Array) -> Iterator[tuple[tuple[Array, ...], Array]]:
         """Elements, and their depths (m,) [mm] in one pose, patch by patch."""
         R, t = rotation(pose[3:]), pose[:3].copy()
-        for surface, elements, _ in self._patches:
+        for surface, elements, *_ in self._patches:
             yield elements, element_depths(surface.family, surface.parameters, elements, R, t)
 
     @cached_property
@@ -261,6 +241,6 @@ class ElasticFoundation(WrenchLoads):
         """Gaps (n, beds) and their derivatives by pose (n, beds, 6)."""
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
         with threads_for(len(poses)):
-            results = [gap_many(s.family, s.parameters, e, rotations, translations) for s, e, _ in beds]
+            results = [gap_many(s.family, s.parameters, e, rotations, translations) for s, e, *_ in beds]
         gradients = twist_to_pose_gradient(np.stack([g for _, g in results], axis=1), poses)
         return np.stack([g for g, _ in results], axis=1), gradients
