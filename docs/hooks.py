@@ -14,7 +14,7 @@ from latex2mathml.converter import convert
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
-from casadi_contact.pictures.live.joint_page import write_joint_page
+from casadi_contact.pictures.joint_page import write_joint_page
 
 PAGE = "how-to/knee.html"
 

@@ -6,6 +6,7 @@ import re
 import shlex
 from pathlib import Path
 
+import numpy as np
 import pytest
 import typer
 from typer.main import get_command
@@ -64,6 +65,10 @@ def test_python_blocks_of_a_page_run_one_after_the_other(page, tmp_path, monkeyp
         code = compile("\n" * before + block["code"], f"{page}", "exec")
         if not block["skip"]:
             exec(code, names)
+    if page == Path("README.md"):  # its example carries the loads that it asks for
+        np.testing.assert_allclose(np.ravel(names["f"](names["poses"][0])), names["loads"][0], rtol=1e-9, atol=1e-6)
+        np.testing.assert_allclose(names["model"](names["poses"])[0, :2], [-600.0, -400.0], atol=1e-3)
+        np.testing.assert_allclose(names["elements"](names["settled"])[0, :2], [-600.0, -400.0], atol=1e-6)
 
 
 @pytest.mark.parametrize("module", EXAMPLES)
@@ -113,5 +118,11 @@ def test_pages_of_results_are_what_the_command_writes_from_the_stored_files():
     assert stored == written, "run python -m problems.studies.pages"
 
 
-def test_the_headline_numbers_of_the_readme_are_those_of_the_stored_files():
-    assert text_of("README.md").partition(BEGIN)[2].partition(END)[0].strip() == headline(RESULTS)
+def test_the_readme_is_short_sets_up_the_main_job_and_the_tests_and_has_the_stored_headline_numbers():
+    text = text_of("README.md")
+    assert len(text.encode()) <= 8_000
+    assert text.partition(BEGIN)[2].partition(END)[0].strip() == headline(RESULTS)
+    blocks = re.findall(r"```sh\n(.*?)```", text, re.S)
+    for block, ends in zip(blocks, ("-m problems.pose_estimation", "-m pytest -n 2"), strict=False):
+        assert block.startswith("python3 -m venv .venv\n")
+        assert block.splitlines()[-1].endswith(ends)

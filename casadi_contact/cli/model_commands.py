@@ -35,7 +35,7 @@ from casadi_contact.pictures.contact_picture import (
     pressures_text,
     surface_fits,
 )
-from casadi_contact.pictures.live.joint_page import write_joint_page
+from casadi_contact.pictures.joint_page import write_joint_page
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.pose_file import read_poses
 from casadi_contact.surrogate.fitness import fitness

@@ -19,9 +19,9 @@ from casadi_contact.core.conventions import Update
 from casadi_contact.core.files.writing import folder_lock, writable_folder, write_text
 from casadi_contact.export.c_source import export_c
 from casadi_contact.export.fmu import export_fmu
+from casadi_contact.pictures.charts import draw_charts
 from casadi_contact.pictures.contact_picture import contact_pose
-from casadi_contact.pictures.report.charts import draw_charts
-from casadi_contact.pictures.report.surrogate_page import surrogate_page
+from casadi_contact.pictures.surrogate_page import surrogate_page
 from casadi_contact.samples.models import DrawnModel, teacher_of
 from casadi_contact.samples.samples import read_samples
 from casadi_contact.scenes.columns import write_columns

@@ -23,8 +23,8 @@ from casadi_contact.contact.elements.foundation import grid_text
 from casadi_contact.core.files.writing import replacing, writable_folder
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.knee import SIDES
+from casadi_contact.pictures.charts import draw_charts
 from casadi_contact.pictures.page import save_page
-from casadi_contact.pictures.report.charts import draw_charts
 from casadi_contact.scenes.loading import load_scene, ready_scenes
 from casadi_contact.workflow.benchmark.front_file import TIMES, Front, Point, read_front, shipped_front
 from problems.studies import solve_time

@@ -24,7 +24,7 @@ from casadi_contact.core.machine import machine_record
 from casadi_contact.core.terminal import PlainConsole, run_program
 from casadi_contact.core.workers import one_thread
 from casadi_contact.optimisation.pose_estimation import PoseEstimation
-from casadi_contact.pictures.report.charts import draw_speed_accuracy, save
+from casadi_contact.pictures.charts import draw_speed_accuracy, save
 from casadi_contact.samples.samples import load_errors
 from casadi_contact.scenes.joint_cycle import JointCycle
 from casadi_contact.scenes.load_cycle import LoadCycle

@@ -6,9 +6,9 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from casadi_contact.pictures.charts import CHARTS, MARKERS, draw_charts, draw_speed_accuracy, family_styles
 from casadi_contact.pictures.page import COLOURS
-from casadi_contact.pictures.report.charts import CHARTS, MARKERS, draw_charts, draw_speed_accuracy, family_styles
-from casadi_contact.workflow.benchmark.front_file import Front, Point, read_front, write_front
+from casadi_contact.workflow.benchmark.front_file import Front, Point, read_front
 from tests.support.shared_data import SPEED_ACCURACY as STORED
 
 
@@ -28,22 +28,16 @@ def lightness(colour):
 def test_every_chart_is_drawn_from_the_file(front, tmp_path):
     paths = draw_charts(front, tmp_path)
     assert {path.name for path in paths} == {f"{name}.{ending}" for name in CHARTS for ending in ("png", "svg")}
-    for path in paths:
-        assert path.stat().st_size > 20_000, path
-        assert path.read_bytes()[:5] in (b"\x89PNG\r", b"<?xml")
-    assert {path.name for path in tmp_path.iterdir()} == {path.name for path in paths}
+    assert all(path.read_bytes()[:5] in (b"\x89PNG\r", b"<?xml") for path in paths)
+    assert sorted(tmp_path.iterdir()) == sorted(paths)
 
 
 @pytest.mark.parametrize(("loads", "drawn"), [("Fy_med Fx", "force"), ("Tz", "torque")])
-def test_forces_alone_and_torques_alone_have_one_panel_and_every_chart(front, loads, drawn, tmp_path):
+def test_forces_alone_and_torques_alone_have_one_panel(front, loads, drawn):
     def reduced(point):
-        kept = {load: rms for load, rms in point.load_rms.items() if load in loads.split()}
-        return replace(point, load_rms=kept)
+        return replace(point, load_rms={load: rms for load, rms in point.load_rms.items() if load in loads.split()})
 
     few = Front({**front.header, "loads": loads}, tuple(reduced(point) for point in front.points))
-    write_front(tmp_path / "few.csv", few)
-    few = read_front(tmp_path / "few.csv")
-    assert {path.stem for path in draw_charts(few, tmp_path)} == set(CHARTS)
     for name, draw in CHARTS.items():
         axes = draw(few).axes
         assert len(axes) == (2 if name == "gradient_hessian_time" else 1)
@@ -67,17 +61,12 @@ def test_no_two_of_many_families_look_the_same():
     assert len(COLOURS) == len(MARKERS)
 
 
-def test_every_point_is_labelled_and_no_label_covers_another(front):
-    figure = draw_speed_accuracy(front)
-    sized = [p for p in front.points if not p.failure]
-    for axis in figure.axes:
-        boxes = [text.get_window_extent() for text in axis.texts]
-        assert len(boxes) == len(sized)
-        for one, other in combinations(boxes, 2):
-            assert not one.overlaps(other)
-
-
-def test_failures_are_in_the_footnote(front):
+def test_every_point_is_labelled_no_label_covers_another_and_failures_are_in_the_footnote(front):
     failed = Point("Kriging 50000", "Kriging", failure="the matrix does not fit in memory")
     figure = draw_speed_accuracy(replace(front, points=(*front.points, failed)))
     assert "Kriging 50000: the matrix does not fit" in figure._supxlabel.get_text()
+    for axis in figure.axes:
+        boxes = [text.get_window_extent() for text in axis.texts]
+        assert len(boxes) == sum(not point.failure for point in front.points)
+        for one, other in combinations(boxes, 2):
+            assert not one.overlaps(other)

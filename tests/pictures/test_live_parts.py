@@ -14,17 +14,17 @@ from typer.testing import CliRunner
 import casadi_contact as cc
 from casadi_contact.cli.main import app
 from casadi_contact.core.conventions import POSE_NAMES
-from casadi_contact.pictures.live import contact_model as compiling
-from casadi_contact.pictures.live import joint_page as page_module
-from casadi_contact.pictures.live.contact_model import packed
-from casadi_contact.pictures.live.drawn_bodies import (
+from casadi_contact.pictures import joint_page as page_module
+from casadi_contact.pictures import page_model as compiling
+from casadi_contact.pictures.drawn_bodies import (
     MOST_TRIANGLES,
     Triangles,
     fewer_triangles,
     fixed_surfaces,
     moving_body,
 )
-from casadi_contact.pictures.live.joint_page import joint_page, page_cycle, page_script, presets
+from casadi_contact.pictures.joint_page import joint_page, page_cycle, page_script
+from casadi_contact.pictures.page_model import packed
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.pose_file import write_poses
 from tests.support.drawn_surfaces import area_vectors_mm2
@@ -44,23 +44,6 @@ def test_poses_of_a_file_keep_their_times(tmp_path):
     columns = dict(zip(POSE_NAMES, poses.T, strict=True))
     write_columns(tmp_path / "poses.csv", columns)
     assert page_cycle(model, str(tmp_path / "poses.csv")).time_s.tolist() == [0.0, 0.5, 1.0]
-
-
-def test_a_lifted_side_of_the_knee_hangs_a_quarter_of_a_millimetre_up_and_the_other_carries_what_it_did():
-    model = cc.foundation("knee")
-    stance = np.array([0.5, 27.23, 0.1, 0.0, -0.05, -0.3])
-    swing = stance + np.array([0.0, 0.05, 0.0, 0.0, 0.0, 0.0])
-    carried = model.wrenches(stance)[:, 1]
-    found = presets(model, np.stack([swing, stance]))
-    assert [found["stance"][1], found["swing"][1]] == [stance[1], swing[1]]
-    for side, title in enumerate(("medial lifted", "lateral lifted")):
-        lifted = model.wrenches(found[title])
-        assert not lifted[side].any()
-        assert lifted[1 - side, 1] == pytest.approx(carried[1 - side], rel=1e-6)
-        # a little farther down than it hangs it presses, a little less it does not
-        for way_mm, pressed in ((0.24, False), (0.26, True)):
-            lowered = found[title] - np.array([0.0, way_mm, 0.0, 0.0, 0.0, 0.0])
-            assert (model.wrenches(lowered)[side, 1] < 0.0) == pressed
 
 
 def test_a_surface_with_what_lies_behind_it_is_a_closed_body():
@@ -160,6 +143,6 @@ def test_a_patch_may_be_called_as_a_body_is(tmp_path, monkeypatch):
 
 def test_the_library_that_draws_is_the_one_that_its_makers_published():
     """twgl.js 7.0.0, dist/7.x/twgl-full.js of the npm package."""
-    folder = resources.files("casadi_contact.pictures.live") / "third_party"
+    folder = resources.files("casadi_contact.pictures") / "third_party"
     digest = hashlib.sha256((folder / "twgl-full.js").read_bytes()).hexdigest()
     assert digest == "a1096308034021de808dee4906dbe69e2d22783ee4ef2ff5a5c12bf7208c8cba"

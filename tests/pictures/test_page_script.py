@@ -12,7 +12,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact.settle import settle
 from casadi_contact.pictures.contact_picture import contact_pose
-from casadi_contact.pictures.live.joint_page import settled_by
+from casadi_contact.pictures.joint_page import settled_by
 from casadi_contact.scenes.pose_space import PoseSpace
 
 _SETTLE = """
@@ -42,7 +42,7 @@ def run(folder, script, given):
     node = shutil.which("node")
     if node is None:
         pytest.skip("no node on the path")
-    for file in resources.files("casadi_contact.pictures.live").joinpath("web").iterdir():
+    for file in resources.files("casadi_contact.pictures").joinpath("web").iterdir():
         if file.name.endswith(".js"):
             (folder / file.name).write_text(file.read_text("utf-8"), "utf-8")
     (folder / "package.json").write_text('{"type": "module"}')

@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 import casadi_contact as cc
 from casadi_contact.cli.main import app
 from casadi_contact.pictures.contact_picture import draw_contact, draw_fit, loads_text, pressures_text, surface_fits
+from casadi_contact.pictures.page import new_page, save_page
 
 POSE = np.array([0.5, 27.2, 0.1, 0.0, -0.05, -0.3])
 PNG = b"\x89PNG"
@@ -29,19 +30,13 @@ def test_pressures_add_up_to_the_forces_and_their_centre_to_the_torques(model):
     assert model.pressure_maps([0.5, 36.0, *POSE[2:]])[0].centre_mm is None
 
 
-def test_section_distances_are_those_of_the_moving_body(model):
-    condyle = np.array([[POSE[0], POSE[1] - 60.0, 22.0]])
-    straight = np.array([0.0, POSE[1], 0.0, 0.0, 0.0, -0.3])
-    assert model.distances([[0.0, POSE[1] - 30.0, 22.0]], straight, "med")[0] == pytest.approx(30.0 - 27.3, abs=1e-9)
-    assert model.distances(condyle, POSE, "med")[0] > 30.0
-
-
 def test_one_pose_and_many_are_drawn(model, tmp_path):
     draw_contact(model, POSE[None], tmp_path / "one.png")
     draw_contact(model, np.tile(POSE, (20, 1)), tmp_path / "strip.png")
     for name in ("one.png", "strip.png"):
         assert (tmp_path / name).read_bytes()[:4] == PNG
-    assert surface_fits(model) == []
+    with pytest.raises(ValueError, match="no pose to draw"):
+        draw_contact(model, np.zeros((0, 6)), tmp_path / "a.png")
 
 
 def test_the_loads_of_a_picture_are_the_models(model):
@@ -69,9 +64,9 @@ def test_of_meshes_the_fit_is_drawn_as_well_and_of_others_it_is_not(tmp_path, mo
         assert (tmp_path / name).read_bytes()[:4] == PNG
     assert "mm RMS" in result.output
     assert "meshes_fit.png" in result.output
+    assert surface_fits(model) == []
     with pytest.raises(ValueError, match="expected a scene of the shape mesh"):
         draw_fit(model, tmp_path / "knee_fit.png")
-    assert not (tmp_path / "knee_fit.png").exists()
 
 
 def test_the_command_writes_a_picture_and_says_what_is_wrong(tmp_path):
@@ -85,6 +80,11 @@ def test_the_command_writes_a_picture_and_says_what_is_wrong(tmp_path):
     assert "expected six numbers" in str(result.exception)
 
 
-def test_a_picture_of_no_pose_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="no pose to draw"):
-        draw_contact(cc.ElasticFoundation(cc.load_scene("sphere_on_plane")), np.zeros((0, 6)), tmp_path / "a.png")
+@pytest.mark.parametrize(("name", "begins"), [("p.png", b"\x89PNG"), ("p.svg", b"<?xml"), ("p", b"\x89PNG")])
+def test_a_page_is_written_in_the_format_of_its_ending(tmp_path, name, begins):
+    save_page(new_page(3.0, 2.0), tmp_path / name, dots_per_inch=50)
+    found = (tmp_path / name).read_bytes()
+    assert found.startswith(begins)
+    if begins == PNG:
+        assert (int.from_bytes(found[16:20], "big"), int.from_bytes(found[20:24], "big")) == (150, 100)
+    assert [path.name for path in tmp_path.iterdir()] == [name]

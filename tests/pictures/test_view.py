@@ -27,9 +27,7 @@ def test_axes_of_each_direction(direction, right, up):
     np.testing.assert_allclose(view.right.pointing, right, atol=1e-15)
     np.testing.assert_allclose(view.up.pointing, up, atol=1e-15)
     for axis in (view.right, view.up):
-        assert axis.name in ("x", "y", "z")
         assert axis.label == f"{axis.name}, {GROWING[axis.name]} [mm]"
-        assert PictureAxis(axis.direction, anatomical=False).label == f"{axis.name} [mm]"
 
 
 def test_every_view_is_a_right_handed_frame():

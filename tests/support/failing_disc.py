@@ -20,8 +20,8 @@ import casadi_contact as cc
 from casadi_contact.core.files.containers import write_npz
 from casadi_contact.core.files.writing import write_text
 from casadi_contact.networks.training.fit import fit
+from casadi_contact.pictures import charts as report_figure
 from casadi_contact.pictures import page as show_figure
-from casadi_contact.pictures.report import charts as report_figure
 from casadi_contact.samples.samples import write_samples
 from casadi_contact.scenes.load_cycle import write_cycle
 from casadi_contact.scenes.opensim import poses_table, write_table

@@ -1,18 +1,191 @@
-"""What two meshes show of their joint: where the bodies touch, in which patches, and which kind of joint it is."""
+"""What two meshes show of their joint: contact areas over a sweep of poses, the patches into which valleys between them
+part the fixed surface, and which kind of joint it is."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
-from casadi_contact.core.conventions import WRENCH_NAMES, Array
-from casadi_contact.geometry.projection import axis_name
+from casadi_contact.core.conventions import WRENCH_NAMES, Array, rotation
+from casadi_contact.geometry.projection import LEAST_UPWARD, axis_name
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
-from casadi_contact.workflow.proposal.pair import ContactPlacement, Pair, contact_placement
-from casadi_contact.workflow.proposal.patches import SETTINGS, Patches, find_patches
+from casadi_contact.workflow.proposal.pair import (
+    REACH_MM,
+    ContactPlacement,
+    Pair,
+    centre_of_normals,
+    contact_placement,
+    unit_rows,
+)
+
+
+@dataclass(frozen=True)
+class PatchSettings:
+    """Lengths [mm] of a large joint, multiplied by `Pair.scale`; shares of the summed weight near contact."""
+
+    turns_deg: tuple[float, ...] = (-15.0, 0.0, 15.0)  # about each axis
+    near_mm: float = 1.0
+    bin_mm: float = 1.0
+    smooth_bins: float = 2.0
+    valley: float = 0.5  # largest height of a valley, relative to the lower of its two peaks
+    least_share: float = 0.1  # of a patch
+    least_share_requested: float = 0.03  # of a patch if the user names a joint with two patches
+    cup_share: float = 0.95  # share of a cup that is visible from its centre
+    straight_cos: float = 0.85  # least cosine between a normal and the direction to the centre, for most of a cup
+    socket_cos: float = 0.985  # the same for `socket_share` of a ball's socket, which has one patch
+    socket_share: float = 0.9
+    round_share: float = 0.95  # least share of convex moving surface, for a round body
+
+
+SETTINGS = PatchSettings()
+
+
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """Contact areas of a joint, in the axes of the files.
+
+    weight (n,): how often each fixed point was near contact, times areas. axis: along which patches lie beside each
+    other (None for one patch). cuts_mm: coordinates between neighbouring patches, rising. centre_mm (3,): centre of
+    curvature of the fixed body near contact. anchors_mm (patches, 3): centre of curvature of the moving body for each
+    patch. round: the moving body is convex wherever it touches. hollow: the fixed body is a cup about the centre.
+    """
+
+    weight: Array
+    axis: int | None
+    cuts_mm: tuple[float, ...]
+    centre_mm: Array
+    anchors_mm: Array
+    round: bool
+    hollow: bool
+
+    def patch_of(self, points_mm: Array) -> np.ndarray:
+        """Number of the patch (n,) that each point belongs to, by rising coordinate."""
+        return _patch_numbers(points_mm, self.axis, self.cuts_mm)
+
+    def mean_normals(self, pair: Pair) -> Array:
+        """Unit mean normals (patches, 3) of the fixed surface near contact."""
+        of_patch = self.patch_of(pair.points_mm) == np.arange(len(self.anchors_mm))[:, None]
+        return unit_rows((self.weight * of_patch) @ pair.normals)
+
+
+def find_patches(
+    pair: Pair, placement: ContactPlacement, *, parted: bool = True, least_share: float = SETTINGS.least_share
+) -> Patches:
+    """Rotate the moving body a little about every axis, let it touch, and collect the surface near contact.
+
+    parted: split it at valleys that have at least `least_share` of the weight on each side. A ball's socket is one
+    patch, because no rotation shifts load within it.
+    """
+    centre, pivot = _centre_and_pivot(pair, placement)
+    weight, touched = np.zeros(len(pair.points_mm)), []
+    for angles in itertools.product(np.radians(SETTINGS.turns_deg), repeat=3):
+        R = rotation(angles)
+        t = pair.touching(R, pivot - R @ (pivot - placement.translation_mm), placement.pressing)
+        near = np.flatnonzero(pair.near(R, t, pair.scale * SETTINGS.near_mm))
+        touched.append((near, (pair.points_mm[near] - t) @ R, pair.distances(R, t)[1][near] @ R))
+        weight[near] += pair.areas_mm2[near] * pair.areas_mm2[near].sum()  # corners that touch count little
+
+    def share(mask: np.ndarray) -> float:
+        return float(weight @ mask) / float(weight.sum())
+
+    towards_centre = np.einsum("nk,nk->n", unit_rows(centre - pair.points_mm), pair.normals)
+    axis: int | None = None
+    cuts: tuple[float, ...] = ()
+    if parted and share(np.abs(towards_centre) > SETTINGS.socket_cos) < SETTINGS.socket_share:
+        axis, cuts = _deepest_valleys(pair, weight, placement.pressing, least_share)
+    rows, on_moving, gradients = (np.concatenate([each[k] for each in touched]) for k in range(3))
+    normals, areas = unit_rows(gradients), pair.areas_mm2[rows]
+    numbers = _patch_numbers(pair.points_mm, axis, cuts)[rows]
+    anchors = np.array(
+        [
+            centre_of_normals(on_moving[numbers == p], normals[numbers == p], areas[numbers == p])
+            for p in range(len(cuts) + 1)
+        ]
+    )
+    outward_cos = np.einsum("nk,nk->n", unit_rows(on_moving - anchors[numbers]), normals)
+    visible, straight = share(towards_centre > LEAST_UPWARD), share(towards_centre > SETTINGS.straight_cos)
+    return Patches(
+        weight,
+        axis,
+        cuts,
+        centre,
+        anchors,
+        round=float(areas @ (outward_cos > 0.0)) > SETTINGS.round_share * float(areas.sum()),
+        hollow=visible > SETTINGS.cup_share and straight > 0.5,
+    )
+
+
+def _patch_numbers(points_mm: Array, axis: int | None, cuts_mm: tuple[float, ...]) -> np.ndarray:
+    if axis is None:
+        return np.zeros(len(points_mm), dtype=int)
+    return np.searchsorted(cuts_mm, points_mm[:, axis], side="right")
+
+
+def _centre_and_pivot(pair: Pair, placement: ContactPlacement) -> tuple[Array, Array]:
+    """The centre of curvature (3,) of the fixed body near contact, and the pivot (3,) of the rotations.
+
+    The pivot is the nearer centre of curvature. If that is the moving body's, it is shifted so that the body does not
+    roll out of its contact area: a condyle rolling in a shallow dish would seem to have several patches.
+    """
+    at_touch = (np.eye(3), placement.translation_mm)
+    near, spot = (pair.near(*at_touch, pair.scale * mm) for mm in (REACH_MM, SETTINGS.near_mm))
+    points, areas = pair.points_mm[near], pair.areas_mm2[near]
+    gradients = unit_rows(pair.distances(*at_touch)[1][near])
+    fixed, moving = (centre_of_normals(points, normals, areas) for normals in (pair.normals[near], gradients))
+    middle = areas @ points / areas.sum()
+    if np.linalg.norm(fixed - middle) <= np.linalg.norm(moving - middle):
+        return fixed, fixed
+    rolled_mm = np.sin(np.radians(max(SETTINGS.turns_deg))) * float(np.linalg.norm(fixed - moving))
+    share = min(1.0, float(np.sqrt(pair.areas_mm2[spot].sum() / np.pi)) / rolled_mm)
+    return fixed, moving + share * (fixed - moving)
+
+
+def _deepest_valleys(
+    pair: Pair, weight: Array, pressing: Array, least_share: float
+) -> tuple[int | None, tuple[float, ...]]:
+    """The axis across the direction of pressing with the deepest valley, and the cuts [mm] in its valleys."""
+    best: tuple[float, int | None, tuple[float, ...]] = (1.0, None, ())
+    surface = pair.areas_mm2 * (pair.normals @ pressing < 0)
+    for axis in range(3):
+        if axis != int(np.abs(pressing).argmax()):
+            depth, cuts = _valleys(pair.points_mm[:, axis], weight, surface, pair.scale * SETTINGS.bin_mm, least_share)
+            if cuts and depth < best[0]:
+                best = (depth, axis, cuts)
+    return best[1], best[2]
+
+
+def _valleys(
+    coordinate: Array, weight: Array, surface: Array, bin_mm: float, least_share: float
+) -> tuple[float, tuple[float, ...]]:
+    """Height of the deepest valley relative to its lower peak, and the coordinates of all valleys [mm].
+
+    The profile is the weight per surface area in bins along the coordinate, zero where there is no surface.
+    """
+    low, high = coordinate[weight > 0.0].min(), coordinate[weight > 0.0].max()
+    edges = np.arange(low, max(high, low + bin_mm) + bin_mm, bin_mm)
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    near, whole = (
+        ndimage.gaussian_filter1d(np.histogram(coordinate, edges, weights=w)[0], SETTINGS.smooth_bins)
+        for w in (weight, surface)
+    )
+    profile = near / np.maximum(whole, 0.1 * whole.max())
+    cuts, depth, start = list[float](), 1.0, 0
+    for k in range(1, len(profile) - 1):
+        is_minimum = profile[k] <= profile[k - 1] and profile[k] < profile[k + 1]
+        if profile[k] != profile[start:].min() and not is_minimum:
+            continue
+        peak = min(profile[start:k].max(initial=0.0), profile[k + 1 :].max(initial=0.0))
+        left, right = near[start:k].sum(), near[k + 1 :].sum()
+        if profile[k] < SETTINGS.valley * peak and min(left, right) > least_share * near.sum():
+            cuts.append(float(middles[k]))
+            depth, start = min(depth, profile[k] / peak), k
+    return depth, tuple(cuts)
+
 
 JOINTS = ("knee", "hip", "patella", "other")
 

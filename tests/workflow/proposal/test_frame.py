@@ -81,10 +81,3 @@ def test_a_groove_stands_upright_though_the_scan_has_the_button_nearer_to_one_fa
     placement, _, joint, frame = analysed(*button_on_groove(24.0, aside=3.0))
     assert placement.together
     assert (joint.kind, frame.rotation_deg) == ("patella", (0.0, 0.0, 0.0))
-
-
-def test_given_axes_are_kept_as_they_are():
-    R = rotation(np.radians([20.0, 8.0, -12.0]))
-    meshes = [checked_mesh("body", points @ R.T, faces) for points, faces in condyles_in_dishes()]
-    frame = analysed(*meshes, axes=("x", "y", "z"))[3]
-    assert frame.rotation_deg == (0.0, 0.0, 0.0)

@@ -14,9 +14,9 @@ import numpy as np
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.files.reading import one_line
 from casadi_contact.core.quantities import quantity, three_digits
+from casadi_contact.pictures.charts import draw_speed_accuracy
 from casadi_contact.pictures.contact_picture import contact_pose, draw_contact
 from casadi_contact.pictures.page import COLOURS, frame, new_page, save_page
-from casadi_contact.pictures.report.charts import draw_speed_accuracy
 from casadi_contact.samples.samples import Samples
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
@@ -78,30 +78,6 @@ def picture(draw: Callable[[Path], object], said: str) -> str:
         draw(path)
         data = base64.b64encode(path.read_bytes()).decode("ascii")
     return f'<img alt="{escape(said)}" src="data:image/png;base64,{data}">'
-
-
-def draw_reach(surrogate: Surrogate) -> Any:
-    """A panel for each unit (mm, °, N, N·mm), a bar from low to high for each quantity that the file records."""
-    rows = surrogate.info().reach
-    units = list(dict.fromkeys(unit for *_, unit in rows))
-    figure = new_page(2.8 * max(len(units), 1), 2.2)
-    share = surrogate.record.get("valid_share")
-    said = "" if share is None else f"; {100.0 * share:.1f} % of its held-back poses called valid"
-    figure.suptitle(f"{surrogate.scene.name}: sampled ranges{said}", fontsize=9)
-    for unit, axis in zip(units, figure.subplots(1, max(len(units), 1), squeeze=False)[0], strict=False):
-        of_unit = [row for row in rows if row[3] == unit]
-        for height, (_, low, high, _) in enumerate(of_unit):
-            axis.barh(height, high - low, left=low, height=0.6, color="#0072b2", alpha=0.7)
-            axis.plot([low, high], [height, height], "|", color="#222", ms=9)
-        axis.set_yticks(range(len(of_unit)), [name for name, *_ in of_unit], fontsize=8)
-        axis.use_sticky_edges = False
-        axis.margins(x=0.08)
-        axis.invert_yaxis()
-        axis.axvline(0.0, color="#888", lw=0.6)
-        axis.grid(alpha=0.25, axis="x", lw=0.5)
-        axis.tick_params(axis="x", labelsize=7)
-        axis.set_xlabel(unit, fontsize=8)
-    return figure
 
 
 _DASHES = ("-", "--", ":", "-.")
@@ -173,9 +149,10 @@ def _reach(surrogate: Surrogate) -> list[str]:
     rows = surrogate.info().reach
     if not rows:
         return [paragraph("The file does not record the sampled poses.")]
-    shown = picture(lambda path: save_page(draw_reach(surrogate), path), "sampled ranges of pose parameters and loads")
     cells = [[name, f"{low:.1f}", f"{high:.1f}", unit] for name, low, high, unit in rows]
-    return [shown, table(["sampled", "from", "to", "unit"], cells)]
+    share = surrogate.record.get("valid_share")
+    said = [] if share is None else [paragraph(f"{100.0 * share:.1f} % of its held-back poses are called valid.")]
+    return [*said, table(["sampled", "from", "to", "unit"], cells)]
 
 
 def _errors(errors: Mapping[str, Any], loads: Sequence[str], tolerances: Mapping[str, float]) -> str:

@@ -18,12 +18,11 @@ import numpy as np
 from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.core.conventions import POSE_NAMES, Array, pose_index
+from casadi_contact.core.conventions import POSE_NAMES, Array
 from casadi_contact.core.files.writing import write_text
 from casadi_contact.core.quantities import quantity
 from casadi_contact.pictures.contact_picture import contact_pose
-from casadi_contact.pictures.live.contact_model import packed, page_contact, page_kernel
-from casadi_contact.pictures.live.drawn_bodies import (
+from casadi_contact.pictures.drawn_bodies import (
     FixedSurface,
     Triangles,
     fixed_surfaces,
@@ -32,6 +31,7 @@ from casadi_contact.pictures.live.drawn_bodies import (
     pose_words,
 )
 from casadi_contact.pictures.page import patch_title
+from casadi_contact.pictures.page_model import packed, page_contact, page_kernel
 from casadi_contact.samples.reference import reference_poses
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.normal_load import normal_forces
@@ -42,8 +42,6 @@ from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.load import load_surrogate, ready_surrogates
 
 _LEAST_REACH = np.array([3.0, 3.0, 3.0, 0.1, 0.1, 0.1])  # of a slider to either side of the cycle's poses [mm, rad]
-_GAP_MM = 0.25  # of a lifted side: a ball in its cup has no more
-_STEPS = 30
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,36 +82,6 @@ def slider_ranges(poses: Array, surrogate: Surrogate | None) -> tuple[Array, str
     return np.stack([low - reach, high + reach], 1), "cycle"
 
 
-def presets(model: CompiledFoundation, poses: Array) -> dict[str, Array]:
-    """Poses (6,) by name: where the cycle presses most and least, and a side lifted by a quarter of a millimetre."""
-    normal = normal_forces(model.scene.normal_loads, model.wrenches(poses))
-    total = normal.sum(axis=1)
-    stance = poses[np.argmax(total)]
-    found = {"stance": stance, "swing": poses[np.argmin(total)]}
-    for p, patch in enumerate(model.patch_names):
-        lifted = _lifted(model, stance, p)
-        if lifted is not None:
-            found[f"{patch_title(patch)} lifted" if len(model.patch_names) > 1 else "lifted"] = lifted
-    return found
-
-
-def _lifted(model: ContactModel, pose: Array, patch: int) -> Array | None:
-    """The pose changed in the sensitive parameters until a patch has a gap and the others keep their root loads, by
-    Newton's method on root loads; None where that leads nowhere."""
-    scene, space, pose = model.scene, model.scene.pose_space, pose.copy()
-    free = [pose_index(name) for name in scene.sensitive_pose]
-    target = model.root_loads(pose)[0].copy()
-    target[patch] = -scene.gap_slope * _GAP_MM
-    for _ in range(_STEPS):
-        s, slope = model.root_loads(pose)
-        if np.abs(s - target).max() < 1e-9:
-            return pose
-        step = np.linalg.lstsq(space.pull_back(slope)[:, free], target - s, rcond=None)[0]
-        pose[free] += step * min(1.0, 1.0 / np.abs(step).max(initial=1e-300))
-        pose = space.project(pose)
-    return None
-
-
 def settled_by(scene: Scene) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Free pose parameters and target loads of the page's settling: none where their numbers differ."""
     free, target = scene.sensitive_pose, tuple(name for name in scene.sensitive_loads if name in scene.load_names)
@@ -128,7 +96,6 @@ _MODULES = (
 )
 _IMPORT = re.compile(r"^import .*? from \"\./\w+\.js\";\n", re.MULTILINE | re.DOTALL)
 _COLOURS = 64
-_PRESETS_FIRST = "stance"
 
 
 def write_joint_page(scene: str, path: Path, poses: str | None = None, surrogate: str | None = None) -> PageCycle:
@@ -221,10 +188,11 @@ def _content(
     scene = contact.scene
     ranges, why = slider_ranges(cycle.poses, surrogate)
     free, target = settled_by(scene)
-    begun = presets(contact, cycle.poses)
+    pressed = normal_forces(scene.normal_loads, contact.wrenches(cycle.poses)).sum(axis=1)
+    begun = {"stance": cycle.poses[pressed.argmax()], "swing": cycle.poses[pressed.argmin()]}
     points = np.concatenate([surface.triangles.points_mm for surface in surfaces])
     extent = 0.5 * float(np.linalg.norm(np.ptp(points, axis=0)))
-    start = contact(begun[_PRESETS_FIRST])
+    start = contact(begun["stance"])
     return {
         "scene": scene.name,
         "patches": [{"name": name, "title": patch_title(name)} for name in scene.patch_names],
