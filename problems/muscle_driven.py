@@ -30,13 +30,7 @@ from casadi_contact.core.conventions import Array
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.joint_mechanics import generalised_forces, wrench_function
 from casadi_contact.optimisation.knee import SIDES
-from casadi_contact.optimisation.muscle import (
-    MAX_FIBRE_SPEED_PER_S,
-    MuscleParameters,
-    active_force_length,
-    force_velocity,
-    passive_force_length,
-)
+from casadi_contact.optimisation.muscle import rigid_tendon_forces
 from casadi_contact.optimisation.muscle_contact import MuscleContact, MuscleContactResult
 from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.optimisation.verification import verify
@@ -68,17 +62,6 @@ class MuscleDriven:
     start: Array
 
 
-def muscle_forces(muscles: MuscleParameters, a: ca.SX, length_m: ca.SX, velocity_m_per_s: ca.SX) -> ca.SX:
-    """Forces along rigid tendons (m) [N], as `force_capacity` gives them."""
-    optimum = ca.DM(muscles.optimal_fibre_length_m)
-    along = length_m - ca.DM(muscles.tendon_slack_length_m)
-    fibre_m = ca.sqrt(along**2 + (optimum * ca.DM(np.sin(muscles.pennation_rad))) ** 2)
-    cosine, fibre = ca.fmax(along, 0.0) / fibre_m, fibre_m / optimum
-    velocity = velocity_m_per_s * cosine / (MAX_FIBRE_SPEED_PER_S * optimum)
-    active = a * active_force_length(fibre, ca) * ca.fmax(force_velocity(velocity, ca), 0.0)
-    return ca.DM(muscles.max_isometric_force_n) * cosine * (active + ca.fmax(passive_force_length(fibre, ca), 0.0))
-
-
 def build(
     model: ContactModel, inverse: MuscleContact, solved: MuscleContactResult, leg: Leg | None = None
 ) -> MuscleDriven:
@@ -106,7 +89,8 @@ def build(
     q, v, inertia, in_nmm = x[:3], x[3:], ca.DM(leg.inertia), ca.DM([1.0, 1e3, 1e3])
     pose = ca.vertcat(held[0], q[0], held[1], q[1], held[2], q[2])
     off, off_rate = q[2] - reference[0], v[2] - reference[1]
-    forces = muscle_forces(inverse.muscles, a, length - arms[2] * off, velocity - arms[2] * off_rate)
+    active, passive, _ = rigid_tendon_forces(inverse.muscles, length - arms[2] * off, velocity - arms[2] * off_rate, ca)
+    forces = a * active + passive
     pull = in_nmm * ca.vertcat(*(ca.dot(arm, forces) for arm in arms))
     push = -generalised_forces(pose, wrench)[MOVING]
     load = inertia * ca.vertcat(0.0, 0.0, reference[2]) - in_nmm * inverse_dynamics

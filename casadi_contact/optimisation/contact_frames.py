@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import reduce
 from typing import Any
 
 import casadi as ca
@@ -61,7 +62,7 @@ class ContactFrames:
         variable: Callable[[int, int], ca.MX] | None = None,
     ) -> None:
         model, space = symbolic(model), model.scene.pose_space
-        locked = checked_locked(locked, space, frames)
+        locked = _checked_locked(locked, space, frames)
         self.columns = [i for i in space.free if POSE_NAMES[i] not in locked]
         if not self.columns:
             raise ValueError("all free pose parameters are locked, expected at least one that is not")
@@ -73,7 +74,9 @@ class ContactFrames:
         self.q = variable(len(self.free), frames) if variable else ca.MX.sym("q", len(self.free), frames)
         moving = dict(zip(self.free, ca.vertsplit(ca.mtimes(ca.diag(ca.DM(self._scales)), self.q)), strict=True))
         given = ca.vertcat(*(moving[n] if n in moving else self._row(n, locked.get(n, 0.0)) for n in POSE_NAMES))
-        self.pose = pose_in_space(space, given)
+        self.pose = given  # `PoseSpace.project` as an expression
+        if not space.unconstrained:
+            self.pose = ca.mtimes(ca.sparsify(ca.DM(space.matrix)), given) + ca.repmat(ca.DM(space.offset), 1, frames)
         chosen: dict[str, Any] = {} if compiled is None else {"compiled": compiled}
         function = model.load_and_root_function(self.load_names, batch=frames, **chosen)
         self.loads, self.roots = function(self.pose)
@@ -107,9 +110,8 @@ class ContactFrames:
         rows: dict[str, ca.MX] = {}
         normals = self._scene.normal_loads
         roots = dict(zip(normals, ca.vertsplit(self.roots), strict=True))
-        roots |= {
-            normal: total_root(self.roots) for normal in self._scene.controllable_normal_loads if normal not in roots
-        }
+        totals = set(self._scene.controllable_normal_loads) - set(roots)
+        roots |= dict.fromkeys(totals, total_root(self.roots))
         for normal, root in roots.items():
             if set(normal.loads) <= set(targets):
                 rows |= self._normal_rows(root, normal, [self._row(name, targets[name]) for name in normal.loads])
@@ -181,9 +183,9 @@ class ContactFrames:
         """A component of the total wrench (1, n), from the patches' where the scene does not name it."""
         names = loads_of_total(component, self.load_names, self._scene.patch_names)
         if not names:
+            loads = ", ".join(self.load_names)
             raise ValueError(
-                f"a centre of pressure needs {component} in total or of every patch, the loads are "
-                f"{', '.join(self.load_names)}"
+                f"a centre of pressure needs {component} in total or of every patch, the loads are {loads}"
             )
         first, *others = (self.load(name) for name in names)
         return sum(others, first)
@@ -193,11 +195,9 @@ class ContactFrames:
         n0, least = self._scene.reference_load, self._scene.boundary_load
         if normal.component is not None:
             size = normal.sign * target[0]
-            if isinstance(size, ca.DM) and (least_n := np.asarray(size).min()) < 0.0:
-                at = f" in frame {np.asarray(size).argmin()}" if self.frames > 1 else ""
-                raise ValueError(
-                    f"target {normal.loads[0]} pulls by {-least_n:.4g} N{at}, contact only pushes: check its sign"
-                )
+            if isinstance(size, ca.DM) and (sizes := np.asarray(size)).min() < 0.0:
+                got = f"target {normal.loads[0]} pulls by {-sizes.min():.4g} N in frame {sizes.argmin()}"
+                raise ValueError(f"{got}, contact only pushes: check its sign")
         else:
             size = ca.sqrt(sum((part**2 for part in target[1:]), target[0] ** 2))
         root = ca.sqrt(size / n0)
@@ -225,21 +225,11 @@ class ContactFrames:
 def total_root(roots: ca.MX) -> ca.MX:
     """√(Σ max(s, 0)²) (1, n) of root loads s (P, n); where no patch is in contact, the root of the nearest."""
     squares = ca.sum1(ca.fmax(roots, 0.0) ** 2)
-    loaded = squares > 0.0
-    nearest = ca.vertsplit(roots)[0]
-    for other in ca.vertsplit(roots)[1:]:
-        nearest = ca.fmax(nearest, other)
+    loaded, nearest = squares > 0.0, reduce(ca.fmax, ca.vertsplit(roots))
     return ca.if_else(loaded, ca.sqrt(ca.if_else(loaded, squares, 1.0)), nearest)
 
 
-def pose_in_space(space: PoseSpace, poses: ca.MX) -> ca.MX:
-    """`PoseSpace.project` as an expression of poses (6 x n)."""
-    if space.unconstrained:
-        return poses
-    return ca.mtimes(ca.sparsify(ca.DM(space.matrix)), poses) + ca.repmat(ca.DM(space.offset), 1, poses.shape[1])
-
-
-def checked_locked(locked: Mapping[str, Any] | None, space: PoseSpace, frames: int) -> dict[str, Any]:
+def _checked_locked(locked: Mapping[str, Any] | None, space: PoseSpace, frames: int) -> dict[str, Any]:
     """The given locked parameters that the scene leaves free: expressions as they are, numbers as one for each frame.
 
     Raises ValueError for others that contradict the scene, for numbers that are not one or one for each of a whole
@@ -251,9 +241,8 @@ def checked_locked(locked: Mapping[str, Any] | None, space: PoseSpace, frames: i
     space.check_free(symbols, "locked to an expression")
     numbers = {name: _numbers(name, value, frames) for name, value in locked.items() if name not in symbols}
     numbers = space.free_curves(numbers, "locked")
-    for name in numbers:
-        if name in POSE_NAMES[3:]:
-            check_radians("locked", name, numbers[name])
+    for name in set(POSE_NAMES[3:]) & set(numbers):
+        check_radians("locked", name, numbers[name])
     return symbols | numbers
 
 

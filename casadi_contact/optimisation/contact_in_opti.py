@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.contact.symbolic import SymbolicContact, symbolic
 from casadi_contact.core.conventions import Array, pose_index
-from casadi_contact.optimisation.contact_frames import ContactFrames, checked_locked
+from casadi_contact.optimisation.contact_frames import ContactFrames
 from casadi_contact.optimisation.ipopt import ipopt_options
 from casadi_contact.optimisation.starts import pose_bounds
 
@@ -40,10 +39,13 @@ class ContactInOpti(ContactFrames):
         loads: Iterable[str] | None = None,
         compiled: bool | None = None,
     ) -> None:
-        model = symbolic(model)
-        _check_range(model, checked_locked(locked, model.scene.pose_space, frames))
         super().__init__(model, frames, locked=locked, loads=loads, compiled=compiled, variable=opti.variable)
-        self._opti = opti
+        self._opti, (low, high) = opti, pose_bounds(self.model)
+        for name, value in self._locked.items():
+            at = pose_index(name)
+            if not isinstance(value, ca.MX) and not ((value >= low[at]) & (value <= high[at])).all():
+                learned = f"the surrogate learned {low[at]:.4g} to {high[at]:.4g}"
+                raise ValueError(f"{name} is locked at {value.min():.4g} to {value.max():.4g}, {learned}")
         bounded = np.flatnonzero(np.isfinite(self.lower) & np.isfinite(self.upper)).tolist()
         if bounded:
             opti.subject_to(opti.bounded(self.lower[bounded], ca.vec(self.q)[bounded], self.upper[bounded]))
@@ -77,14 +79,3 @@ class ContactInOpti(ContactFrames):
         """Options for ``opti.solver("ipopt", ...)`` (`ipopt_options`); bounds reach IPOPT as bounds, so that it never
         asks for loads outside the learned range."""
         return {**ipopt_options(**ipopt), "detect_simple_bounds": True}
-
-
-def _check_range(model: SymbolicContact, locked: Mapping[str, Any]) -> None:
-    low, high = pose_bounds(model)
-    for name, value in locked.items():
-        column = pose_index(name)
-        if not isinstance(value, ca.MX) and not ((value >= low[column]) & (value <= high[column])).all():
-            raise ValueError(
-                f"{name} is locked at {value.min():.4g} to {value.max():.4g}, the surrogate learned "
-                f"{low[column]:.4g} to {high[column]:.4g}"
-            )

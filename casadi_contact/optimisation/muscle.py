@@ -136,12 +136,17 @@ def force_capacity(
         if frames.any():
             said = f"muscle {name} gives no force in {frames.sum()} frames, where its tendon is slack"
             warnings.warn(said, RuntimeWarning, stacklevel=2)
-    along = np.maximum(lengths_m - muscles.tendon_slack_length_m, 0.0)
-    thickness = muscles.optimal_fibre_length_m * np.sin(muscles.pennation_rad)
-    fibre_m = np.hypot(along, thickness)
-    cosine = along / np.where(fibre_m > 0.0, fibre_m, 1.0)
-    fibre = fibre_m / muscles.optimal_fibre_length_m
-    velocity = velocities_m_per_s * cosine / (MAX_FIBRE_SPEED_PER_S * muscles.optimal_fibre_length_m)
-    along_tendon = muscles.max_isometric_force_n * cosine
-    active = along_tendon * active_force_length(fibre) * np.maximum(force_velocity(velocity), 0.0)
-    return ForceCapacity(active, along_tendon * np.maximum(passive_force_length(fibre), 0.0), fibre, slack)
+    active, passive, fibre = rigid_tendon_forces(muscles, lengths_m, velocities_m_per_s)
+    return ForceCapacity(active, passive, fibre, slack)
+
+
+def rigid_tendon_forces(muscles: MuscleParameters, length_m: Any, velocity_m_per_s: Any, xp: Any = np) -> Any:
+    """Active force at full activation and passive force along the tendon [N], and l, of musculotendon lengths and
+    velocities (n, m), or (m) as CasADi expressions; xp: numpy or casadi. No force where the tendon is slack."""
+    force, optimum = muscles.max_isometric_force_n, muscles.optimal_fibre_length_m
+    along = xp.fmax(length_m - muscles.tendon_slack_length_m, 0.0)
+    fibre_m = xp.sqrt(along**2 + (optimum * np.sin(muscles.pennation_rad)) ** 2 + 1e-30)  # 0 of a slack parallel fibre
+    cosine, fibre = along / fibre_m, fibre_m / optimum
+    velocity = velocity_m_per_s * cosine / (MAX_FIBRE_SPEED_PER_S * optimum)
+    active = cosine * force * active_force_length(fibre, xp) * xp.fmax(force_velocity(velocity, xp), 0.0)
+    return active, cosine * force * xp.fmax(passive_force_length(fibre, xp), 0.0), fibre

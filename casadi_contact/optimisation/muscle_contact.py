@@ -49,18 +49,9 @@ from casadi_contact.optimisation.knee import (
 from casadi_contact.optimisation.muscle import force_capacity
 from casadi_contact.optimisation.muscle_walk import MuscleWalk
 
-
-def _reserve_sizes() -> dict[str, float]:
-    """They stand in for ligaments and errors of inverse dynamics. Contact alone balances ty and adduction, and muscles
-    balance flexion: reserves there only keep an overloaded frame solvable."""
-    return {
-        "knee_tx": 100.0,
-        "knee_ty": 10.0,
-        "knee_tz": 100.0,
-        "knee_adduction": 1.0,
-        "knee_rotation": 10.0,
-        "knee_flexion": 1.0,
-    }
+# They stand in for ligaments and errors of inverse dynamics. Contact alone balances ty and adduction, and muscles
+# balance flexion: reserves there only keep an overloaded frame solvable.
+RESERVE_SIZES = dict(zip(COORDINATES, (100.0, 10.0, 100.0, 1.0, 10.0, 1.0), strict=True))
 
 
 @dataclass(frozen=True)
@@ -87,15 +78,13 @@ class MuscleSettings:
     muscle_model: str = "hill"
     balanced: tuple[str, ...] = ("knee_ty", "knee_adduction", "knee_flexion")
     free: tuple[str, ...] = ("ty", "rx")
-    reserve_sizes: Mapping[str, float] = field(default_factory=_reserve_sizes)
+    reserve_sizes: Mapping[str, float] = field(default_factory=RESERVE_SIZES.copy)
     tolerance_n: float = 0.1
 
     def __post_init__(self) -> None:
         if not 2.0 <= self.exponent < np.inf or not 0.0 <= self.least_activation < 1.0:
-            raise ValueError(
-                f"exponent is {self.exponent} and least activation {self.least_activation}, expected at least 2, and 0 "
-                "to below 1"
-            )
+            got = f"exponent is {self.exponent} and least activation {self.least_activation}"
+            raise ValueError(f"{got}, expected at least 2, and 0 to below 1")
         if not {"ty", "rx"} <= set(self.free) <= {"tx", "ty", "tz", "rx"}:
             raise ValueError(f"free is {self.free}, expected ty and rx, and by choice tx and tz")
         moving = {COORDINATES.get(name) for name in self.balanced}
@@ -162,7 +151,10 @@ class MuscleContact:
         reserves = ca.mtimes(ca.diag(ca.DM([settings.reserve_sizes[name] for name in balanced])), r)
 
         constraints: list[tuple[ca.MX, Array | float, float]] = []  # low <= expression <= high
-        contact = _contact_function(balanced).map(frames)(knee.pose, knee.loads)
+        pose, loads = ca.MX.sym("pose", 6), ca.MX.sym("loads", len(KNEE_LOADS))
+        on_femur = contact_expression(pose, loads)
+        of_frame = ca.Function("contact", [pose, loads], [ca.vertcat(*(on_femur[name] for name in balanced))])
+        contact = of_frame.map(frames)(knee.pose, knee.loads)
         for row, name in enumerate(balanced):
             pull = ca.sum1(ca.DM(walk.arms[name].T) * forces)
             left = pull + contact[row, :] + reserves[row, :] - ca.DM(walk.loads[name]).T
@@ -260,10 +252,3 @@ def ankle_moment(walk: MuscleWalk, shank_m: float) -> Array:
     if not 0.2 <= shank_m <= 0.6:
         raise ValueError(f"shank is {shank_m} m long, expected 0.2 to 0.6 m from knee to ankle")
     return np.asarray(shank_m * walk.loads["knee_tx"] - walk.loads["knee_flexion"])
-
-
-def _contact_function(balanced: tuple[str, ...]) -> ca.Function:
-    """(pose (6), contact loads (7)) of one frame -> contact loads of balanced coordinates [N, N·m]."""
-    pose, loads = ca.MX.sym("pose", 6), ca.MX.sym("loads", len(KNEE_LOADS))
-    contact = contact_expression(pose, loads)
-    return ca.Function("contact", [pose, loads], [ca.vertcat(*(contact[name] for name in balanced))])

@@ -156,14 +156,14 @@ class Verification:
             return
         reasons: tuple[_Doubt, ...] = (
             (
-                self._too_large(self.off_finer),
+                ~self.tolerance.met_by_each(self.off_finer),
                 "solved, but where elements half as wide differ, at most by {}: finer grids.teacher in the scene tell "
                 "whether they hold",
                 "solved, elements half as wide differ by {}",
                 lambda rows: self._largest(self.off_finer, rows),
             ),
             (
-                self._too_large(self.errors),
+                ~self.tolerance.met_by_each(self.errors),
                 "solved but differ, at most by {}",
                 DIFFERS + " by {}",
                 lambda rows: self._largest(self.errors, rows),
@@ -181,9 +181,6 @@ class Verification:
             if (left & rows).any():
                 yield left & rows, *said
             left &= ~rows
-
-    def _too_large(self, errors: Array) -> np.ndarray:
-        return ~self.tolerance.met_by_each(errors)
 
     @property
     def _own_words(self) -> str:

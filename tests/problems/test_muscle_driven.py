@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.optimisation.muscle import force_capacity
+from casadi_contact.optimisation.muscle import force_capacity, rigid_tendon_forces
 from casadi_contact.optimisation.muscle_contact import MuscleContact
 from casadi_contact.optimisation.muscle_walk import example_walk
 from problems import muscle_driven
@@ -74,7 +74,8 @@ def test_forces_as_expressions_are_those_of_the_capacity(inverse):
     problem, solved = inverse
     muscles, walk = problem.muscles, problem.walk
     a, length, velocity = (ca.SX.sym("s", len(muscles.names)) for _ in range(3))
-    function = ca.Function("f", [a, length, velocity], [muscle_driven.muscle_forces(muscles, a, length, velocity)])
+    active, passive, _ = rigid_tendon_forces(muscles, length, velocity, ca)
+    function = ca.Function("f", [a, length, velocity], [a * active + passive])
     capacity = force_capacity(muscles, walk.lengths_m, walk.velocities_m_per_s)
     got = function.map(51)(solved.activations.T, walk.lengths_m.T, walk.velocities_m_per_s.T).full().T
     np.testing.assert_allclose(got, capacity.active_n * solved.activations + capacity.passive_n, atol=1e-6)
