@@ -183,10 +183,8 @@ class ContactFrames:
         """A component of the total wrench (1, n), from the patches' where the scene does not name it."""
         names = loads_of_total(component, self.load_names, self._scene.patch_names)
         if not names:
-            loads = ", ".join(self.load_names)
-            raise ValueError(
-                f"a centre of pressure needs {component} in total or of every patch, the loads are {loads}"
-            )
+            got = ", ".join(self.load_names)
+            raise ValueError(f"a centre of pressure needs {component} in total or of every patch, got {got}")
         first, *others = (self.load(name) for name in names)
         return sum(others, first)
 
@@ -196,8 +194,8 @@ class ContactFrames:
         if normal.component is not None:
             size = normal.sign * target[0]
             if isinstance(size, ca.DM) and (sizes := np.asarray(size)).min() < 0.0:
-                got = f"target {normal.loads[0]} pulls by {-sizes.min():.4g} N in frame {sizes.argmin()}"
-                raise ValueError(f"{got}, contact only pushes: check its sign")
+                said = f"target {normal.loads[0]} pulls by {-sizes.min():.4g} N in frame {sizes.argmin()}"
+                raise ValueError(f"{said}, contact only pushes: check its sign")
         else:
             size = ca.sqrt(sum((part**2 for part in target[1:]), target[0] ** 2))
         root = ca.sqrt(size / n0)

@@ -151,9 +151,9 @@ class MuscleContact:
         reserves = ca.mtimes(ca.diag(ca.DM([settings.reserve_sizes[name] for name in balanced])), r)
 
         constraints: list[tuple[ca.MX, Array | float, float]] = []  # low <= expression <= high
-        pose, loads = ca.MX.sym("pose", 6), ca.MX.sym("loads", len(KNEE_LOADS))
-        on_femur = contact_expression(pose, loads)
-        of_frame = ca.Function("contact", [pose, loads], [ca.vertcat(*(on_femur[name] for name in balanced))])
+        at, loads = ca.MX.sym("pose", 6), ca.MX.sym("loads", len(KNEE_LOADS))
+        on_femur = contact_expression(at, loads)
+        of_frame = ca.Function("contact", [at, loads], [ca.vertcat(*(on_femur[name] for name in balanced))])
         contact = of_frame.map(frames)(knee.pose, knee.loads)
         for row, name in enumerate(balanced):
             pull = ca.sum1(ca.DM(walk.arms[name].T) * forces)
