@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Protocol
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -19,26 +18,11 @@ from casadi_contact.core.conventions import POSE_NAMES, Array, Progress, pose_in
 from casadi_contact.core.quantities import quantity
 from casadi_contact.samples.domains import Envelopes
 from casadi_contact.samples.settings import SamplePoint, SamplingSettings
-from casadi_contact.scenes.joint_cycle import driving_loads
+from casadi_contact.scenes.joint_cycle import JointCycle, driving_loads
+from casadi_contact.scenes.load_cycle import LoadCycle
 from casadi_contact.scenes.pose_space import PoseSpace
 
-
-class Cycle(Protocol):
-    """A measured or synthetic cycle: curves (n,) over time; `motion.load_cycle.LoadCycle` is one."""
-
-    @property
-    def name(self) -> str:
-        """What messages call it."""
-
-    @property
-    def time_s(self) -> Array:
-        """Times of its frames (n,) [s], rising."""
-
-    def measured_pose(self) -> Mapping[str, Array]:
-        """Measured pose parameters by name, each (n,) [mm, rad]; the knee's are ry and rz."""
-
-    def targets(self) -> Mapping[str, Array]:
-        """Measured loads by name, each (n,) [N, N·mm]."""
+Cycle = LoadCycle | JointCycle
 
 
 @dataclass(frozen=True)

@@ -36,12 +36,6 @@ class Dropped:
     poses: Array = field(default_factory=lambda: np.empty((0, 6)))
     domain: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.uint8))
 
-    def __post_init__(self) -> None:
-        if self.poses.ndim != 2 or self.poses.shape[1] != 6 or self.domain.shape != (len(self.poses),):
-            raise ValueError(
-                f"samples: dropped poses have shapes {self.poses.shape}, {self.domain.shape}, expected (m, 6), (m,)"
-            )
-
     def __len__(self) -> int:
         return len(self.poses)
 
