@@ -27,7 +27,7 @@ Cycle = LoadCycle | JointCycle
 
 @dataclass(frozen=True)
 class ReferenceReport:
-    """Convergence of each frame (cycles, frames): converged, residual [N, torques over 25 mm], reason.
+    """Convergence of each frame (cycles, frames), and why each failed.
 
     Frames that did not converge are interpolated between neighbours that did. assumed: assumed widths of inputs with
     the same curve in all cycles (see `domains`).
@@ -35,7 +35,6 @@ class ReferenceReport:
 
     names: tuple[str, ...]
     converged: np.ndarray
-    residual: Array
     reason: np.ndarray
     assumed: Mapping[str, float] = field(default_factory=dict)
 
@@ -189,7 +188,8 @@ def reference_poses(
     poses = _interpolate(poses.reshape(shape), report)
     for k, (cycle, converged) in enumerate(zip(targets, report.converged, strict=True)):
         loads = {name: cycle[name] for name in wanted}
-        motion = Motion(model, free, loads, np.full(frames, tolerance_n), _pressed(loads))
+        pressed = np.any([curve != 0.0 for curve in loads.values()], axis=0)  # else any pose out of contact would do
+        motion = Motion(model, free, loads, np.full(frames, tolerance_n), np.asarray(pressed))
         poses[k] = motion.without_leaps(poses[k], converged & motion.usable)
     return poses, report
 
@@ -207,11 +207,6 @@ def found_sensitive_pose(model: ContactModel, cycles: Sequence[Cycle]) -> tuple[
     return tuple(name for name in POSE_NAMES if name in strongest)
 
 
-def _pressed(loads: Mapping[str, Array]) -> np.ndarray:
-    """True (n,) for frames with a load; without one, any pose out of contact is an equilibrium."""
-    return np.asarray(np.any([curve != 0.0 for curve in loads.values()], axis=0))
-
-
 def _check_alike(cycles: Sequence[Cycle]) -> None:
     """ValueError for no cycles, and for such that measure different pose parameters or loads."""
     if not cycles:
@@ -226,10 +221,8 @@ def _check_alike(cycles: Sequence[Cycle]) -> None:
 
 
 def _report(cycles: Sequence[Cycle], settled: SettleReport) -> ReferenceReport:
-    converged, residual, reason = (
-        part.reshape(len(cycles), -1) for part in (settled.converged, settled.residual, settled.reason)
-    )
-    return ReferenceReport(tuple(cycle.name for cycle in cycles), converged, residual, reason)
+    converged, reason = (part.reshape(len(cycles), -1) for part in (settled.converged, settled.reason))
+    return ReferenceReport(tuple(cycle.name for cycle in cycles), converged, reason)
 
 
 def _on_frames(cycle: Cycle, frames: int) -> dict[str, Array]:
