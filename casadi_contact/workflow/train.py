@@ -28,11 +28,6 @@ from casadi_contact.workflow.fitting import Fitting, fit_surrogate
 from casadi_contact.workflow.project import Project, exclusive, has_motion, read_motion, trained_surrogates
 
 
-def structures_for_scene(project: Project) -> list[str]:
-    """The preset's structures that can stand for the scene's loads."""
-    return [name for name in project.preset.efforts if STRUCTURES[name].fits(project.scene)]
-
-
 @exclusive
 def train(
     project: Project,
@@ -48,7 +43,7 @@ def train(
     an earlier run stopped. Raises ValueError for a structure that the preset does not train or that cannot stand for
     the scene's loads, and for active rounds on samples of another model than the library's.
     """
-    structures = structures_for_scene(project)
+    structures = [name for name in project.preset.efforts if STRUCTURES[name].fits(project.scene)]
     if structure is not None and structure not in structures:
         raise ValueError(
             f"structure {structure!r} is not trained for scene {project.scene.name} by preset {project.preset_name}, "

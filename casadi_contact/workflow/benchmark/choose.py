@@ -41,7 +41,6 @@ class Offer:
     of interest. force_rms_n or torque_rms_nmm is NaN where no such load is among them."""
 
     name: str
-    family: str
     time_us: float
     force_rms_n: float
     torque_rms_nmm: float
@@ -141,7 +140,7 @@ def within_tolerance(project: Project, front: Front, tolerance: Tolerance, loads
         if point.value is None or any(load not in point.load_rms for load in loads):
             continue
         force, torque = (point.rms(kind, loads) for kind in (FORCE, TORQUE))
-        offers.append(Offer(point.name, point.family, _time_us(project, point, loads), force, torque))
+        offers.append(Offer(point.name, _time_us(project, point, loads), force, torque))
     if not offers:
         raise ValueError("the front holds no timed model with these loads: chart it again")
     found = [offer for offer in offers if _used(offer, tolerance) <= 1.0]

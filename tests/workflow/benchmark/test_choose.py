@@ -66,7 +66,7 @@ def test_the_choice_meets_its_tolerance_and_nothing_cheaper_does(force_n, torque
 def test_of_models_that_are_as_cheap_the_most_accurate_is_chosen_and_then_the_cheapest_better_one(
     models, same_time, names
 ):
-    offers = [Offer(name, "networks", time_us, force_n, float("nan")) for name, (time_us, force_n) in models.items()]
+    offers = [Offer(name, time_us, force_n, float("nan")) for name, (time_us, force_n) in models.items()]
     assert tuple(each.name for each in cheapest(offers, Tolerance.of_kinds(2.0, None), same_time)) == names
 
 
