@@ -17,6 +17,7 @@ from tests.support.compiler import needs_compiler
 from tests.support.random_surrogates import random_poses, random_surrogate
 
 SOURCE = "int answer(void) { return 42; }\n"
+pytestmark = needs_compiler
 
 
 @pytest.fixture
@@ -31,7 +32,6 @@ def surrogate():
     return random_surrogate(load_scene("sphere_on_plane"), "patch")
 
 
-@needs_compiler
 def test_the_same_source_is_compiled_once(cache):
     first = compiler.shared_library(SOURCE)
     made = first.stat().st_mtime_ns
@@ -41,7 +41,6 @@ def test_the_same_source_is_compiled_once(cache):
     assert {path.name for path in cache.iterdir()} == {first.name, other.name}
 
 
-@needs_compiler
 def test_an_environment_variable_chooses_the_instruction_set_and_each_choice_is_kept(cache, monkeypatch):
     """The compiler names in its macros what it was asked for; the cache tells libraries apart by it."""
     source = """
@@ -67,7 +66,6 @@ def test_an_environment_variable_chooses_the_instruction_set_and_each_choice_is_
         compiler.shared_library(SOURCE)
 
 
-@needs_compiler
 @pytest.mark.parametrize("damage", ["cut", "others can write"])
 def test_a_damaged_library_or_one_that_others_could_have_changed_is_made_again(cache, damage):
     library = compiler.shared_library(SOURCE)
@@ -82,7 +80,6 @@ def test_a_damaged_library_or_one_that_others_could_have_changed_is_made_again(c
     assert list(cache.iterdir()) == [again]
 
 
-@needs_compiler
 def test_processes_that_compile_at_once_all_get_a_whole_library(cache):
     code = f"from casadi_contact.core.compiler import shared_library; print(shared_library({SOURCE!r}))"
     command = [sys.executable, "-c", code]
@@ -93,7 +90,6 @@ def test_processes_that_compile_at_once_all_get_a_whole_library(cache):
     assert not [path for path in cache.iterdir() if path.name.startswith(".")]
 
 
-@needs_compiler
 def test_a_cache_that_cannot_be_written_is_not_needed(tmp_path, monkeypatch, surrogate):
     blocked = tmp_path / "file"
     blocked.write_text("no folder")
@@ -120,7 +116,6 @@ def test_without_a_working_compiler_one_warning_and_the_same_results(cache, monk
     np.testing.assert_allclose(batch(poses.T).full().T, surrogate(poses), rtol=1e-12, atol=1e-9)
 
 
-@needs_compiler
 @pytest.mark.skipif(os.name != "posix", reason="needs a shell")
 def test_a_library_for_another_machine_is_one_warning_and_the_same_results(cache, tmp_path, monkeypatch, surrogate):
     """A cross compiler's library cannot be loaded, nor can any from a disc that is mounted without programs."""
@@ -153,7 +148,6 @@ def refused(cache):
     return check
 
 
-@needs_compiler
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only the superuser can give files away")
 def test_a_cache_of_another_user_is_refused_and_a_library_made_again(cache, refused):
     library = compiler.shared_library(SOURCE)
@@ -166,7 +160,6 @@ def test_a_cache_of_another_user_is_refused_and_a_library_made_again(cache, refu
     refused("where another user can replace it")
 
 
-@needs_compiler
 @pytest.mark.skipif(os.name != "posix", reason="mode bits are POSIX")
 def test_a_cache_that_others_can_write_is_refused(cache, refused):
     cache.mkdir(parents=True)
@@ -179,7 +172,6 @@ def test_a_cache_that_others_can_write_is_refused(cache, refused):
     assert compiler.shared_library(SOURCE).stat().st_mode & 0o077 == 0
 
 
-@needs_compiler
 def test_a_folder_or_a_link_in_place_of_a_library_is_refused(cache, refused, tmp_path):
     library = compiler.shared_library(SOURCE)
     elsewhere = library.rename(tmp_path / "elsewhere")

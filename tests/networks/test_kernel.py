@@ -21,6 +21,7 @@ from tests.support.random_surrogates import (
 )
 
 torch_oracle = pytest.importorskip("tests.support.torch_oracle", reason="torch is not installed", exc_type=ImportError)
+pytestmark = needs_compiler
 CASES = [("knee", structure, activation) for structure in ("patch", "two_stage") for activation in ACTIVATIONS]
 CASES += [(scene, "patch", "algebraic") for scene in ("hip", "patellofemoral", IN_PARTS)]  # N as a magnitude, N = +Fx
 
@@ -44,7 +45,7 @@ def at_liftoff(surrogate, poses: np.ndarray) -> np.ndarray:
     return np.vstack([low, high, low - hair, high + hair])
 
 
-@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=needs_compiler)], ids=["graph", "kernel"])
+@pytest.mark.parametrize("compiled", [False, True], ids=["graph", "kernel"])
 @pytest.mark.parametrize(("scene", "structure", "activation"), CASES)
 def test_graph_and_kernel_equal_numpy_and_torch(scene, structure, activation, compiled):
     """Loads and root loads, their Jacobians and Hessians, near and far and on both sides of liftoff."""
@@ -75,7 +76,6 @@ def test_graph_and_kernel_equal_numpy_and_torch(scene, structure, activation, co
     np.testing.assert_array_equal(surrogate(poses), surrogate.jacobian(poses)[0])
 
 
-@needs_compiler
 @pytest.mark.usefixtures("as_shipped")
 @pytest.mark.parametrize("structure", ["patch", "two_stage"])
 def test_batches_equal_single_calls(structure):
@@ -103,7 +103,6 @@ def test_batches_equal_single_calls(structure):
     agree(got.full()[None, None], want.full()[None, None], 2)
 
 
-@needs_compiler
 @pytest.mark.parametrize(("scene", "structure"), [("knee", "two_stage"), (IN_PARTS, "patch")])
 def test_the_jacobian_of_the_jacobian_is_the_hessian_of_every_output(scene, structure):
     """Loads and roots together, and either alone, against the graph."""
@@ -118,7 +117,6 @@ def test_the_jacobian_of_the_jacobian_is_the_hessian_of_every_output(scene, stru
         agree(got[1], want[1], 2, amplified=stiff)
 
 
-@needs_compiler
 def test_second_derivatives_of_a_batch_are_each_pose_s_own():
     surrogate, batch = random_surrogate(load_scene("knee"), "patch", seed=9), 3
     poses, pose = random_poses(batch, seed=6), ca.MX.sym("pose", 6, batch)
@@ -133,7 +131,6 @@ def test_second_derivatives_of_a_batch_are_each_pose_s_own():
         agree(by_pose[i, :, i, :, i].swapaxes(1, 2), by_jacobian_of_jacobian(single, poses)[0], 2)
 
 
-@needs_compiler
 @pytest.mark.usefixtures("as_shipped")
 @pytest.mark.parametrize("name", ["knee", "knee_two_stage"])
 def test_ready_surrogates_agree_in_and_beyond_their_range(name):
@@ -154,7 +151,6 @@ def test_ready_surrogates_agree_in_and_beyond_their_range(name):
     agree([jacobian(pose, 0).full() for pose in few], jacobians[::9], 1, usual_size(jacobians), amplified)
 
 
-@needs_compiler
 @pytest.mark.usefixtures("as_shipped")
 def test_no_pose_however_far_gives_nan():
     surrogate = load_surrogate("knee")
@@ -177,7 +173,6 @@ def pressed_parts(surrogate, poses: np.ndarray) -> np.ndarray:
     return (np.column_stack(roots) > 0.0).sum(axis=1)
 
 
-@needs_compiler
 @pytest.mark.usefixtures("as_shipped")
 def test_however_many_parts_are_pressed_the_kernel_equals_numpy():
     """Networks of parts are evaluated four or two at a time, and those that are left over one by one."""
@@ -193,7 +188,6 @@ def test_however_many_parts_are_pressed_the_kernel_equals_numpy():
     agree([jacobian(each, 0).full() for each in poses], [slopes(each).full() for each in poses], 1)
 
 
-@needs_compiler
 @pytest.mark.parametrize("name", ["kernel", "roots"])
 def test_a_patch_may_be_called_as_the_kernel_calls_its_own(name, tmp_path):
     scene = scene_of(tmp_path, ball_mesh(8.0, 2.0), sheet_mesh(8.0, 4.0), extra=f"[geometry.patches.{name}]\n")
