@@ -78,20 +78,15 @@ def _constant(array: np.ndarray) -> ca.MX:
     return ca.MX(ca.DM(array))
 
 
-def network_value(network: Network, x: ca.MX, order: int = 0, tangent: ca.MX | None = None) -> NetworkValue:
-    """y of a network of one output for a column x of k inputs, with derivatives up to order 0, 1 or 2 along a tangent
-    T (k x m).
+def network_values(
+    network: Network, x: ca.MX, order: int = 0, tangent: ca.MX | None = None, outputs: Sequence[int] = (0,)
+) -> list[NetworkValue]:
+    """These outputs of a network for a column x of k inputs, with derivatives up to order 0, 1 or 2 along a tangent
+    T (k x m); the hidden neurons are evaluated once.
 
     Without a tangent, with respect to x itself. With it, dy/dx·T and Tᵀ·d²y/dx²·T: m columns pass through the
     network instead of k.
     """
-    return network_values(network, x, order, (0,), tangent)[0]
-
-
-def network_values(
-    network: Network, x: ca.MX, order: int, outputs: Sequence[int], tangent: ca.MX | None = None
-) -> list[NetworkValue]:
-    """The same for several outputs of a network; the hidden neurons are evaluated once."""
     # Input and output scales are folded into the first and last weights; the shift stays, for the digits' sake.
     weights = [np.asarray(w, dtype=float) for w in network.weights]
     weights[0] = weights[0] / np.asarray(network.input_scale)

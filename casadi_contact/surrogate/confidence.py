@@ -147,7 +147,7 @@ class Confidence:
         squares = ca.DM((self.centres**2).sum(axis=1) / (2.0 * h2))
         distance = 0.5 * ca.sumsqr(z) / h2 - ca.logsumexp(ca.mtimes(ca.DM(self.centres), z) / h2 - squares)
         x = _clip_expression(ca.vertcat(pose[[int(c) for c in self.columns]], roots))
-        y = [each.value for each in network_values(self.network, x, 0, range(self.network.outputs))]
+        y = [each.value for each in network_values(self.network, x, outputs=range(self.network.outputs))]
         u = ca.logsumexp(ca.vertcat(self.sharpness * (distance - self.edge), y[0]))
         outside = growth_outside(ca.fmax(u + SURE, 0.0))
         return _validity(ca, u), ca.exp(ca.vertcat(*y[1:])) + outside * ca.DM(self.growth)

@@ -21,7 +21,7 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.networks.graph import Expressions, NetworkValue, network_value, stack
+from casadi_contact.networks.graph import Expressions, NetworkValue, network_values, stack
 from casadi_contact.networks.kernel.networks import Bundle
 from casadi_contact.networks.kernel.source import Kernel, c_text, table
 from casadi_contact.networks.network import Regression
@@ -177,7 +177,7 @@ class TwoStageSurrogate(Surrogate):
     def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
         """With u = (pose, f) and U = du/dpose: dF = g·U, d²F = Uᵀ·H·U + Σ_f g_f·d²f."""
         first = [name for name in self.scene.sensitive_loads if name in self.networks]
-        raw = {name: network_value(self.networks[name], pose, order) for name in first}
+        raw = {name: network_values(self.networks[name], pose, order)[0] for name in first}
         clamped = {name: _clamp(force) for name, force in raw.items()}
         u = ca.vertcat(pose, *(force.value for force in clamped.values()))
         tangent = None
@@ -188,7 +188,7 @@ class TwoStageSurrogate(Surrogate):
             if name in clamped:
                 values.append(clamped[name])
                 continue
-            load = network_value(self.networks[name], u, order, tangent)
+            (load,) = network_values(self.networks[name], u, order, tangent)
             if order > 1:
                 hessian = load.hessian
                 for slope, force in zip(ca.vertsplit(load.input_gradient.T[6:]), clamped.values(), strict=True):

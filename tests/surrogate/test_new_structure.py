@@ -13,9 +13,9 @@ from casadi_contact.surrogate.load import STRUCTURES
 from casadi_contact.workflow import samples as sampling
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
 from casadi_contact.workflow.presets import PRESETS, Effort, Preset
-from tests.support import two_spheres
 from tests.support.agreement import close, second_derivatives
 from tests.support.compiler import needs_compiler
+from tests.support.two_spheres import TwoSpheres
 from tests.surrogate.direct.surrogate import DirectSurrogate
 
 PRESET = Preset(0.004, {"direct": {"": Effort(((5,),), 0.3)}})
@@ -29,7 +29,7 @@ def project(tmp_path_factory):
         patch.setitem(PRESETS, "direct", PRESET)
         made = pipeline.Project.open("knee", "direct", tmp_path_factory.mktemp("direct"))
         with ThreadPoolExecutor(1) as here:
-            sampling.sample(made, executor=here, models=two_spheres.models)
+            sampling.sample(made, executor=here, model=TwoSpheres(made.scene))
             samples, efforts = made.samples(), PRESET.efforts["direct"]
             trained = fit_surrogate(made, samples, Fitting("direct", efforts, made.folder, "a test"), executor=here)
             calibrate(trained, samples).save(made.surrogate_path("direct"))

@@ -101,13 +101,10 @@ def fit(
     or returns a finished fit at once. More ``max_gflop`` or ``max_iterations`` than before continues a fit that those
     had ended.
 
-    Raises ValueError for a regression that cannot be fitted (NaN, shapes), for a start of another size, and for a
-    checkpoint of other data.
+    Raises ValueError for a regression that cannot be fitted (NaN, shapes), and for a checkpoint of other data.
     """
     settings = settings or TrainingSettings()
     check(regression)
-    if start is not None:
-        _check_start(regression, settings, start)
     identity = _identity(regression, settings, start)
     with threadpool_limits(settings.threads):
         trainer, cpu_s = _begun(regression, settings, start, checkpoint, identity)
@@ -186,16 +183,6 @@ def _begun(
     except (KeyError, TypeError, ValueError, IndexError) as error:
         _log.warning("checkpoint %s is damaged (%s); the fit starts again", checkpoint, one_line(error))
         return Trainer(regression, settings, None, start), 0.0
-
-
-def _check_start(regression: Regression, settings: TrainingSettings, start: Network) -> None:
-    got = (len(start.input_shift), start.hidden, start.outputs, start.activation)
-    expected = (regression.inputs.shape[1], settings.sizes[0], regression.outputs, settings.activation)
-    if got != expected:
-        raise ValueError(
-            f"regression {regression.name}: start has (inputs, hidden layers, outputs, activation) {got}, "
-            f"expected {expected}"
-        )
 
 
 def _result(regression: Regression, trainer: Trainer, cpu_s: float) -> Fit:

@@ -18,7 +18,7 @@ import numpy as np
 
 from casadi_contact.core.conventions import Array
 from casadi_contact.networks.frames import rotation
-from casadi_contact.networks.graph import Expressions, NetworkValue, Output, network_value, network_values
+from casadi_contact.networks.graph import Expressions, NetworkValue, Output, network_values
 from casadi_contact.networks.kernel.network_functions import family_functions
 from casadi_contact.networks.kernel.networks import Bundle
 from casadi_contact.networks.kernel.source import Kernel, c_text
@@ -48,7 +48,7 @@ def patch_expressions(
     roots, loads = [], []
     for p, part in enumerate(parts):
         x, *slopes = _local_pose(part.anchor_mm, space, order).call([pose])
-        s = network_value(part.root, x, order)
+        (s,) = network_values(part.root, x, order)
         roots.append(_in_pose([s], slopes))
         used = [k for k in range(6) if selection[:, p, k].any()]
         if not used:
@@ -56,7 +56,7 @@ def patch_expressions(
         normal, ratios = _normal(s, reference_load, order), {}
         if part.ratios is not None and (of := [k for k in part.columns if k in used]):
             outputs = [part.columns.index(k) for k in of]
-            ratios = dict(zip(of, network_values(part.ratios, x, order, outputs), strict=True))
+            ratios = dict(zip(of, network_values(part.ratios, x, order, outputs=outputs), strict=True))
         wrench = [_times(normal, ratios[k], order) if k in ratios else _signed(normal, part.sign) for k in used]
         pick = ca.MX(ca.sparsify(ca.DM(selection[:, p, used])))
         loads.append([ca.mtimes(pick, each) for each in _in_pose(wrench, slopes)])

@@ -188,12 +188,6 @@ def test_a_start_is_gone_on_from():
     assert same.rms <= first.rms * (1.0 + 1e-9)
 
 
-def test_a_start_of_another_size_is_refused():
-    network = fit(smooth(), replace(FIXED, max_iterations=2)).network
-    with pytest.raises(ValueError, match=r"start has .*\(6, 5\).* expected .*\(4, 4\)"):
-        fit(smooth(), replace(FIXED, sizes=((4, 4),)), start=network)
-
-
 def test_a_load_predicted_where_there_is_none_counts_as_the_load_that_it_is():
     """One lifted pose far from all others, whose distance to the target of its gap weighs 13 N: a load of 2,500 N is
     learned there, unless it counts as that."""

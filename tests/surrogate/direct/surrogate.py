@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from casadi_contact.networks.graph import Expressions, Output, network_value, stack
+from casadi_contact.networks.graph import Expressions, Output, network_values, stack
 from casadi_contact.networks.kernel.networks import Bundle
 from casadi_contact.networks.kernel.source import Kernel, c_text
 from casadi_contact.networks.network import Regression
@@ -49,7 +49,7 @@ class DirectSurrogate(Surrogate):
 
     def _expressions(self, pose, loads, order):
         def outputs(names):
-            return stack([network_value(self.networks[name], pose, order) for name in names], order)
+            return stack([network_values(self.networks[name], pose, order)[0] for name in names], order)
 
         forces, n0 = outputs(self._root_networks()), self.scene.reference_load
         return Expressions(Output(-forces.value / n0, -forces.jacobian / n0, -forces.second / n0), outputs(loads))
