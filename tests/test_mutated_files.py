@@ -14,39 +14,23 @@ from casadi_contact.scenes.load_cycle import read_cycle, write_cycle
 from casadi_contact.scenes.opensim import poses_table, read_opensim_table, write_table
 from casadi_contact.scenes.pose_file import read_poses, write_poses
 from casadi_contact.scenes.walking import reference_cycle
+from tests.geometry.test_mesh_formats import binary_stl, obj_of_polygons, vtp, written
 from tests.support.own_contact import SCENE, table_rows, write_csv
 from tests.support.random_surrogates import random_poses, random_surrogate
 from tests.support.smooth_samples import smooth_samples
 
 POSES, TIMES = random_poses(12), np.arange(12.0)
-WORDS = (
-    b"nan",
-    b"1e999",
-    b"9" * 400,
-    b"-1",
-    b"\x00",
-    b"\xff\xfe",
-    b"[" * 5000,
-    b'"',
-    b"\n",
-    b"../../x",
-    b"\xe2\x80\xae",
-)
+WORDS = (b"nan", b"1e999", b"9" * 400, b"-1", b"\x00", b"\xff\xfe", b"[" * 5000, b'"', b"\n", b"../x", b"\xe2\x80\xae")
 MUTATIONS = 12
 DIGEST = {"surrogate.h5", "samples.h5"}  # a changed file must not be read as another content
 
 CORNERS = 9.0 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-_ARRAY = '<DataArray type="{}" Name="{}" format="ascii">{}</DataArray>'
-VTP = (
-    '<VTKFile type="PolyData"><PolyData><Piece NumberOfPoints="4" NumberOfPolys="4"><Points>'
-    + _ARRAY.format("Float64", "points", " ".join(map(str, CORNERS.ravel())))
-    + f"</Points><Polys>{_ARRAY.format('Int32', 'connectivity', ' '.join(map(str, FACES.ravel())))}"
-    + f"{_ARRAY.format('Int32', 'offsets', '3 6 9 12')}</Polys></Piece></PolyData></VTKFile>"
-)
-_FACETS = np.zeros(4, dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-_FACETS["corners"] = CORNERS[FACES]
-STL = bytes(80) + (4).to_bytes(4, "little") + _FACETS.tobytes()
+
+
+def mesh(name, write):
+    return name, (lambda path: written(path, write(CORNERS, FACES)), lambda path: len(load_mesh(path, "mm").faces))
+
 
 READERS = {  # file: how it is made, how it is read and used
     "surrogate.h5": (
@@ -66,12 +50,7 @@ READERS = {  # file: how it is made, how it is read and used
     "cycle.csv": (lambda path: write_cycle(reference_cycle(), path), read_cycle),
     "poses.csv": (lambda path: write_poses(TIMES, POSES, path), read_poses),
     "poses.sto": (lambda path: write_table(poses_table(TIMES, POSES, "poses"), path), read_opensim_table),
-    "mesh.obj": (
-        lambda path: path.write_text("v 0 0 0\nv 9 0 0\nv 0 9 0\nv 0 0 9\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"),
-        lambda path: len(load_mesh(path, "mm").faces),
-    ),
-    "mesh.vtp": (lambda path: path.write_text(VTP), lambda path: len(load_mesh(path, "mm").faces)),
-    "mesh.stl": (lambda path: path.write_bytes(STL), lambda path: len(load_mesh(path, "mm").faces)),
+    **dict(map(mesh, ("mesh.obj", "mesh.vtp", "mesh.stl"), (obj_of_polygons, vtp, binary_stl))),
 }
 
 
@@ -90,8 +69,6 @@ def mutated(content, rng):
 
 @pytest.mark.parametrize("name", READERS)
 def test_a_mutated_file_is_read_or_refused_in_one_line(name, tmp_path):
-    if name in ("mesh.obj", "mesh.stl"):
-        pytest.importorskip("trimesh")
     make, read = READERS[name]
     path = tmp_path / name
     make(path)

@@ -109,19 +109,14 @@ def _node_values(mesh: TriangleMesh, axes: Sequence[Array], spacing_mm: float, n
     """
     if spacing_mm < SPACING_MM:
         coarse = build_field(mesh, min(2.0 * spacing_mm, SPACING_MM)).parameters
-        values = np.stack([_on_plane(coarse, x, *axes[1:]) for x in axes[0]])
+        planes = (np.stack(np.meshgrid(x, *axes[1:], indexing="ij"), axis=-1) for x in axes[0])
+        values = np.concatenate([field_distances(coarse, p.reshape(-1, 3))[:, 0].reshape(p.shape[:3]) for p in planes])
     else:
         values = np.zeros([len(axis) for axis in axes])
     near = np.abs(values) < near_nodes * spacing_mm
     points = np.stack([axis[index] for axis, index in zip(axes, np.nonzero(near), strict=True)], axis=1)
     values[near] = SmoothSurface(mesh).distance(points)
     return values
-
-
-def _on_plane(parameters: Array, x: float, y: Array, z: Array) -> Array:
-    """g (ny, nz) at one x and all y and z."""
-    points = np.stack(np.meshgrid([x], y, z, indexing="ij"), axis=-1).reshape(-1, 3)
-    return np.asarray(field_distances(parameters, points)[:, 0].reshape(len(y), len(z)))
 
 
 def field_parts(parameters: Array) -> tuple[Array, float, Array, Array]:

@@ -26,7 +26,7 @@ from casadi_contact.scenes.columns import TextColumns, check_lengths, check_radi
 from casadi_contact.scenes.load_cycle import OverTime
 from casadi_contact.scenes.opensim import UNITS
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.scenes.shapes.checks import fail, number
+from casadi_contact.scenes.shapes.checks import fail, number, table_of
 
 MOST_CYCLES, MOST_COEFFICIENTS = 1000, 99
 _CENTRES = ("cop_x", "cop_y", "cop_z", "cop_ap", "cop_ml")  # the last two are the names of a knee's load cycle
@@ -150,16 +150,10 @@ def scene_cycles(scene: Scene, *, frames: int = 101, seed: int = 2015) -> list[J
 
     Raises ValueError for a scene without one, and for a bad value with its key.
     """
-    motion = dict(scene.motion)
-    if not motion:
+    if not scene.motion:
         raise ValueError(f"scene {scene.name} has no [motion], expected it there or a cycle file")
-    unknown = set(motion) - {"cycles", "duration_s", "deviation", "harmonics"}
-    harmonics = motion.get("harmonics")
-    if unknown or not isinstance(harmonics, Mapping) or not harmonics:
-        raise ValueError(
-            f"scene {scene.name}: [motion] has {', '.join(motion)}, expected cycles, duration_s, deviation and "
-            "[motion.harmonics]"
-        )
+    optional = ("cycles", "duration_s", "deviation")
+    motion = table_of("motion", scene.motion, ("harmonics",), complete=True, optional=optional)
     columns = {column: name for name, column in column_names(possible_loads(scene.patch_names)).items()}
     count = motion.get("cycles", 10)
     if isinstance(count, bool) or not isinstance(count, int) or not 2 <= count <= MOST_CYCLES:
@@ -168,24 +162,21 @@ def scene_cycles(scene: Scene, *, frames: int = 101, seed: int = 2015) -> list[J
     deviation = number("motion.deviation", motion.get("deviation", 0.05))
     if deviation < 0.0:
         raise fail("motion.deviation", deviation, "a number of 0 or more")
+    harmonics = table_of("motion.harmonics", motion["harmonics"], (), complete=False, optional=tuple(columns))
+    means = {}
+    for column, coefficients in harmonics.items():
+        key, sizes = f"motion.harmonics.{column}", range(1, MOST_COEFFICIENTS + 1, 2)
+        if not isinstance(coefficients, list | tuple) or len(coefficients) not in sizes:
+            raise fail(key, coefficients, f"1, 3, 5, ... numbers, {MOST_COEFFICIENTS} at most")
+        means[columns[column]] = np.array([number(key, value) for value in coefficients])
     rng = np.random.default_rng(seed)
     time = np.linspace(0.0, float(duration), frames)
     cycles = []
     for k in range(count):
         curves = {}
-        for column, coefficients in harmonics.items():
-            if column not in columns:
-                raise ValueError(
-                    f"scene {scene.name}: unknown curve motion.harmonics.{column}, expected {', '.join(columns)}"
-                )
-            key = f"motion.harmonics.{column}"
-            if not isinstance(coefficients, list | tuple) or len(coefficients) not in range(
-                1, MOST_COEFFICIENTS + 1, 2
-            ):
-                raise fail(key, coefficients, f"1, 3, 5, ... numbers, {MOST_COEFFICIENTS} at most")
-            mean = np.array([number(key, value) for value in coefficients])
+        for name, mean in means.items():
             spread = deviation * np.abs(mean[1:] if len(mean) > 1 else mean).max()
-            curves[columns[column]] = _curve(mean + spread * rng.standard_normal(len(mean)), time / duration)
+            curves[name] = _curve(mean + spread * rng.standard_normal(len(mean)), time / duration)
         pose = {name: curve for name, curve in curves.items() if name in POSE_NAMES}
         loads = {name: curve for name, curve in curves.items() if name not in POSE_NAMES}
         cycles.append(JointCycle(f"reference {k + 1}", time, pose, loads))
