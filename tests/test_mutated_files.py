@@ -14,7 +14,7 @@ from casadi_contact.scenes.load_cycle import read_cycle, write_cycle
 from casadi_contact.scenes.opensim import poses_table, read_opensim_table, write_table
 from casadi_contact.scenes.pose_file import read_poses, write_poses
 from casadi_contact.scenes.walking import reference_cycle
-from tests.geometry.test_mesh_formats import binary_stl, obj_of_polygons, vtp, written
+from tests.support.mesh_files import binary_stl, obj_of_polygons, vtp, written
 from tests.support.own_contact import SCENE, table_rows, write_csv
 from tests.support.random_surrogates import random_poses, random_surrogate
 from tests.support.smooth_samples import smooth_samples

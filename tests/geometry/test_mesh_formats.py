@@ -1,10 +1,8 @@
 """Mesh files are read as their formats define them; what is not whole or made to mislead is one line at once."""
 
-import base64
 import struct
 import sys
 import tracemalloc
-import zlib
 
 import numpy as np
 import pytest
@@ -12,78 +10,22 @@ import trimesh
 
 from casadi_contact.geometry import mesh_formats
 from casadi_contact.geometry.mesh import load_mesh
+from tests.support.mesh_files import (
+    base64_array,
+    binary_stl,
+    dos,
+    obj_each_with_its_own,
+    obj_of_both_kinds,
+    obj_of_polygons,
+    stl,
+    vtp,
+    written,
+    zlib_array,
+)
 from tests.support.meshes import ball_mesh
 
 BALL = ball_mesh(16.0, 4.0)
 MOST_MEMORY = 64 << 20
-
-
-def v(point):
-    return "v {:.9f} {:.9f} {:.9f}\n".format(*point)
-
-
-def obj_each_with_its_own(vertices, faces):
-    """As streaming exporters write it: three vertices and their triangle, again and again."""
-    return "".join("".join(v(p) for p in vertices[face]) + "vn 0 1 0\nf -3//-1 -2//-1 -1//-1\n" for face in faces)
-
-
-def obj_of_both_kinds(vertices, faces):
-    """Vertices come in two lots; faces are broken over two lines and mix both ways of naming a vertex."""
-    half = len(vertices) // 2
-    first = (faces < half).all(axis=1)
-    lots = ["".join(v(p) for p in lot) for lot in (vertices[:half], vertices[half:])]
-    lots[0] += "".join(f"f {a - half} {b + 1} \\\n{c - half}\n" for a, b, c in faces[first])
-    lots[1] += "".join(f"\tf {a + 1}/7/7 {b - len(vertices)}/-1/7 {c + 1}/7/7\n" for a, b, c in faces[~first])
-    return "# f -1 -2 -3\n".join(lots)
-
-
-def dos(vertices, faces):
-    return obj_of_both_kinds(vertices, faces).replace("\n", "\r\n")
-
-
-def stl(vertices, faces, name="part"):
-    corner = "      vertex {:.9e} {:.9e} {:.9e}\n"
-    facet = "  facet normal 0 0 0\n    outer loop\n{}    endloop\n  endfacet\n"
-    facets = (facet.format("".join(corner.format(*point) for point in vertices[face])) for face in faces)
-    return f"solid {name}\n{''.join(facets)}endsolid\n"
-
-
-def binary_stl(vertices, faces):
-    """With the words of the other kind in its header."""
-    facets = np.zeros(len(faces), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
-    facets["corners"] = vertices[faces]
-    head = b"solid Exported by a FacetModeller, facet normal".ljust(80) + len(faces).to_bytes(4, "little")
-    return head + facets.tobytes()
-
-
-def ascii_array(values):
-    return "ascii", " ".join(repr(value.item()) for value in values)
-
-
-def base64_array(values):
-    return "binary", base64.b64encode(np.uint32(values.nbytes).tobytes() + values.tobytes()).decode()
-
-
-def zlib_array(values):
-    packed = zlib.compress(values.tobytes())
-    header = np.array([1, values.nbytes, values.nbytes, len(packed)], dtype="<u4").tobytes()
-    return "binary", (base64.b64encode(header) + base64.b64encode(packed)).decode()
-
-
-def vtp(points, polygons, encode=ascii_array):
-    """Points (n, 3) and lists of their numbers."""
-    numbers = np.array([k for polygon in polygons for k in polygon], dtype="<i8")
-    ends = np.cumsum([len(polygon) for polygon in polygons], dtype="<i8")
-    arrays = []
-    for name, values in (("points", np.asarray(points, "<f8").ravel()), ("connectivity", numbers), ("offsets", ends)):
-        kind, (form, text) = {"f": "Float64", "i": "Int64"}[values.dtype.kind], encode(values)
-        arrays.append(f'<DataArray type="{kind}" Name="{name}" format="{form}">{text}</DataArray>')
-    compressor = ' compressor="vtkZLibDataCompressor"' if encode is zlib_array else ""
-    return (
-        f'<VTKFile type="PolyData" byte_order="LittleEndian" header_type="UInt32"{compressor}><PolyData><Piece>'
-        f"<Points>{arrays[0]}</Points><Polys>{arrays[1]}{arrays[2]}</Polys></Piece></PolyData></VTKFile>"
-    )
-
 
 FILES = {
     "each_with_its_own.obj": obj_each_with_its_own,
@@ -100,11 +42,6 @@ FILES = {
 }
 
 
-def written(path, content):
-    path.write_bytes(content.encode() if isinstance(content, str) else content)
-    return path
-
-
 @pytest.mark.parametrize("name", FILES)
 def test_a_ball_is_the_same_in_every_format(name, tmp_path):
     mesh = load_mesh(written(tmp_path / name, FILES[name](*BALL)), "mm")
@@ -118,10 +55,6 @@ def test_units_and_axes_are_those_of_the_library(tmp_path):
     mesh = load_mesh(path, "m", ("-x", "y", "-z"))
     np.testing.assert_allclose(mesh.vertices_mm.mean(axis=0), [-100.0, 0.0, -200.0], atol=1.0)
     np.testing.assert_allclose(mesh.area_vectors_mm2.sum(axis=0), 0.0, atol=1e-2)
-
-
-def obj_of_polygons(points, polygons):
-    return "".join(map(v, points)) + "".join(f"f {' '.join(str(k + 1) for k in polygon)}\n" for polygon in polygons)
 
 
 @pytest.mark.parametrize(("name", "write"), [("prism.vtp", vtp), ("prism.obj", obj_of_polygons)])
