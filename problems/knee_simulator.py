@@ -155,18 +155,27 @@ def simulate(
 ) -> Motion:
     """Integrate from a state (10,) with CVODES; tolerance: relative and absolute [mm, rad, mm/s, rad/s]."""
     time_s = np.linspace(0.0, cycles * simulator.rig.period_s, frames)
-    x, t = ca.MX.sym("x", 10), ca.MX.sym("t")
-    dae = {"x": x, "t": t, "ode": simulator.rate(x, t), "quad": simulator.powers(x, t)}
+    states, work, steps, seconds = integrated(simulator.rate, simulator.powers, start, time_s, tolerance)
+    poses = np.asarray(simulator.pose.map(frames)(states[:, :5].T, time_s[None])).T
+    wrenches = np.asarray(simulator.contact.map(frames)(poses.T)).T
+    return Motion(time_s, states, poses, wrenches, work, steps, seconds)
+
+
+def integrated(
+    rate: ca.Function, powers: ca.Function, start: Array, time_s: Array, tolerance: float
+) -> tuple[Array, Array, int, float]:
+    """By CVODES with the exact Jacobian: states (n, s) and work (n, w) since the start at times (n,), from rate and
+    powers, functions of state and time; steps and seconds."""
+    x, t = ca.MX.sym("x", len(start)), ca.MX.sym("t")
+    dae = {"x": x, "t": t, "ode": rate(x, t), "quad": powers(x, t)}
     options = {"abstol": tolerance, "reltol": tolerance, "max_num_steps": 100_000}
-    integrate = ca.integrator("cycle", "cvodes", dae, 0.0, time_s[1:].tolist(), options)
+    integrate = ca.integrator("motion", "cvodes", dae, float(time_s[0]), time_s[1:].tolist(), options)
     began = time.perf_counter()
     answer = integrate(x0=start)
     seconds = time.perf_counter() - began
-    states = np.vstack([start, np.asarray(answer["xf"]).T])
-    poses = np.asarray(simulator.pose.map(frames)(states[:, :5].T, time_s[None])).T
-    wrenches = np.asarray(simulator.contact.map(frames)(poses.T)).T
-    work = np.vstack([np.zeros(3), np.asarray(answer["qf"]).T])
-    return Motion(time_s, states, poses, wrenches, work, int(integrate.stats()["nsteps"]), seconds)
+    states, work = (np.asarray(answer[key]).T for key in ("xf", "qf"))
+    states, work = np.vstack([start, states]), np.vstack([np.zeros(work.shape[1]), work])
+    return states, work, int(integrate.stats()["nsteps"]), seconds
 
 
 def main(

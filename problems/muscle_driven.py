@@ -15,7 +15,6 @@ balance checks the integrator: all work done is kinetic energy.
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,6 +35,7 @@ from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.page import FOUNDATION, SURROGATE, TARGET, new_page, save_page
 from casadi_contact.scenes.pose_file import write_poses
+from problems.knee_simulator import integrated
 from problems.muscle_contact import walk_of
 
 BALANCED = ("knee_ty", "knee_adduction", "knee_flexion")  # the coordinates of ty, rx, rz
@@ -129,17 +129,9 @@ class Motion:
 
 def simulate(driven: MuscleDriven, time_s: Array, tolerance: float = 1e-6) -> Motion:
     """Integrate over the walk; tolerance: relative and absolute [mm, rad, mm/s, rad/s]."""
-    x, t = ca.MX.sym("x", 6), ca.MX.sym("t")
-    dae = {"x": x, "t": t, "ode": driven.rate(x, t), "quad": driven.powers(x, t)}
-    options = {"abstol": tolerance, "reltol": tolerance, "max_num_steps": 100_000}
-    integrate = ca.integrator("walk", "cvodes", dae, float(time_s[0]), time_s[1:].tolist(), options)
-    began = time.perf_counter()
-    answer = integrate(x0=driven.start)
-    seconds = time.perf_counter() - began
-    states = np.vstack([driven.start, np.asarray(answer["xf"]).T])
+    states, work, steps, seconds = integrated(driven.rate, driven.powers, driven.start, time_s, tolerance)
     poses = np.asarray(driven.pose.map(len(time_s))(states.T, time_s[None])).T
-    work = np.vstack([np.zeros(4), np.asarray(answer["qf"]).T])
-    return Motion(states, poses, work, int(integrate.stats()["nsteps"]), seconds)
+    return Motion(states, poses, work, steps, seconds)
 
 
 def main(

@@ -10,11 +10,6 @@ from problems import knee_simulator
 
 
 @pytest.fixture(scope="module")
-def knee():
-    return cc.load_surrogate("knee")
-
-
-@pytest.fixture(scope="module")
 def simulator(knee):
     return knee_simulator.build(knee)
 
@@ -80,4 +75,4 @@ def test_the_program_compares_surrogate_and_elements(tmp_path, capsys):
 
 def test_a_scene_that_is_not_pressed_down_is_refused():
     with pytest.raises(ValueError, match="hip"):
-        knee_simulator.build(cc.foundation("hip"))
+        knee_simulator.build(cc.ElasticFoundation(cc.load_scene("hip"), (8, 8)))

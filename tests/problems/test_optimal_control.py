@@ -7,14 +7,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-import casadi_contact as cc
 from casadi_contact.optimisation.collocation import Collocation
 from problems import knee_simulator, optimal_control
-
-
-@pytest.fixture(scope="module")
-def knee():
-    return cc.load_surrogate("knee")
 
 
 @pytest.fixture(scope="module")
