@@ -13,9 +13,9 @@ from casadi_contact.contact.model import WrenchLoads, overlaps_without_load, sig
 from casadi_contact.core.conventions import (
     Array,
     angular_velocity_map,
+    batched,
     check_above_zero,
     load_selection,
-    pose_or_poses,
     pose_text,
     rotation,
 )
@@ -57,7 +57,7 @@ class CallableModel(WrenchLoads):
         self._selection = load_selection(self.load_names, self.patch_names)
         self._last: tuple[Array, Array, Array] | None = None  # poses, their wrenches, and the slopes of these
 
-    @pose_or_poses
+    @batched
     def wrenches(self, poses: Array) -> Array:
         """Wrench of each patch (n, patches, 6), NaN where the user's function gives infinity, with which no difference
         can be taken; raises ValueError if it returns another shape."""
@@ -91,7 +91,7 @@ class CallableModel(WrenchLoads):
         plus, minus = np.split(shifted.reshape(len(poses), 12, *shifted.shape[1:]), 2, axis=1)
         return np.moveaxis(plus - minus, 1, -1) / (2.0 * self._steps)
 
-    @pose_or_poses
+    @batched
     def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Wrenches (n, patches, 6) and their central-difference derivatives by the pose (n, patches, 6, 6).
 
@@ -103,7 +103,7 @@ class CallableModel(WrenchLoads):
             last = self._last = poses.copy(), self.wrenches(poses), self._differences(self.wrenches, poses)
         return last[1].copy(), last[2].copy()
 
-    @pose_or_poses
+    @batched
     def gaps(self, poses: Array) -> Array:
         """Gaps (n, patches) [mm] by the user's function, else as the class says: 0 in contact, reach_mm if farther.
 

@@ -21,8 +21,8 @@ from casadi_contact.contact.symbolic import check_parameters, model_callback, pa
 from casadi_contact.core.compiler import CompilerError, call_in_shares, shared_library, warn_once
 from casadi_contact.core.conventions import (
     Array,
+    batched,
     load_selection,
-    pose_or_poses,
     rotation,
     twist_to_pose_gradient,
     wrench_names,
@@ -96,12 +96,12 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
         """Compile the kernel for arrays of poses now, where there is a compiler, so that no pose waits for it."""
         _ = self._library
 
-    @pose_or_poses
+    @batched
     def wrenches(self, poses: Array) -> Array:
         """Wrench of each patch on the fixed body (n, patches, 6) [N, N·mm], for poses (n, 6)."""
         return self._evaluate(poses).wrench
 
-    @pose_or_poses
+    @batched
     def jacobian(self, poses: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
         """Named loads (n, loads) and their derivatives by the pose (n, loads, 6) [per mm, per rad]."""
         if self._library is None:
@@ -115,13 +115,13 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
         columns = [self.load_names.index(name) for name in names]
         return values[:, columns], jacobian[:, columns]
 
-    @pose_or_poses
+    @batched
     def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Wrenches (n, patches, 6) and their derivatives by the pose (n, patches, 6, 6)."""
         found = self._evaluate(poses, slopes=True)
         return found.wrench, found.stiffness
 
-    @pose_or_poses
+    @batched
     def hessian(self, poses: Array, weights: ArrayLike, loads: Iterable[str] | None = None) -> Array:
         """Second derivatives by the pose (n, 6, 6) of Σ weights·loads, weights (L,) or (n, L); (6, 6) for a pose (6,).
         loads: by name, all if left out.
@@ -141,12 +141,12 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
     def _differences(self) -> ca.Function:
         return hessian_function(self.function(compiled=False))
 
-    @pose_or_poses
+    @batched
     def gaps(self, poses: Array) -> Array:
         """Distance of each patch (n, patches) [mm] from the moving body; below zero, minus the largest overlap."""
         return self._gap_jacobian(poses)[0]
 
-    @pose_or_poses
+    @batched
     def at_edge(self, poses: Array) -> np.ndarray:
         """True (n, patches) where contact reaches a patch's rim: part of it may lie beyond."""
         return self._evaluate(poses).cut

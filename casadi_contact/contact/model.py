@@ -11,10 +11,10 @@ import numpy as np
 
 from casadi_contact.core.conventions import (
     Array,
+    batched,
     check_loads,
     load_jacobian,
     load_selection,
-    pose_or_poses,
     possible_loads,
 )
 from casadi_contact.scenes.normal_load import normal_forces, normal_gradients
@@ -170,7 +170,7 @@ class WrenchLoads(ContactModel):
         """The loads asked for (None: all of ``load_names``); ValueError where one is not the scene's."""
         return check_loads(self.load_names, loads)
 
-    @pose_or_poses
+    @batched
     def __call__(self, poses: Array, loads: Iterable[str] | None = None) -> Array:
         """Named loads (n, loads) [N, N·mm], all in the order of ``load_names``, or those asked for.
 
@@ -178,13 +178,13 @@ class WrenchLoads(ContactModel):
         """
         return np.einsum("lpk,npk->nl", self._rows(loads), self.wrenches(poses))
 
-    @pose_or_poses
+    @batched
     def jacobian(self, poses: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
         """Named loads (n, loads), as a call gives them, and their derivatives by the pose (n, loads, 6) [per mm, per
         rad]."""
         return load_jacobian(self._rows(loads), *self.wrench_jacobian(poses))
 
-    @pose_or_poses
+    @batched
     def root_loads(self, poses: Array) -> tuple[Array, Array]:
         """Signed root load s of each patch (n, patches) and ds/dpose (n, patches, 6).
 
@@ -192,7 +192,7 @@ class WrenchLoads(ContactModel):
         """
         return self._wrenches_and_roots(poses)[2:]
 
-    @pose_or_poses
+    @batched
     def jacobian_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
         """All that `jacobian` and `root_loads` return, from one evaluation."""
         wrenches, jacobian, roots, root_jacobian = self._wrenches_and_roots(poses)

@@ -12,7 +12,7 @@ import numpy as np
 
 from casadi_contact.contact.pressure_law import law_of, pressure_derivatives
 from casadi_contact.contact.symbolic import contact_callback
-from casadi_contact.core.conventions import Array, as_poses, pose_or_poses, rotation
+from casadi_contact.core.conventions import Array, as_poses, batched, rotation
 from casadi_contact.geometry.creases import beside_creases, creases
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.mesh_bodies import body_mesh, field_spacing
@@ -114,7 +114,7 @@ class PressureOutputs(ABC):
         single = len(self.patch_names) == 1
         return tuple(m if single else f"{m}_{p}" for p in self.patch_names for m in MEASURES)
 
-    @pose_or_poses
+    @batched
     def pressures(self, poses: Array, names: Iterable[str] | None = None) -> tuple[Array, Array]:
         """Outputs (n, m) by name (all of `pressure_names` if left out) [mm², MPa, mm] and d/dpose (n, m, 6).
 

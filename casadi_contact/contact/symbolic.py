@@ -19,7 +19,7 @@ import numpy as np
 
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.pressure_law import layer_modulus
-from casadi_contact.core.conventions import POSE_NAMES, Array, check_loads, pose_or_poses
+from casadi_contact.core.conventions import POSE_NAMES, Array, batched, check_loads
 from casadi_contact.networks.frames import relative_pose, rotation
 from casadi_contact.networks.functions import ContactFunctions
 from casadi_contact.networks.names import check_name
@@ -194,7 +194,7 @@ class CallbackContact(ContactFunctions, ContactModel):
     def __repr__(self) -> str:
         return f"symbolic({self.model!r})"
 
-    @pose_or_poses
+    @batched
     def __call__(self, poses: Array, loads: Iterable[str] | None = None) -> Array:
         """Named loads (n, loads) [N, N·mm], all or those asked for."""
         return self.model(poses)[:, [self.load_names.index(name) for name in self.check_loads(loads)]]

@@ -133,7 +133,7 @@ def _is_one_pose(poses: ArrayLike) -> bool:
         return False
 
 
-def pose_or_poses(method: _Method) -> _Method:
+def batched(method: _Method) -> _Method:
     """Let a method of poses (n, 6) take one pose (6,) as well: its arrays then come without their first axis.
 
     The method gets poses checked by `as_poses`, and returns an array (n, ...) or a tuple of such.

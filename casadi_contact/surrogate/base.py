@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.core.conventions import POSE_NAMES, Array, pose_index, pose_or_poses
+from casadi_contact.core.conventions import POSE_NAMES, Array, batched, pose_index
 from casadi_contact.networks.functions import as_weights, hessian_function, weighted_hessians
 from casadi_contact.networks.network import Network, Regression
 from casadi_contact.scenes.scene import Scene
@@ -115,7 +115,7 @@ class Surrogate(SurrogateFunctions, ContactModel):
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.scene.name}, networks: {len(self.networks)})"
 
-    @pose_or_poses
+    @batched
     def __call__(self, poses: Array, loads: Iterable[str] | None = None) -> Array:
         """Loads (n, L) for poses (n, 6), or (L,) for a pose (6,): ``load_names``, or the loads asked for."""
         names = self.check_loads(loads)
@@ -124,7 +124,7 @@ class Surrogate(SurrogateFunctions, ContactModel):
             return arrays.loads(poses, names)
         return map_in_chunks(lambda block: self._loads(block, names, derivative=False)[0], poses)
 
-    @pose_or_poses
+    @batched
     def jacobian(self, poses: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
         """Loads (n, L) and d loads / d pose (n, L, 6) for poses (n, 6); (L,) and (L, 6) for a pose (6,)."""
         names = self.check_loads(loads)
@@ -133,7 +133,7 @@ class Surrogate(SurrogateFunctions, ContactModel):
             return arrays.jacobian(poses, names)
         return map_in_chunks(lambda block: self._loads(block, names, derivative=True), poses)
 
-    @pose_or_poses
+    @batched
     def hessian(self, poses: Array, weights: ArrayLike, loads: Iterable[str] | None = None) -> Array:
         """Second derivatives by the pose (n, 6, 6) of Σ weights·loads, weights (L,) or (n, L); (6, 6) for a pose (6,).
 
@@ -148,7 +148,7 @@ class Surrogate(SurrogateFunctions, ContactModel):
             self._hessians[names] = hessian_function(self.function(names))
         return weighted_hessians(self._hessians[names], poses, wanted)
 
-    @pose_or_poses
+    @batched
     def root_loads(self, poses: Array) -> tuple[Array, Array]:
         """Signed root loads s (n, P), s = √(N/N0) in contact and negative outside, and ds/dpose (n, P, 6).
 
@@ -157,7 +157,7 @@ class Surrogate(SurrogateFunctions, ContactModel):
         self.check_roots()
         return map_in_chunks(lambda block: self._roots(block, derivative=True), poses)
 
-    @pose_or_poses
+    @batched
     def jacobian_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
         """All that `jacobian` and `root_loads` return; NumPy evaluates the networks once for both."""
         arrays = self._arrays(poses, self.load_names)
@@ -239,7 +239,7 @@ class Surrogate(SurrogateFunctions, ContactModel):
         roots.check_roots()
         return map_in_chunks(lambda block: roots._roots(block, derivative=False)[0], poses)
 
-    @pose_or_poses
+    @batched
     def validity(self, poses: Array) -> Array:
         """Validity (n,) of poses (n, 6): 1 well inside the learned region, 0 far outside; see `confidence`."""
         confidence, arrays = self.require_confidence(), self._arrays(poses, self.load_names)
@@ -247,7 +247,7 @@ class Surrogate(SurrogateFunctions, ContactModel):
             return arrays.validity(poses)
         return map_in_chunks(lambda block: confidence.validity(block, self.confidence_roots(block)), poses)
 
-    @pose_or_poses
+    @batched
     def expected_error(self, poses: Array) -> Array:
         """Expected error (n, L) [N, N·mm] of ``load_names``: 95 % of unseen errors lie below it; see `confidence`."""
         confidence, arrays = self.require_confidence(), self._arrays(poses, self.load_names)

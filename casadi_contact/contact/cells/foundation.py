@@ -17,7 +17,7 @@ from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.foundation_source import C_FOLDER
 from casadi_contact.contact.model import PatchLoads
 from casadi_contact.contact.pressure_law import law_of
-from casadi_contact.core.conventions import Array, pose_or_poses
+from casadi_contact.core.conventions import Array, batched
 from casadi_contact.geometry.distance_field import in_single_precision
 from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface
 from casadi_contact.networks.kernel.source import c_text
@@ -51,12 +51,12 @@ class CellFoundation(CompiledFoundation):
         """Size of the cells, and sub-points of each."""
         return str(self.cells)
 
-    @pose_or_poses
+    @batched
     def part_wrenches(self, poses: Array) -> Array:
         """Wrench of each part of the scene's patches (n, parts, 6) [N, N·mm], in cells of the same size."""
         return self._parts.wrenches(poses)
 
-    @pose_or_poses
+    @batched
     def part_gaps(self, poses: Array) -> Array:
         """Distance of each part of the scene's patches (n, parts) [mm] from the moving body."""
         return self._parts.gaps(poses)

@@ -20,8 +20,8 @@ from casadi_contact.core.compiler import CompilerError, call_in_shares, shared_l
 from casadi_contact.core.conventions import (
     Array,
     as_poses,
+    batched,
     load_selection,
-    pose_or_poses,
     rotation,
     twist_to_pose_gradient,
 )
@@ -146,32 +146,32 @@ class ElasticFoundation(WrenchLoads):
         """Its name in tables: "EF 80×40"."""
         return f"EF {grid_text(self.grid)}"
 
-    @pose_or_poses
+    @batched
     def wrenches(self, poses: Array) -> Array:
         """Wrench of each patch on the fixed body (n, patches, 6) [N, N·mm], for poses (n, 6)."""
         return self._evaluate(self._patches, poses, derivatives=False)[0]
 
-    @pose_or_poses
+    @batched
     def part_wrenches(self, poses: Array) -> Array:
         """Wrench of each part of the scene's patches (n, parts, 6) [N, N·mm], as samples hold it."""
         return self._evaluate(self._parts, poses, derivatives=False)[0]
 
-    @pose_or_poses
+    @batched
     def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Wrenches (n, patches, 6) and their analytic derivatives by the pose (n, patches, 6, 6)."""
         return self._evaluate(self._patches, poses, derivatives=True)
 
-    @pose_or_poses
+    @batched
     def gaps(self, poses: Array) -> Array:
         """Distance of each patch (n, patches) [mm] from the moving body; below zero, minus the largest overlap."""
         return self._gaps(self._patches, poses)[0]
 
-    @pose_or_poses
+    @batched
     def part_gaps(self, poses: Array) -> Array:
         """Distance of each part of the scene's patches (n, parts) [mm] from the moving body, likewise."""
         return self._gaps(self._parts, poses)[0]
 
-    @pose_or_poses
+    @batched
     def at_edge(self, poses: Array) -> np.ndarray:
         """True (n, patches) where contact reaches a patch's outermost elements: part of it may lie beyond them."""
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])

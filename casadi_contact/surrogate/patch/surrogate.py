@@ -25,8 +25,8 @@ from casadi_contact.core.conventions import (
     WRENCH_NAMES,
     Array,
     angular_velocity_map,
+    batched,
     local_poses,
-    pose_or_poses,
     rotation,
 )
 from casadi_contact.networks.graph import Expressions
@@ -140,7 +140,7 @@ class PatchSurrogate(Surrogate):
             jacobian += selection[:, p] @ d_wrench
         return values, jacobian, roots, d_roots
 
-    @pose_or_poses
+    @batched
     def wrenches(self, poses: Array) -> Array:
         """Wrench of every patch, (n, P, 6), or (P, 6) for a pose (6,); raises ValueError if a network is missing."""
         self.check_loads([f"{component}_{patch}" for patch in self.patch_names for component in WRENCH_NAMES])
