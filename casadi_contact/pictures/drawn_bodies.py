@@ -4,7 +4,6 @@ body in its own frame, and the view."""
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import singledispatch
 from typing import Any
 
 import numpy as np
@@ -111,26 +110,15 @@ class FixedSurface:
         return cls(fine, coarse, places.reshape(-1, places.shape[-1]))
 
 
-@singledispatch
 def fixed_surfaces(model: CompiledFoundation) -> list[FixedSurface]:
     """The fixed surface of each patch of a contact model; raises TypeError for a model without."""
+    if isinstance(model, PolarFoundation):
+        return [_chart_surface(patch) for patch in model.patches]
+    if isinstance(model, CupFoundation):
+        return [_cup_surface(model.cup)]
+    if isinstance(model, CellFoundation):
+        return [_cell_surface(lay_cells(chart, model.cells, cut=1), model.cells) for chart in patch_charts(model.scene)]
     raise TypeError(f"{model!r} has no surface to draw, expected a model made by cc.foundation")
-
-
-@fixed_surfaces.register
-def _(model: PolarFoundation) -> list[FixedSurface]:
-    return [_chart_surface(patch) for patch in model.patches]
-
-
-@fixed_surfaces.register
-def _(model: CupFoundation) -> list[FixedSurface]:
-    return [_cup_surface(model.cup)]
-
-
-@fixed_surfaces.register
-def _(model: CellFoundation) -> list[FixedSurface]:
-    charts = patch_charts(model.scene)
-    return [_cell_surface(lay_cells(chart, model.cells, cut=1), model.cells) for chart in charts]
 
 
 def _chart_surface(patch: SmoothPatch) -> FixedSurface:

@@ -72,14 +72,14 @@ def page_cycle(model: ContactModel, path: str | None) -> PageCycle:
     )
 
 
-def slider_ranges(poses: Array, surrogate: Surrogate | None) -> tuple[Array, str]:
-    """Lowest and highest of each pose parameter (6, 2), and in words why: what was learned, or the cycle and some."""
+def slider_ranges(poses: Array, surrogate: Surrogate | None) -> Array:
+    """Lowest and highest of each pose parameter (6, 2): what was learned, or the cycle's poses (n, 6) and some."""
     learned = {} if surrogate is None else surrogate.record.get("pose_range", {})
     if set(POSE_NAMES) <= set(learned):
-        return np.array([learned[name] for name in POSE_NAMES], dtype=float), "learned"
+        return np.array([learned[name] for name in POSE_NAMES], dtype=float)
     low, high = poses.min(axis=0), poses.max(axis=0)
     reach = np.maximum(0.25 * (high - low), _LEAST_REACH)
-    return np.stack([low - reach, high + reach], 1), "cycle"
+    return np.stack([low - reach, high + reach], 1)
 
 
 def settled_by(scene: Scene) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -91,7 +91,7 @@ def settled_by(scene: Scene) -> tuple[tuple[str, ...], tuple[str, ...]]:
 _LIBRARY = ("third_party", "twgl-full.js")
 # In the order in which each can use those before it.
 _MODULES = (
-    *("format.js", "linear.js", "assets.js", "kernel.js", "settle.js", "canvas.js", "scene.js"),
+    *("format.js", "linear.js", "kernel.js", "settle.js", "canvas.js", "scene.js"),
     *("map.js", "section.js", "controls.js", "panel.js", "timeline.js", "save.js", "main.js"),
 )
 _IMPORT = re.compile(r"^import .*? from \"\./\w+\.js\";\n", re.MULTILINE | re.DOTALL)
@@ -123,9 +123,7 @@ def joint_page(scene: str, poses: str | None = None, surrogate: str | None = Non
     words = {
         "title": escape(f"{contact.scene.name}: contact live"),
         "scene": escape(contact.scene.name),
-        "models": escape(_models(contact, learned)),
-        "moving": "moving body",
-        "fixed": "fixed body",
+        "models": escape(f"contact model: {contact!r}" + (f", {learned.title}" if learned else "")),
         "source": escape(f"{cycle.source}. Written by casadi_contact {version('casadi_contact')}."),
         "style": _text("web", "style.css"),
         "content": json.dumps(content, separators=(",", ":")).replace("</", "<\\/"),
@@ -160,11 +158,6 @@ def _surrogate(contact: CompiledFoundation, given: str | None) -> tuple[Surrogat
     return surrogate, f"cc.load_surrogate({name!r})"
 
 
-def _models(contact: CompiledFoundation, surrogate: Surrogate | None) -> str:
-    learned = "" if surrogate is None else f", {surrogate.title}"
-    return f"contact model: {contact!r}{learned}"
-
-
 def _arrays(
     contact: CompiledFoundation, surrogate: Surrogate | None, surfaces: Sequence[FixedSurface], moving: Triangles
 ) -> dict[str, np.ndarray]:
@@ -186,7 +179,6 @@ def _content(
     contact: CompiledFoundation, surrogate: Surrogate | None, cycle: PageCycle, surfaces: Sequence[FixedSurface]
 ) -> dict[str, Any]:
     scene = contact.scene
-    ranges, why = slider_ranges(cycle.poses, surrogate)
     free, target = settled_by(scene)
     pressed = normal_forces(scene.normal_loads, contact.wrenches(cycle.poses)).sum(axis=1)
     begun = {"stance": cycle.poses[pressed.argmax()], "swing": cycle.poses[pressed.argmin()]}
@@ -207,11 +199,10 @@ def _content(
             {"loads": list(normal.loads), "directed": normal.component is not None, "sign": normal.sign}
             for normal in scene.normal_loads
         ],
-        "pose": pose_words(scene.shape, ranges),
+        "pose": pose_words(scene.shape, slider_ranges(cycle.poses, surrogate)),
         "space": None
         if (space := scene.pose_space).unconstrained
         else {"matrix": space.matrix.tolist(), "offset": space.offset.tolist()},
-        "range": why,
         "presets": {name: pose.tolist() for name, pose in begun.items()},
         "settle": {
             "free": list(free),

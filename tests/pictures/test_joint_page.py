@@ -247,9 +247,7 @@ def saved(knee, button, tmp_path):
     return path
 
 
-def test_saved_tables_are_read_back_by_the_library_and_the_picture_is_not_blank(knee, tmp_path):
-    from matplotlib.image import imread
-
+def test_saved_tables_are_read_back_by_the_library(knee, tmp_path):
     poses = np.array(knee.ask("joint.content.cycle.poses"))
     np.testing.assert_array_equal(read_poses(saved(knee, "csv", tmp_path)), poses)
     path = saved(knee, "sto", tmp_path)
@@ -257,6 +255,5 @@ def test_saved_tables_are_read_back_by_the_library_and_the_picture_is_not_blank(
     table, loads = read_opensim_table(path), knee.surrogate(poses)
     np.testing.assert_allclose(table.columns["Fy_med"], loads[:, 0], atol=1e-8)
     np.testing.assert_allclose(table.columns["Tx"], loads[:, 4] / 1000.0, atol=1e-8)
-    assert imread(saved(knee, "png", tmp_path))[..., :3].std() > 0.05
     knee.ask("void (navigator.clipboard.writeText = () => Promise.reject(new Error('none')))")
     assert "ContactInOpti" in saved(knee, "opti", tmp_path).read_text("utf-8")

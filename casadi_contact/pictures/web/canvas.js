@@ -4,7 +4,6 @@ export const INK = "#1d2329";
 export const FAINT = "#6b747d";
 export const LINE = "#dfe3e6";
 export const ACCENT = "#0072b2";
-export const SECOND = "#d55e00";
 export const BONE = [0.87, 0.86, 0.83];
 
 let sizes = new WeakMap(); // asking for one makes the browser lay out the page
@@ -30,4 +29,3 @@ export function cleared(canvas) {
 }
 
 export const css = ([r, g, b]) => `rgb(${Math.round(255 * r)} ${Math.round(255 * g)} ${Math.round(255 * b)})`;
-

@@ -1,4 +1,4 @@
-/** The contact models in WebAssembly. Poses are (tx, ty, tz [mm], rx, ry, rz [rad]); loads in N and N·mm. */
+/** The page's arrays, and the contact models in WebAssembly. Poses are (tx, ty, tz [mm], rx, ry, rz [rad]); loads in N and N·mm. */
 
 const DOUBLE = 8;
 const PRESSURES = 7; // of a patch: area, mean, peak, centre of pressure (3), penetration
@@ -120,4 +120,16 @@ export async function loadModels(bytes, { loads, surrogateLoads, surfaces }) {
     contact: new ContactModel(exports, memory, loads, surfaces),
     surrogate: surrogateLoads ? new Model(exports, memory, "surrogate", surrogateLoads, surfaces.length) : null,
   };
+}
+
+const KINDS = { f4: Float32Array, f8: Float64Array, u4: Uint32Array, u1: Uint8Array };
+
+/** Arrays by name, of one gzip stream of all, one after the other; index: [{name, kind, offset, count}], text: base64 of the stream. */
+export async function unpack(index, text) {
+  const packed = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+  const bytes = await new Response(stream).arrayBuffer();
+  return Object.fromEntries(
+    index.map(({ name, kind, offset, count }) => [name, new KINDS[kind](bytes, offset, count)]),
+  );
 }

@@ -1,13 +1,12 @@
 /** The page: one pose, and everything that follows from it. */
 
-import { unpack } from "./assets.js";
 import { presets, sliders, targets } from "./controls.js";
 import { readable, say } from "./format.js";
-import { loadModels } from "./kernel.js";
+import { loadModels, unpack } from "./kernel.js";
 import { dot } from "./linear.js";
 import { PressureMap } from "./map.js";
 import { LoadsPanel } from "./panel.js";
-import { csvOf, download, optiOf, pictureOf, stoOf } from "./save.js";
+import { csvOf, download, optiOf, stoOf } from "./save.js";
 import { bodiesOn } from "./scene.js";
 import { Section } from "./section.js";
 import { settle } from "./settle.js";
@@ -54,7 +53,6 @@ class Page {
     this.model = models.surrogate ?? models.contact;
     this.frames = content.cycle.poses.map((pose) => evaluated(models, content, pose));
     this.frameLoads = this.frames.map(({ contact, surrogate }) => Array.from(surrogate ?? contact));
-    this.largest = content.loads.map((_, k) => Math.max(1, ...this.frameLoads.map((row) => 1.25 * Math.abs(row[k]))));
     this.trail = content.patches.map((_, patch) => this.frames.map(({ contacts }) => contacts[patch].centre));
     this.peak = Math.max(1, ...this.frames.flatMap(({ contacts }) => contacts.map(({ peak: of }) => of)));
     this.bodies = bodiesOn(byId("scene"), content, surfaces, behind, moving);
@@ -67,11 +65,6 @@ class Page {
     });
     this.timeline = new Timeline(content, curves, (frame) => this.go(content.cycle.poses[frame], frame));
     this.saving();
-    byId("glass").addEventListener("change", (event) => {
-      if (!this.bodies) return;
-      this.bodies.glass = event.target.checked;
-      this.bodies.draw();
-    });
     window.addEventListener("resize", () => this.draw());
     this.go(this.pose);
     document.body.inert = false;
@@ -113,7 +106,7 @@ class Page {
       return area > 0 ? `${title}peak ${readable(peak)} MPa, ${readable(area)} mm²` : `${title}no contact`;
     });
     say(byId("figures"), figures.join("\n"));
-    this.panel.draw(this.state, this.largest);
+    this.panel.draw(this.state);
     this.timeline.draw(this.frame !== null);
   }
 
@@ -140,10 +133,6 @@ class Page {
     const text = (of) => new Blob([of], { type: "text/plain" });
     byId("csv").addEventListener("click", () => download(`${content.scene}.csv`, text(csvOf(content, this.frameLoads))));
     byId("sto").addEventListener("click", () => download(`${content.scene}.sto`, text(stoOf(content, this.frameLoads))));
-    byId("png").addEventListener("click", async () => {
-      this.bodies?.drawWith(); // what was drawn before is no longer kept
-      download(`${content.scene}.png`, await pictureOf(["scene", "map", "section"].map(byId)));
-    });
     byId("opti").addEventListener("click", async () => {
       const code = optiOf(content, this.pose, this.wanted);
       try {

@@ -1,6 +1,4 @@
-/** What is taken away from the page: tables of the cycle, a picture, and Python. */
-
-import { sizeOf } from "./canvas.js";
+/** What is taken away from the page: tables of the cycle, and Python. */
 
 const MM_PER_M = 1000;
 
@@ -42,20 +40,6 @@ export function optiOf(content, pose, wanted) {
     "print(contact.poses(solution), solution.value(contact.loads))",
     "",
   ].join("\n");
-}
-
-/** Canvases, the first above the others, as one picture on white, as large as on the screen. */
-export function pictureOf([top, ...below]) {
-  const density = window.devicePixelRatio || 1;
-  const sides = (canvas) => sizeOf(canvas).map((side) => Math.round(side * density));
-  const [width, high] = sides(top);
-  const picture = Object.assign(document.createElement("canvas"), { width, height: high + sides(below[0])[1] });
-  const context = picture.getContext("2d");
-  context.fillStyle = "#fff";
-  context.fillRect(0, 0, picture.width, picture.height);
-  context.drawImage(top, 0, 0, width, high);
-  below.forEach((canvas, k) => context.drawImage(canvas, (k * width) / below.length, high, ...sides(canvas)));
-  return new Promise((done) => picture.toBlob(done, "image/png"));
 }
 
 export function download(name, blob) {

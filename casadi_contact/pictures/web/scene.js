@@ -49,7 +49,6 @@ class Bodies {
     this.target = middle(fixed.map((surface) => surface.points)).map((part, k) => part + lift * content.view.toward[k]);
     this.distance = content.view.distance;
     [this.yaw, this.pitch] = anglesOf(content.view.eye);
-    this.opacity = GLASS;
     this.turnedBy(gl.canvas);
   }
 
@@ -119,23 +118,18 @@ class Bodies {
     const view_projection = twgl.m4.multiply(lens, twgl.m4.inverse(camera));
     const { colours, still } = this.always;
     twgl.setUniforms(this.program, { colours, largest: this.largest, view_projection, eye, light });
-    const fixed = { world: still, bare: BONE, opacity: 1 };
-    for (const body of [...(samples === MOVING ? this.coarse : this.fixed), this.behind]) this.show(body, fixed);
-    const steel = { world: this.world, bare: STEEL, opacity: this.opacity };
-    if (this.opacity < 1) {
-      gl.enable(gl.BLEND);
-      gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
-      gl.depthMask(false);
-      gl.cullFace(gl.FRONT);
-      this.show(this.moving, steel);
-      gl.cullFace(gl.BACK);
-      this.show(this.moving, steel);
-      gl.depthMask(true);
-      gl.disable(gl.BLEND);
-    } else {
-      gl.disable(gl.CULL_FACE);
-      this.show(this.moving, steel);
+    for (const body of [...(samples === MOVING ? this.coarse : this.fixed), this.behind]) {
+      this.show(body, { world: still, bare: BONE, opacity: 1 });
     }
+    gl.enable(gl.BLEND);
+    gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    gl.depthMask(false);
+    for (const side of [gl.FRONT, gl.BACK]) {
+      gl.cullFace(side);
+      this.show(this.moving, { world: this.world, bare: STEEL, opacity: GLASS });
+    }
+    gl.depthMask(true);
+    gl.disable(gl.BLEND);
     gl.flush(); // it draws while the page goes on
   }
 
@@ -143,10 +137,6 @@ class Bodies {
     twgl.setBuffersAndAttributes(this.gl, this.program, buffers);
     twgl.setUniforms(this.program, uniforms);
     twgl.drawBufferInfo(this.gl, buffers);
-  }
-
-  set glass(wanted) {
-    this.opacity = wanted ? GLASS : 1;
   }
 }
 

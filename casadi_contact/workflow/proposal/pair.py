@@ -72,10 +72,8 @@ class Pair:
         return np.asarray((distance < reach_mm) & (facing > SETTINGS.facing_cos))
 
     def dropped(self, R: Array, t: Array, direction: Array) -> Array | None:
-        """The translation (3,) of first touch if the moving body comes along a direction from far away.
-
-        Steps of the smallest gap never pass a surface. None if the body passes by, or comes with the hollow side of an
-        open surface ahead, behind which distances are negative.
+        """The translation (3,) of first touch if the moving body comes along a direction from far away, in steps of the
+        smallest gap, which pass no surface; None if it passes by, or an open surface comes with its hollow side ahead.
         """
         size = np.linalg.norm(np.ptp(self.points_mm, axis=0)) + np.linalg.norm(np.ptp(self.moving.vertices_mm, axis=0))
         vertices = self.moving.vertices_mm @ R.T + t

@@ -5,9 +5,9 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.scenes.shapes.mesh_bodies import body_mesh, shell_thickness
-from casadi_contact.workflow.proposal import convergence
-from casadi_contact.workflow.proposal.convergence import rest_loads, thin_spacing
+from casadi_contact.workflow.proposal import propose as proposing
 from casadi_contact.workflow.proposal.joint_geometry import Joint
+from casadi_contact.workflow.proposal.propose import rest_loads, thin_spacing
 from tests.support.meshes import cap_mesh, mesh_scene_text, sheet_mesh, slab_mesh, write_obj
 
 OVERLAP_MM, RADIUS_MM = 0.1, 20.0
@@ -27,7 +27,7 @@ def test_a_ball_on_a_thin_plate_carries_its_closed_form(tmp_path, monkeypatch):
     scene = cc.Scene.from_tables({**loaded.tables, "geometry": {**loaded.tables["geometry"], "spacing": spacing}})
     pressed = np.array([0.0, RADIUS_MM - OVERLAP_MM, 0.0, 0.0, 0.0, 0.0])
     assert -cc.ElasticFoundation(scene).wrenches(pressed)[0, 1] == pytest.approx(EXACT_N, rel=0.015)
-    monkeypatch.setattr(convergence, "field_fits", lambda mesh, spacing_mm: spacing_mm > 0.2)
+    monkeypatch.setattr(proposing, "field_fits", lambda mesh, spacing_mm: spacing_mm > 0.2)
     assert thin_spacing(meshes, thickness, 0.75)["fixed"] == pytest.approx(0.3)
 
 

@@ -36,12 +36,19 @@ def test_for_every_number_of_parts_no_other_cuts_are_better(strips, seed):
         )
 
 
-def test_a_part_more_must_take_a_tenth_of_the_error_off():
-    assert worthwhile([(100.0, ()), (50.0, (4,)), (46.0, (2, 4))], 5.0, 0.1) == ((4,), 50.0)
-    assert worthwhile([(100.0, ()), (91.0, (4,))], 5.0, 0.1) == ((), 100.0)
-    assert worthwhile([(100.0, ()), (50.0, (4,)), (40.0, (2, 4))], 5.0, 0.1) == ((2, 4), 40.0)
-    assert worthwhile([(100.0, ()), (50.0, (4,)), (40.0, (2, 4))], 60.0, 0.1) == ((4,), 50.0)
-    assert worthwhile([(100.0, ()), (50.0, (4,)), (46.0, (2, 4))], 5.0, 0.05) == ((2, 4), 46.0)
+@pytest.mark.parametrize(
+    ("errors", "enough", "worth", "cuts"),
+    [
+        ((100.0, 50.0, 46.0), 5.0, 0.1, 1),
+        ((100.0, 91.0), 5.0, 0.1, 0),
+        ((100.0, 50.0, 40.0), 5.0, 0.1, 2),
+        ((100.0, 50.0, 40.0), 60.0, 0.1, 1),
+        ((100.0, 50.0, 46.0), 5.0, 0.05, 2),
+    ],
+)
+def test_a_part_more_must_take_its_share_of_the_error_off(errors, enough, worth, cuts):
+    by_count = [(error, tuple(range(k))) for k, error in enumerate(errors)]
+    assert worthwhile(by_count, enough, worth) == (tuple(range(cuts)), errors[cuts])
 
 
 @pytest.fixture(scope="module")
