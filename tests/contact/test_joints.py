@@ -14,11 +14,6 @@ def hip():
     return cc.ElasticFoundation(cc.load_scene("hip"), (60, 60))
 
 
-@pytest.fixture(scope="module")
-def patella():
-    return cc.ElasticFoundation(cc.load_scene("patellofemoral"), (100, 40))
-
-
 def test_a_deep_cup_gives_the_integral_over_its_cap(hip):
     """F = 2πR² ∫ p(d(θ)) cos θ sin θ dθ, with d(θ) the ball's reach beyond the cup along the ray at θ."""
     g, material = hip.scene.geometry, hip.scene.material
@@ -51,8 +46,9 @@ def test_turning_the_displacement_about_the_cups_axis_turns_the_loads_with_it(hi
     )
 
 
-def test_a_button_in_the_middle_rides_both_facets_alike_and_without_torque_about_the_grooves_axis(patella):
+def test_a_button_in_the_middle_rides_both_facets_alike_and_without_torque_about_the_grooves_axis():
     """At flexion along the x axis: equal facets, no vertical force; forces of surfaces of revolution meet the axis."""
+    patella = cc.ElasticFoundation(cc.load_scene("patellofemoral"), (100, 40))
     medial, lateral = patella.wrenches(np.array([[-49.8, 0.0, 0.0, 0.0, 0.0, 0.0]]))[0]
     assert medial[0] == pytest.approx(lateral[0])
     assert medial[0] > 100.0

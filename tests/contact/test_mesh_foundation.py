@@ -44,7 +44,6 @@ def test_force_on_a_meshed_sphere_is_within_one_per_cent(sphere):
     smooth, flat = (-m(poses)[:, 1] / exact - 1.0 for m in (cc.ElasticFoundation(sphere), cc.RayCastFoundation(sphere)))
     assert np.abs(smooth).max() < 0.01
     assert flat.mean() < -0.1
-    print(f"sphere: smooth {smooth.min():.2%} to {smooth.max():.2%}, flat {flat.min():.1%} to {flat.max():.1%}")
 
 
 @pytest.mark.parametrize("count", [40, 160])

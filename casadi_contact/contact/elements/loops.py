@@ -83,6 +83,15 @@ def point_bound(tangent, dx, dy, dz):
     return g + gx * dx + gy * dy + gz * dz - 0.5 * curvature * (dx * dx + dy * dy + dz * dz)
 
 
+@njit(inline="always")
+def _set_twist(out, scale, fx, fy, fz, x, y, z):
+    """scale·(f, p × f) (6,): what a force f at p does to the velocities of a twist."""
+    out[0], out[1], out[2] = scale * fx, scale * fy, scale * fz
+    out[3] = scale * (y * fz - z * fy)
+    out[4] = scale * (z * fx - x * fz)
+    out[5] = scale * (x * fy - y * fx)
+
+
 announce_compilation()
 
 RAY_ITERATIONS = 30
@@ -132,27 +141,15 @@ def _patch_wrench(family, parameters, elements, law, modulus, thickness, R, t, w
             nx, ny, nz = normals[e, 0], normals[e, 1], normals[e, 2]
             d, gx, gy, gz = _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, -g)
             p, dp, _ = pressure(law, modulus, thickness, d)
-            load_direction[0] = -nx
-            load_direction[1] = -ny
-            load_direction[2] = -nz
-            load_direction[3] = -(cy * nz - cz * ny)
-            load_direction[4] = -(cz * nx - cx * nz)
-            load_direction[5] = -(cx * ny - cy * nx)
+            _set_twist(load_direction, -1.0, nx, ny, nz, cx, cy, cz)
             force = p * areas[e]
             for i in range(6):
                 wrench[i] += force * load_direction[i]
             if derivatives:
                 # g(p) = 0 at p = c - d·n moves with the body: dd/dt = -G/(G·n), dd/dω = -((p - t) × G)/(G·n).
-                rx = cx - d * nx - t[0]
-                ry = cy - d * ny - t[1]
-                rz = cz - d * nz - t[2]
+                rx, ry, rz = cx - d * nx - t[0], cy - d * ny - t[1], cz - d * nz - t[2]
                 scale = -dp * areas[e] / min(gx * nx + gy * ny + gz * nz, STEEPEST_RAY_SLOPE)
-                depth_slope[0] = scale * gx
-                depth_slope[1] = scale * gy
-                depth_slope[2] = scale * gz
-                depth_slope[3] = scale * (ry * gz - rz * gy)
-                depth_slope[4] = scale * (rz * gx - rx * gz)
-                depth_slope[5] = scale * (rx * gy - ry * gx)
+                _set_twist(depth_slope, scale, gx, gy, gz, rx, ry, rz)
                 for i in range(6):
                     for j in range(6):
                         stiffness[i, j] += load_direction[i] * depth_slope[j]
@@ -181,11 +178,7 @@ def _patch_gap(family, parameters, elements, R, t, slope):
     qx, qy, qz = to_moving(R, t, c[0], c[1], c[2])
     g, ax, ay, az = signed_distance(family, parameters, qx, qy, qz)
     gx, gy, gz = to_fixed(R, ax, ay, az)
-    slope[0], slope[1], slope[2] = -gx, -gy, -gz
-    rx, ry, rz = c[0] - t[0], c[1] - t[1], c[2] - t[2]
-    slope[3] = ry * slope[2] - rz * slope[1]
-    slope[4] = rz * slope[0] - rx * slope[2]
-    slope[5] = rx * slope[1] - ry * slope[0]
+    _set_twist(slope, -1.0, gx, gy, gz, c[0] - t[0], c[1] - t[1], c[2] - t[2])
     return best
 
 
@@ -196,20 +189,8 @@ def wrench_many(family, parameters, elements, law, modulus, thickness, rotations
     wrenches = np.empty((count, 6))
     stiffnesses = np.empty((count if derivatives else 0, 6, 6))
     for k in numba.prange(count):
-        stiffness = np.empty((6, 6))
-        _patch_wrench(
-            family,
-            parameters,
-            elements,
-            law,
-            modulus,
-            thickness,
-            rotations[k],
-            translations[k],
-            wrenches[k],
-            stiffness,
-            derivatives,
-        )
+        stiffness, R, t = np.empty((6, 6)), rotations[k], translations[k]
+        _patch_wrench(family, parameters, elements, law, modulus, thickness, R, t, wrenches[k], stiffness, derivatives)
         if derivatives:
             stiffnesses[k] = stiffness
     return wrenches, stiffnesses
