@@ -143,15 +143,9 @@ class PatchSurrogate(Surrogate):
     @batched
     def wrenches(self, poses: Array) -> Array:
         """Wrench of every patch, (n, P, 6), or (P, 6) for a pose (6,); raises ValueError if a network is missing."""
-        self.check_loads([f"{component}_{patch}" for patch in self.patch_names for component in WRENCH_NAMES])
-        used = np.ones(6, dtype=bool)
-
-        def of_patches(block: Array) -> Array:
-            parts = range(len(self.parts))
-            of_parts = np.stack([self._part(block, p, used, derivative=False)[2] for p in parts], axis=1)
-            return np.add.reduceat(of_parts, self.scene.first_parts, axis=1)
-
-        return map_in_chunks(of_patches, poses)
+        names = self.check_loads([f"{component}_{patch}" for patch in self.patch_names for component in WRENCH_NAMES])
+        shape = (len(self.patch_names), 6)
+        return map_in_chunks(lambda some: self._loads(some, names, derivative=False)[0].reshape(-1, *shape), poses)
 
     def _part(self, poses: Array, p: int, used: np.ndarray, *, derivative: bool) -> tuple[Array, Array, Array, Array]:
         """Root load s (n,) of part p and its wrench W (n, 6), as s, ds/dpose (n, 6), W, dW/dpose (n, 6, 6).
