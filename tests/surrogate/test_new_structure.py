@@ -1,4 +1,4 @@
-"""A new structure is one folder (`tests/structures/direct`) and one line in the registry: the whole way works."""
+"""A new structure is one class (`tests/surrogate/direct`) and one line in the registry: the whole way works."""
 
 from concurrent.futures import ThreadPoolExecutor
 

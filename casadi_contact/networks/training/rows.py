@@ -64,7 +64,7 @@ class Factors:
     """What products with J at the current parameters are made of, in one precision.
 
     inputs: ã_{l-1} (inputs + 1, rows) of each layer. derivatives: for each layer the factor between a change of its z
-    and the residuals (`mlp`: δ_l; `several_outputs`: σ' of hidden layers, w of the last one). layers: V_l.
+    and the residuals (`Mlp`: δ_l; `SeveralOutputsMlp`: σ' of hidden layers, w of the last one). layers: V_l.
     """
 
     inputs: Sequence[np.ndarray]
