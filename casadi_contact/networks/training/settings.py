@@ -14,7 +14,7 @@ from math import isfinite, isinf
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.core.conventions import Array, whole_number
+from casadi_contact.core.conventions import Array
 from casadi_contact.networks.activations import activation_of
 from casadi_contact.networks.training.weights import check_sizes
 
@@ -61,18 +61,6 @@ class TrainingSettings:
             raise ValueError(f"max_gflop is {self.max_gflop!r}, expected 10⁹ operations, above 0")
         if self.max_iterations is None and isinf(self.max_gflop):
             raise ValueError("max_gflop is infinite and max_iterations None, expected an end to the fit")
-        for name, least in (
-            ("max_iterations", 1), ("max_validation_rises", 1), ("seed", 0), ("restarts", 0), ("stall_window", 1),
-            ("growth_iterations", 1), ("chunk_rows", 1), ("threads", 1),
-        ):  # fmt: skip
-            value = getattr(self, name)
-            if value is not None:
-                object.__setattr__(self, name, whole_number(name, value, least))
-        for name in ("stall_improvement", "growth_share", "share_for_another"):
-            if not 0.0 <= getattr(self, name) < 1.0:
-                raise ValueError(f"{name} is {getattr(self, name)!r}, expected a share from 0 to below 1")
-        if not self.checkpoint_every_s >= 0.0:
-            raise ValueError(f"checkpoint_every_s is {self.checkpoint_every_s!r}, expected seconds of 0 or more")
 
 
 ERROR_REACHED = "error reached"
