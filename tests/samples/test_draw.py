@@ -57,7 +57,7 @@ def test_loads_of_each_domain(samples):
 def test_the_executor_does_not_matter(kind, file, tmp_path):
     spawned = {"mp_context": get_context("spawn")}
     seen = []
-    with ThreadPoolExecutor(4) if kind == "threads" else ProcessPoolExecutor(2, **spawned) as executor:
+    with ThreadPoolExecutor(4) if kind == "threads" else ProcessPoolExecutor(1, **spawned) as executor:
         draw(tmp_path / "samples.h5", executor, progress=lambda done, total: seen.append((done, total)))
     assert seen == [(k, seen[0][1]) for k in range(seen[0][1] + 1)]
     assert (tmp_path / "samples.h5").read_bytes() == file.read_bytes()
