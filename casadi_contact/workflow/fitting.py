@@ -94,7 +94,14 @@ def fit_surrogate(
             progress(name, fit.gflop, fit.gflop, remark)
     networks |= {name: fit.network for name, fit in fits.items()}
     networks |= {twin: kind.reflection(twin, networks[of], scene) for twin, of in twins.items()}
-    record = training_record(project, samples, kind(scene, networks), fits, fitting.command)
+    record = {  # its keys: `casadi_contact.surrogate.info`
+        **samples_record(samples),
+        **fits_record(fits),
+        "test_errors": domain_errors(kind(scene, networks), samples),
+        "command": fitting.command,
+        "reference_cycles": list(read_motion(project).cycles) if has_motion(project) else [],
+        "machine": machine_record(),
+    }
     surrogate = kind(scene, networks, record if onward is None else continued_record(onward.record, record))
     if not fitting.kept and (line := budget_line(surrogate.record)):
         _log.warning("%s: %s", title, line)
@@ -110,20 +117,6 @@ def _random_rows(regression: Regression, rows: int | None, seed: int = 0) -> Reg
 
 
 # --- the record of a surrogate's training
-
-
-def training_record(
-    project: Project, samples: Samples, surrogate: Surrogate, fits: Mapping[str, Fit], command: str
-) -> dict[str, Any]:
-    """The record itself, in plain JSON values; its keys: `casadi_contact.surrogate.info`."""
-    return {
-        **samples_record(samples),
-        **fits_record(fits),
-        "test_errors": domain_errors(surrogate, samples),
-        "command": command,
-        "reference_cycles": list(read_motion(project).cycles) if has_motion(project) else [],
-        "machine": machine_record(),
-    }
 
 
 def fits_record(fits: Mapping[str, Fit]) -> dict[str, Any]:
