@@ -130,6 +130,17 @@ def test_a_frame_without_load_has_no_pose_to_find_and_leaves_the_others_alone():
     np.testing.assert_allclose(result.poses[~unloaded], known.poses[~unloaded], atol=1e-6)
 
 
+@needs_compiler
+def test_forces_that_are_parts_of_a_normal_load_settle_from_the_first_touch():
+    """A hip's normal load is the size of three forces: one unknown, its translation is measured."""
+    model = CupFoundation(cc.load_scene("hip"))
+    cycle = few_frames(scene_cycles(model.scene)[0])
+    poses = PoseEstimation.of_cycle(model, cycle).solve().poses
+    parts = PoseEstimation(model, {n: cycle.loads[n] for n in ("Fy", "Fz")}, {**cycle.pose, "tx": poses[:, 0]}).solve()
+    assert parts.solved.all()
+    np.testing.assert_allclose(parts.poses, poses, atol=1e-4)
+
+
 def test_a_frame_that_no_pose_carries_is_reported_and_the_others_are_solved(knee):
     cycle = reference_cycle(frames=11)
     outside = cycle.cop_ml_mm.copy()
