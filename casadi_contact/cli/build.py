@@ -27,7 +27,7 @@ from casadi_contact.cli.options import (
     say,
     say_shipped,
 )
-from casadi_contact.cli.tables import evaluation_tables, fine_grid_remark, read_evaluation
+from casadi_contact.cli.tables import evaluation_tables, read_evaluation
 from casadi_contact.core.files.writing import folder_lock
 from casadi_contact.core.terminal import progress_bars
 from casadi_contact.core.workers import cluster_workers
@@ -194,11 +194,8 @@ def _train(project: Project, executor: Executor | None, structure: str | None = 
 
 def _evaluate(project: Project) -> None:
     path = pipeline.evaluate(project)
-    content = read_evaluation(path)
-    for table in evaluation_tables(content):
+    for table in evaluation_tables(read_evaluation(path)):
         console.print(table)
-    if remark := fine_grid_remark(content, project.scene):
-        say(remark)
     say(f"evaluation in {path}")
 
 

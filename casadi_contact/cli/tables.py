@@ -9,10 +9,8 @@ from typing import Any
 
 from rich.table import Table
 
-from casadi_contact.contact.elements.foundation import grid_text
 from casadi_contact.core.files.reading import MOST_TEXT, checked_size, one_line
-from casadi_contact.core.quantities import FORCE, TORQUE, format_above_limit, of_kind, quantity, three_digits
-from casadi_contact.scenes.scene import Scene
+from casadi_contact.core.quantities import FORCE, TORQUE, of_kind, quantity, three_digits
 from casadi_contact.workflow.benchmark.choose import Choice
 from casadi_contact.workflow.benchmark.kernel_speed import CALL_ALONE
 
@@ -96,25 +94,6 @@ def choice_table(choice: Choice) -> Table:
 def read_evaluation(path: str | Path) -> dict[str, Any]:
     """The content of an ``evaluation.json``; ValueError if it is something else."""
     return read_result(path, "evaluation", "evaluate", evaluation_tables)
-
-
-def fine_grid_remark(content: dict[str, Any], scene: Scene) -> str:
-    """What to know of the scene's fine grid, where an ``evaluation.json`` has it off by more than a tolerance in D1
-    (RMS against what the samples were drawn from); "" otherwise. The grid was chosen for another motion, or by hand."""
-    if "fine" not in scene.grids:  # a scene with a contact model of the user's own needs none
-        return ""
-    grid = grid_text(scene.grids["fine"])
-    errors = content["domain_errors"].get(f"EF {grid}", {}).get("D1", {})
-    above = {name: error["rms"] for name, error in errors.items() if error["rms"] > scene.tolerances[name]}
-    if not above:
-        return ""
-    load = max(above, key=lambda name: above[name] / scene.tolerances[name])
-    tolerance = scene.tolerances[load]
-    off = f"{format_above_limit(above[load], tolerance)} {quantity(load).unit}"
-    return (
-        f"the scene's fine grid, {grid}, is off by {off} in {load} in D1, "
-        f"tolerance {tolerance:g}: for checks of your own take a finer one (grids.fine), or cc.foundation"
-    )
 
 
 def evaluation_tables(content: dict[str, Any]) -> list[Table]:

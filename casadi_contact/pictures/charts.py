@@ -110,22 +110,16 @@ def legend_beside(figure: Any, axes: Any) -> None:
 
 def save(figure: Any, folder: Path, name: str) -> list[Path]:
     """Write a figure as .png and .svg."""
-    paths = []
-    for ending in ("png", "svg"):
-        path = folder / f"{name}.{ending}"
-        save_page(figure, path, metadata={"Date": None} if ending == "svg" else None)
-        paths.append(path)
-    return paths
+    paths = {folder / f"{name}.png": None, folder / f"{name}.svg": {"Date": None}}
+    for path, metadata in paths.items():
+        save_page(figure, path, metadata=metadata)
+    return list(paths)
 
 
 def family_name(family: str) -> str:
     """A family as the legend calls it."""
-    known = {
-        "EF": "elastic foundation (EF), elements",
-        "foundation": "foundation, smooth quadrature",
-        **{name: kind.title for name, kind in STRUCTURES.items()},
-    }
-    return known.get(family, family)
+    known = {"EF": "elastic foundation (EF), elements", "foundation": "foundation, smooth quadrature"}
+    return STRUCTURES[family].title if family in STRUCTURES else known.get(family, family)
 
 
 def families(points: Sequence[Point]) -> list[str]:
@@ -206,10 +200,7 @@ def _labelled(figure: Any, axes: Any, shown: list[list[Measured]], front: Front)
     return figure
 
 
-CHARTS = {
-    "speed_accuracy": draw_speed_accuracy,
-    "gradient_hessian_time": draw_gradient_hessian_time,
-}
+CHARTS = {"speed_accuracy": draw_speed_accuracy, "gradient_hessian_time": draw_gradient_hessian_time}
 
 
 def draw_charts(front: Front, folder: Path) -> list[Path]:

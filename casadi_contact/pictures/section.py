@@ -94,10 +94,9 @@ def _reaches(coordinates: Sequence[Array], low: float, high: float) -> list[tupl
     ends = [(float(c.min()), float(c.max())) for c in coordinates]
     found = []
     for first, last in ends:
-        before = max((b for _, b in ends if b < first), default=None)
-        behind = min((a for a, _ in ends if a > last), default=None)
-        left = low if before is None else first - _SHARE_OF_WAY * (first - before)
-        right = high if behind is None else last + _SHARE_OF_WAY * (behind - last)
+        before, behind = [b for _, b in ends if b < first], [a for a, _ in ends if a > last]
+        left = first - _SHARE_OF_WAY * (first - max(before)) if before else low
+        right = last + _SHARE_OF_WAY * (min(behind) - last) if behind else high
         found.append((left, right))
     return found
 

@@ -104,23 +104,12 @@ def test_every_mistake_is_told_without_a_traceback_and_exits_non_zero(arguments,
     assert len(message.splitlines()) == 1
 
 
-@pytest.mark.parametrize(
-    ("arguments", "word"),
-    [
-        (["--colour", "red"], "No such option"),
-        (["--intervals", "many"], "--intervals"),
-        (["--out", "", "--intervals", "3"], "empty"),
-    ],
-)
-def test_a_mistake_in_the_options_of_a_problem_ends_as_one_of_casadi_contact_does(arguments, word, monkeypatch):
+def test_a_mistake_in_the_options_of_a_problem_ends_as_one_of_casadi_contact_does(monkeypatch):
     from problems import squat
 
-    monkeypatch.setattr("sys.argv", ["squat", *arguments])
-    with pytest.raises(SystemExit) as ended:
+    monkeypatch.setattr("sys.argv", ["squat", "--intervals", "many"])
+    with pytest.raises(SystemExit, match=r"^squat: .*--intervals.*\Z"):
         run_program(squat.main)
-    assert str(ended.value.code).startswith("squat: ")
-    assert word in str(ended.value.code)
-    assert len(str(ended.value.code).splitlines()) == 1
 
 
 @pytest.mark.parametrize("arrives_as", [KeyboardInterrupt, SystemError])
@@ -181,14 +170,3 @@ def test_ctrl_c_in_a_function_that_casadi_evaluates_is_no_mistake_of_the_user(er
     with interrupts_remembered(monkeypatch), pytest.raises(SystemExit) as ended:
         run_app(app, "work", [])
     assert ended.value.code == status if status == 130 else ended.value.code.startswith(status)
-
-
-def test_an_error_of_the_system_is_not_taken_for_ctrl_c():
-    app = new_app(add_completion=False)
-
-    @app.command()
-    def work() -> None:
-        raise SystemError("bad call")
-
-    with pytest.raises(SystemError, match="bad call"):
-        run_app(app, "work", [])
