@@ -123,7 +123,7 @@ def export(
     """Write each surrogate as a ``.casadi`` file and as a C kernel with header and example, or as the kernel alone.
 
     Where nothing has been built: the scene's shipped surrogates. fmu: a functional mock-up unit of each instead.
-    contact_model: `contact.foundation` instead of surrogates, as C or as FMU.
+    contact_model: `cc.foundation` instead of surrogates, as C or as FMU.
     """
     folder, stem = project.folder / "export", project.scene.name
     models: dict[str, Surrogate | CompiledFoundation]

@@ -1,6 +1,6 @@
 """The pressure laws compiled for elements' loops: p(d), zero for d <= 0, with K = (1 - ν)E / ((1 + ν)(1 - 2ν)).
 
-Laws go by number into compiled code, their place in `pressure_laws.LAWS`.
+Laws go by number into compiled code, their place in `scenes.material.LAWS`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Contact models in other programs: C, MEX, FMU, PyTorch, JAX.
 
-Here stands what the bridges ask of a contact model, a surrogate or the one that `contact.foundation` chooses.
+Here stands what the bridges ask of a contact model, a surrogate or the one that `cc.foundation` chooses.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ _EXAMPLE = "example"  # file of the program that calls the model
 
 
 class Exportable(Protocol):
-    """A contact model that gives its C: a surrogate, or what `contact.foundation` chooses."""
+    """A contact model that gives its C: a surrogate, or what `cc.foundation` chooses."""
 
     def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
         """C of the loads (all if left out), and of all that the model knows of them."""

@@ -53,7 +53,7 @@ def elastic_foundations(scene: Scene, settings: SamplingSettings) -> tuple[Conta
 
 
 def foundations(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
-    """The scene's `contact.foundation`, both to settle on and to evaluate samples on."""
+    """The scene's `cc.foundation`, both to settle on and to evaluate samples on."""
     model = foundation(scene)
     if not isinstance(model, CellFoundation):
         return model, model
