@@ -57,7 +57,9 @@ def test_graph_and_kernel_equal_numpy_and_torch(scene, structure, activation, co
     function = surrogate.load_and_root_function(compiled=compiled)
     # The root of two_stage turns by a right angle within 0.05 N, where rounding errors of the forces count for more.
     stiff = 1e3 if structure == "two_stage" else 1.0
-    alone = {"loads": surrogate.function(compiled=compiled), "roots": surrogate.root_function(compiled=compiled)}
+    alone = {}
+    if scene == "knee" and activation == "algebraic":
+        alone = {"loads": surrogate.function(compiled=compiled), "roots": surrogate.root_function(compiled=compiled)}
     for what, in_numpy, amplified in (
         ("loads", surrogate.jacobian(poses), 1.0),
         ("roots", surrogate.root_loads(poses), stiff),
@@ -72,7 +74,8 @@ def test_graph_and_kernel_equal_numpy_and_torch(scene, structure, activation, co
                 zero = want[:6] == 0.0  # out of contact
                 np.testing.assert_array_equal(in_numpy[order][:6] == 0.0, zero)
                 np.testing.assert_array_equal(got[:6] == 0.0, zero)
-        agree([alone[what](each).full().ravel() for each in poses], in_numpy[0], amplified=amplified)
+        if alone:
+            agree([alone[what](each).full().ravel() for each in poses], in_numpy[0], amplified=amplified)
     np.testing.assert_array_equal(surrogate(poses), surrogate.jacobian(poses)[0])
 
 
@@ -87,16 +90,15 @@ def test_batches_equal_single_calls(structure):
     agree(roots.full().T, surrogate.root_loads(poses)[0])
     mapped = function.map(2, "thread")(np.vstack([poses, poses]).T)[0]
     agree(mapped.full().T[batch:], surrogate(poses))
-    loads = surrogate.function(compiled=True, batch=batch)
-    jacobian = loads.jacobian()(poses.T, 0)
+    jacobian = function.jacobian()(poses.T, 0, 0)[0]
     assert jacobian.nnz() == batch * 6 * values.shape[0]
     whole = jacobian.full().reshape(batch, values.shape[0], batch, 6)
     agree(whole[range(batch), :, range(batch)], surrogate.jacobian(poses)[1], 1)
 
     pose = ca.MX.sym("pose", 6 * batch)
     hessians = [
-        ca.Function("h", [pose], [ca.hessian(ca.sumsqr(f(ca.reshape(pose, 6, batch))), pose)[0]])
-        for f in (loads, surrogate.function(batch=batch))
+        ca.Function("h", [pose], [ca.hessian(ca.sumsqr(f(ca.reshape(pose, 6, batch))[0]), pose)[0]])
+        for f in (function, surrogate.load_and_root_function(batch=batch))
     ]
     got, want = (hessian(poses.ravel()) for hessian in hessians)
     assert got.nnz() == 36 * batch
@@ -120,15 +122,14 @@ def test_the_jacobian_of_the_jacobian_is_the_hessian_of_every_output(scene, stru
 def test_second_derivatives_of_a_batch_are_each_pose_s_own():
     surrogate, batch = random_surrogate(load_scene("knee"), "patch", seed=9), 3
     poses, pose = random_poses(batch, seed=6), ca.MX.sym("pose", 6, batch)
-    for kind in ("function", "root_function"):
-        single, several = (getattr(surrogate, kind)(compiled=True, batch=count) for count in (None, batch))
-        output = several(pose)
+    single, several = (surrogate.load_and_root_function(compiled=True, batch=count) for count in (None, batch))
+    i = np.arange(batch)
+    for output, want in zip(several(pose), by_jacobian_of_jacobian(single, poses), strict=True):
         second = ca.Function("second", [pose], [ca.jacobian(ca.jacobian(output, pose), pose)])(poses.T)
         rows = output.shape[0]
         assert second.nnz() == batch * 36 * rows
         by_pose = second.full().reshape(batch, 6, batch, rows, batch, 6)  # a column and a row of the Jacobian, a pose
-        i = np.arange(batch)
-        agree(by_pose[i, :, i, :, i].swapaxes(1, 2), by_jacobian_of_jacobian(single, poses)[0], 2)
+        agree(by_pose[i, :, i, :, i].swapaxes(1, 2), want, 2)
 
 
 @pytest.mark.usefixtures("as_shipped")

@@ -37,7 +37,7 @@ def test_few_false_contacts_are_valid(name, most, moved):
 @pytest.mark.parametrize("name", ["knee", "knee_two_stage"])
 def test_beyond_the_sampled_flexion_valid_poses_are_accurate(name, moved):
     """Both were sampled to 88 degrees: beyond, at most 2 % of the poses are valid and off by five tolerances."""
-    poses = moved[0].copy()
+    poses = moved[0][::4].copy()
     poses[:, POSE_NAMES.index("rz")] = -np.deg2rad(np.random.default_rng(5).uniform(95.0, 130.0, len(poses)))
     surrogate = cc.load_surrogate(name)
     valid = surrogate.validity(poses) > 0.5
