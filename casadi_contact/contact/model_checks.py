@@ -140,15 +140,13 @@ def _check_torques(model: ContactModel, poses: Array, patches: np.ndarray, force
         raise ValueError(f"the contact model's torques are {wrong}; seen at its {where}")
 
 
-def wrong_torques(
-    poses: Array, wrenches: Array, jacobians: Array, *, off: float = 0.2, explains: float = 0.2, least_mm: float = 5.0
-) -> str:
+def wrong_torques(poses: Array, wrenches: Array, jacobians: Array, *, off: float = 0.2, explains: float = 0.2) -> str:
     """What is wrong with the torques of contacts, and its remedy; "" where nothing is, or none of these mistakes.
 
     poses (k, 6); wrenches (k, 6) of a patch each and jacobians (k, 6, 6), their derivatives by the pose. off: the
     residual, as a share of what forces ask for, from which torques are wrong; explains: the share of it that a remedy
-    may leave. least_mm: distance of the origins from which they are told apart: the forces of an elastic foundation act
-    along the normals of one body, so that a ball in its cup has torques about the centre of either.
+    may leave. Forces act along the normals of one body: those of a cup have no torque about its centre, which looks
+    like that of a ball about its own. So the origin is only doubted where torques have a lever.
     """
     finite = np.isfinite(wrenches).all(axis=1) & np.isfinite(jacobians).all(axis=(1, 2))
     poses, wrenches, jacobians = poses[finite], wrenches[finite], jacobians[finite]
@@ -160,11 +158,10 @@ def wrong_torques(
     def residual(factor: float, about_fixed: bool) -> float:
         return float(np.linalg.norm(turned - powers @ (factor * jacobians[:, 3:, :3] - about_fixed * carried)))
 
-    if not wrenches[:, 3:].any():
-        return ""
     found = residual(1.0, True)
-    apart = np.linalg.norm(poses[:, :3], axis=1).max(initial=0.0) > least_mm
-    best = min((each for each in TORQUE_REMEDIES if each[1] or apart), key=lambda which: residual(*which))
+    levers, ways = np.linalg.norm(wrenches[:, 3:]), np.linalg.norm(poses[:, :3, None] * wrenches[:, None, :3])
+    doubted = (each for each in TORQUE_REMEDIES if each[1] or each[0] * levers > explains * ways)
+    best = min(doubted, key=lambda which: residual(*which))
     wrong = found > off * np.linalg.norm(powers @ carried) and residual(*best) <= explains * found
     return TORQUE_REMEDIES[best] if wrong else ""
 

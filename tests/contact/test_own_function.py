@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.contact.model_checks import wrong_torques
 from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.walking import reference_motion_cycles
 from tests.support import own_contact
+from tests.support.ready_poses import PLACES, placed, walking
 
 KNEE = cc.load_scene("knee")
 
@@ -124,6 +126,39 @@ def test_torques_that_do_not_belong_to_their_forces_are_refused_with_the_cure(jo
     _, estimate = estimated(scene, wrong, gaps)
     with pytest.raises(ValueError, match=f"torques are {said}"):
         estimate()
+
+
+@pytest.mark.parametrize(("moving", "said"), [(False, ""), (True, "about the moving body's origin")])
+def test_torques_about_the_wrong_one_of_two_origins_some_mm_apart_are_found(moving, said):
+    model, (poses, targets) = cc.PolarFoundation(KNEE), walking(8)
+    poses, _ = cc.settle(model, poses, ("ty", "rx"), targets)
+    told = wrong_torques_about(model, poses, [0.0, 27.2, 0.0], moving)
+    assert (told.startswith(said), bool(told)) == (True, moving)
+
+
+@pytest.mark.parametrize("name", ["hip", "glenohumeral"])
+@pytest.mark.parametrize("off_mm", [0.0, 0.05, 3.0])
+def test_torques_of_a_cup_about_its_centre_or_near_it_are_not_taken_for_those_of_the_ball(name, off_mm):
+    """Within the rim and cut by it; the ball's centre lies up to 6 mm from the cup's."""
+    model = cc.CupFoundation(cc.load_scene(name))
+    for place in PLACES[name][:2]:
+        origin = np.add(model.scene.geometry["cup_centre"], [off_mm, 0.0, 0.0])
+        assert wrong_torques_about(model, placed(model.scene, [place]), origin, False) == ""
+
+
+def wrong_torques_about(model, poses, origin, moving):
+    """What is said of the torques of the first patch about an origin of the fixed body, or about the moving body's."""
+    shift = np.pad(origin, (0, 3))
+
+    def wrenches(at):
+        forces, torques = np.split(model.wrenches(at + shift), 2, axis=2)
+        arms = (at + shift)[:, None, :3] if moving else shift[:3]
+        return np.concatenate([forces, torques - np.cross(arms, forces)], axis=2)
+
+    near = poses - shift
+    assert 0.1 < np.linalg.norm(near[:, :3], axis=1).max() < 10.0
+    loads, slopes = cc.CallableModel(model.scene, wrenches).wrench_jacobian(near)
+    return wrong_torques(near, loads[:, 0], slopes[:, 0])
 
 
 def with_friction(share, noise=0.0, seed=4):
