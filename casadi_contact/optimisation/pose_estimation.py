@@ -35,7 +35,7 @@ from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, Array
 from casadi_contact.optimisation.contact_frames import ContactFrames
 from casadi_contact.optimisation.ipopt import FrameOutcome, IpoptOutcome, frame_outcomes, least_squares_options
 from casadi_contact.optimisation.pose_targets import PoseTargets
-from casadi_contact.optimisation.starts import pose_bounds, pose_steps, settle_in_range, start_or_default, touching
+from casadi_contact.optimisation.starts import pose_bounds, pose_steps, settle_in_range, touching
 from casadi_contact.scenes.joint_cycle import JointCycle
 from casadi_contact.scenes.load_cycle import LoadCycle
 
@@ -145,7 +145,7 @@ class PoseEstimation:
         Frames that do not converge are reported, never raised. Frames without load stay where they begin.
         """
         began, loaded = time.perf_counter(), self.targets.loaded
-        poses = self.settle_start(start_or_default(start, self.contact.start_poses()))
+        poses = self.settle_start(self.contact.start_poses() if start is None else self.contact.each_frame(start))
         options = least_squares_options(max_iterations=max_iterations, print_level=print_level)
         solver = ca.nlpsol("pose_estimation", "ipopt", self.nlp, options)
         x0, lower, upper = self.contact.variables(poses), self.contact.lower, self.contact.upper

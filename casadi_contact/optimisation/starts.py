@@ -8,12 +8,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from casadi_contact.contact.approach import advance_to_contact, touching_start
 from casadi_contact.contact.settle import settle
 from casadi_contact.contact.symbolic import SymbolicContact
-from casadi_contact.core.conventions import LEVER_MM, POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
+from casadi_contact.core.conventions import LEVER_MM, POSE_NAMES, WRENCH_NAMES, Array, pose_index
 from casadi_contact.scenes.scene import Scene
 
 LEAST_START_N = 20.0  # of each patch, so that a start is in contact
@@ -51,16 +50,6 @@ def pose_steps(sensitive_pose: Sequence[str]) -> Array:
 
 
 KNEE_STEPS = pose_steps(("ty", "rx"))
-
-
-def start_or_default(start: ArrayLike | None, default: Array) -> Array:
-    """A copy of a start (n, 6), of the default (n, 6) if there is none; ValueError for another number of poses."""
-    if start is None:
-        return default.copy()
-    poses = as_poses(start).copy()
-    if len(poses) != len(default):
-        raise ValueError(f"start has {len(poses)} poses, expected one for each of {len(default)} frames")
-    return poses
 
 
 def settle_in_range(

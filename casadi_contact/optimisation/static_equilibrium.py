@@ -32,7 +32,7 @@ from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, WRENCH_NAMES
 from casadi_contact.optimisation.contact_frames import ContactFrames
 from casadi_contact.optimisation.ipopt import FrameOutcome, IpoptOutcome, frame_outcomes, least_squares_options
 from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection
-from casadi_contact.optimisation.starts import middle_pose, press_together, start_or_default
+from casadi_contact.optimisation.starts import middle_pose, press_together
 
 SOFT_TISSUE = {"tx": 5.0, "ty": 0.0, "tz": 5.0, "rx": 0.0, "ry": 5.0e3, "rz": 1.0e5}  # a knee's [N/mm, N·mm/rad]
 
@@ -165,7 +165,7 @@ class StaticEquilibrium:
         pose carries are reported, never raised.
         """
         began = time.perf_counter()
-        poses, ipopt = start_or_default(start, self.rest), IpoptOutcome("Not_Needed", 0)
+        poses, ipopt = self.contact.each_frame(self.rest if start is None else start), IpoptOutcome("Not_Needed", 0)
         left, iterations = np.flatnonzero(~self.pulls), 0
         solved, rng = np.zeros(len(poses), dtype=bool), np.random.default_rng(11)
         aside = np.array([6.0, 0.0, 3.0, 0.1, 0.3, 0.0])  # [mm, rad]; what presses is settled at every start

@@ -1,4 +1,4 @@
-"""Generalised forces do the work of the wrench; a called-back model is the model, derivatives included."""
+"""Generalised forces do the work of the wrench, which counts every patch once; a called-back model is the model."""
 
 import casadi as ca
 import numpy as np
@@ -6,8 +6,17 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact.model import ContactModel
+from casadi_contact.contact.polar.foundation import PolarFoundation
+from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.conventions import WRENCH_NAMES, rotation
-from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection, wrench_function
+from casadi_contact.optimisation.contact_frames import ContactFrames
+from casadi_contact.optimisation.joint_mechanics import (
+    generalised_forces,
+    total_selection,
+    whole_wrench,
+    wrench_function,
+)
+from casadi_contact.optimisation.pose_targets import PoseTargets
 
 POSE = np.array([0.7, 27.3, 0.1, 0.002, -0.04, -0.5])
 
@@ -76,6 +85,58 @@ def test_a_called_back_surrogate_equals_its_own_function():
     np.testing.assert_allclose(np.asarray(own(POSE)), np.asarray(called(POSE)), rtol=1e-10, atol=1e-9)
 
 
-def test_loads_without_a_whole_wrench_are_refused():
-    with pytest.raises(ValueError, match="Fz"):
-        total_selection([name for name in WRENCH_NAMES if name not in ("Fz", "Tz")], ("med", "lat"))
+# The total of a scene's loads, however it names them.
+OTHERS = [name for name in WRENCH_NAMES if name != "Fy"]
+BY_NAMES = {
+    "in total": ["Fy", *OTHERS],
+    "of both sides": ["Fy_med", "Fy_lat", *OTHERS],
+    "in total and of both sides": ["Fy_med", "Fy", "Fy_lat", *OTHERS],
+    "in total and of one side": ["Fy_lat", *OTHERS, "Fy"],
+}
+ONE_SIDE = ["Fy_med", *OTHERS]
+
+
+def knee(names):
+    tables = cc.load_scene("knee").tables
+    loads = {**tables["loads"], "names": names}
+    return cc.Scene.from_tables({**tables, "loads": loads, "tolerances": dict.fromkeys(names, 5.0)})
+
+
+def foundation_of(scene):
+    """Of a few rays: what is summed here is its own."""
+    return PolarFoundation(scene, Rays(8, 2))
+
+
+@pytest.fixture(scope="module", params=BY_NAMES.values(), ids=BY_NAMES)
+def model(request):
+    return foundation_of(knee(request.param))
+
+
+def test_it_is_the_sum_over_the_patches(model):
+    pose = np.array([model.example_pose()])
+    total = total_selection(model.load_names, model.patch_names) @ model(pose)[0]
+    np.testing.assert_allclose(total, model.wrenches(pose)[0].sum(axis=0), rtol=1e-12, atol=1e-9)
+
+
+def test_a_centre_of_pressure_is_that_of_all_that_presses(model):
+    pose = np.array([model.example_pose()])
+    whole = model.wrenches(pose)[0].sum(axis=0)
+    centre = whole[5] / whole[1]  # Tz/Fy
+    wanted = PoseTargets.of(model.scene, {"cop_ap": np.array([centre])})
+    loads = model(pose)[:, [model.load_names.index(name) for name in wanted.load_names]]
+    assert wanted.evaluate(loads)[0, 0] == pytest.approx(centre, rel=1e-9)
+    frames = ContactFrames(model, 1)
+    misfit = ca.Function("misfit", [frames.q], [frames.misfit({"cop_ap": centre})])
+    assert abs(float(misfit(frames.variables(pose)))) < 1e-6
+
+
+def test_of_one_side_alone_there_is_none():
+    scene = knee(ONE_SIDE)
+    with pytest.raises(ValueError, match="hold no Fy"):
+        total_selection(scene.load_names, scene.patch_names)
+    with pytest.raises(ValueError, match="cop_ap"):
+        PoseTargets.of(scene, {"cop_ap": np.zeros(1)})
+    with pytest.raises(ValueError, match="Fy"):
+        ContactFrames(foundation_of(scene), 1).misfit({"cop_ap": 0.0})
+    completed = whole_wrench(scene)
+    assert completed.load_names == (*ONE_SIDE, "Fy")
