@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core import event
 from numba.core.caching import FunctionCache, NullCache
 
 _PACKAGE = __name__.partition(".")[0]
@@ -22,6 +21,13 @@ _PACKAGE = __name__.partition(".")[0]
 
 class _Cache(FunctionCache):
     """Compiled loops on disk."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Called before a loop is compiled; None where it is not on disk."""
+        found = super().load_overload(sig, target_context)
+        if found is None:
+            _announce_first(Path(self.cache_path))
+        return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Called after a compilation; on a full disc the loops serve this process alone."""
@@ -31,6 +37,10 @@ class _Cache(FunctionCache):
 
 class _NoCache(NullCache):
     """Compiled loops that no folder can take."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> None:
+        """Called before a loop is compiled."""
+        _announce_first(None)
 
 
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -67,27 +77,11 @@ def announce(what: str, folder: Path | None) -> None:
         print(f"{_PACKAGE}: compiling {what}, {kept}", file=sys.stderr, flush=True)
 
 
-class _Notice(event.Listener):
-    """Says once per process, on stderr, that a loop of this package is being compiled and where it will lie."""
-
-    def __init__(self) -> None:
-        self.said = False
-
-    def on_start(self, event: event.Event) -> None:
-        """Called before a compilation, and not where the loop is read from disk."""
-        dispatcher = event.data["dispatcher"]
-        cache = dispatcher._cache
-        is_part = not isinstance(cache, (_Cache, _NoCache))  # of other loops
-        if self.said or is_part or not dispatcher.py_func.__module__.startswith(f"{_PACKAGE}."):
-            return
-        self.said = True
-        announce("the contact model, about 15 s", Path(cache.cache_path) if isinstance(cache, _Cache) else None)
-
-    def on_end(self, event: event.Event) -> None:
-        """Nothing to say."""
+_SAID: list[str] = []
 
 
-def announce_compilation() -> None:
-    """Say what the first evaluation waits for, if it compiles; worker processes stay silent."""
-    if multiprocessing.parent_process() is None:
-        event.register("numba:compile", _Notice())
+def _announce_first(folder: Path | None) -> None:
+    """Say once per process what the first evaluation waits for."""
+    if not _SAID:
+        _SAID.append("the contact model, about 15 s")
+        announce(*_SAID, folder)

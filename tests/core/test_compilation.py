@@ -13,8 +13,7 @@ from casadi_contact.core.compilation import threads_for
 ROOT = Path(__file__).parents[2]
 # A module of the package with a loop that compiles in no time.
 MODULE = """
-from casadi_contact.core.compilation import announce_compilation, njit
-announce_compilation()
+from casadi_contact.core.compilation import njit
 
 @njit()
 def doubled(x):

@@ -11,7 +11,7 @@ import numba
 import numpy as np
 
 from casadi_contact.contact.pressure_law import pressure
-from casadi_contact.core.compilation import announce_compilation, njit
+from casadi_contact.core.compilation import njit
 from casadi_contact.geometry.distance_field import CURVATURE_REACH_MM, field_curvature
 from casadi_contact.geometry.moving_surface import MESH_FIELD
 from casadi_contact.geometry.surface_distances import signed_distance, signed_distance_value
@@ -91,8 +91,6 @@ def _set_twist(out, scale, fx, fy, fz, x, y, z):
     out[4] = scale * (z * fx - x * fz)
     out[5] = scale * (x * fy - y * fx)
 
-
-announce_compilation()
 
 RAY_ITERATIONS = 30
 RAY_TOLERANCE_MM = 1e-5  # of the last step: Newton's method squares it, so that the next would be below 1e-9
