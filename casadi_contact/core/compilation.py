@@ -77,11 +77,11 @@ def announce(what: str, folder: Path | None) -> None:
         print(f"{_PACKAGE}: compiling {what}, {kept}", file=sys.stderr, flush=True)
 
 
-_SAID: list[str] = []
+_announced: list[Path | None] = []
 
 
 def _announce_first(folder: Path | None) -> None:
     """Say once per process what the first evaluation waits for."""
-    if not _SAID:
-        _SAID.append("the contact model, about 15 s")
-        announce(*_SAID, folder)
+    if not _announced:
+        announce("the contact model, about 15 s", folder)
+    _announced.append(folder)

@@ -124,12 +124,6 @@ def dish(grid: tuple[int, int], extent: tuple[float, float], sagittal_radius: fl
     return _cells(x, y, z, normals, cell)
 
 
-def shift(cells: Cells, z_mm: float) -> Cells:
-    """The same surface, moved along z."""
-    centres, normals, areas = cells
-    return centres + np.array([0.0, 0.0, z_mm]), normals, areas
-
-
 def _rectangle(grid: tuple[int, int], extent: tuple[float, float]) -> tuple[Array, Array, float]:
     """x and z of the cells' centres (nx, nz) and the area of a cell."""
     (nx, nz), (length, width) = grid, extent

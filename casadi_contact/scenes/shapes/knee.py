@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.geometry.elements import Cells, dish, shift
+from casadi_contact.geometry.elements import Cells, dish
 from casadi_contact.geometry.moving_surface import MovingSurface, swept_arcs
 from casadi_contact.scenes.shapes.checks import fail, table_of
 from casadi_contact.scenes.shapes.shape import Geometry, Parameter, Shape
@@ -93,5 +93,6 @@ class Knee(Shape):
         for side, anchor in zip(SIDES, self.anchors(geometry), strict=True):
             g = self.patch_geometry(geometry, side)
             extent = (g["plateau_length"], g["plateau_width"])
-            cells.append(shift(dish(grid, extent, g["dish_sagittal_radius"], g["dish_frontal_radius"]), anchor[2]))
+            centres, *rest = dish(grid, extent, g["dish_sagittal_radius"], g["dish_frontal_radius"])
+            cells.append((centres + [0.0, 0.0, anchor[2]], *rest))
         return cells
