@@ -93,6 +93,6 @@ class Knee(Shape):
         for side, anchor in zip(SIDES, self.anchors(geometry), strict=True):
             g = self.patch_geometry(geometry, side)
             extent = (g["plateau_length"], g["plateau_width"])
-            centres, *rest = dish(grid, extent, g["dish_sagittal_radius"], g["dish_frontal_radius"])
-            cells.append((centres + [0.0, 0.0, anchor[2]], *rest))
+            centres, normals, areas = dish(grid, extent, g["dish_sagittal_radius"], g["dish_frontal_radius"])
+            cells.append((centres + np.array([0.0, 0.0, anchor[2]]), normals, areas))
         return cells
