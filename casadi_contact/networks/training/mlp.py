@@ -233,11 +233,12 @@ class Mlp:
 
     def jacobian(self, rows: np.ndarray) -> Array:
         """J (len(rows)·outputs, parameters) of these ascending rows."""
-        layers = []
-        for level in range(len(self.shapes)):
+        jacobian, start = np.empty((len(rows), self.parameter_count)), 0
+        for level, (neurons, width) in enumerate(self.shapes):
             delta, a = (self._columns(rows, of, level) for of in ("derivatives", "inputs"))
-            layers.append(np.einsum("in,jn->nij", delta, a).reshape(len(rows), -1))
-        return np.hstack(layers)
+            jacobian[:, start : start + neurons * width] = np.einsum("in,jn->nij", delta, a).reshape(len(rows), -1)
+            start += neurons * width
+        return jacobian
 
     def _columns(self, rows: np.ndarray, of: str, level: int) -> Array:
         """The exact factors "inputs" or "derivatives" of a layer at these ascending rows, side by side."""
