@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     from casadi_contact.contact.settle import settle
     from casadi_contact.export.c_source import export_c
     from casadi_contact.export.fmu import export_fmu
-    from casadi_contact.optimisation.assembly.assembly import Assembly
+    from casadi_contact.optimisation.assembly import Assembly
     from casadi_contact.optimisation.assembly.file import load_assembly
     from casadi_contact.optimisation.contact_frames import ContactFrames
     from casadi_contact.optimisation.contact_in_opti import ContactInOpti
@@ -71,7 +71,7 @@ if TYPE_CHECKING:
     from casadi_contact.workflow.refine import refine
 else:
     _HOME = {
-        "Assembly": "optimisation.assembly.assembly",
+        "Assembly": "optimisation.assembly",
         "CallableModel": "contact.callable_model",
         "CellFoundation": "contact.cells.foundation",
         "Cells": "contact.cells.basis",

@@ -25,7 +25,7 @@ import casadi_contact as cc
 from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, Array, pose_index
 from casadi_contact.core.quantities import FORCE, quantity
 from casadi_contact.core.terminal import run_program
-from casadi_contact.optimisation.assembly.assembly import Assembly, Settling
+from casadi_contact.optimisation.assembly import Assembly, Settling
 from casadi_contact.optimisation.muscle_contact import MuscleContact
 from casadi_contact.optimisation.muscle_walk import example_walk
 from casadi_contact.optimisation.pose_estimation import PoseEstimation

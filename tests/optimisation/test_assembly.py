@@ -12,7 +12,7 @@ from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.conventions import rotation
 from casadi_contact.networks import frames
-from casadi_contact.optimisation.assembly.assembly import Assembly, Settling
+from casadi_contact.optimisation.assembly import Assembly, Settling
 from casadi_contact.optimisation.assembly.connections import Ligament, Pull, Spring
 from tests.support.compiler import needs_compiler
 

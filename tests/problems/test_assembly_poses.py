@@ -11,7 +11,7 @@ from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.conventions import POSE_IN_MM
-from casadi_contact.optimisation.assembly.assembly import Assembly
+from casadi_contact.optimisation.assembly import Assembly
 from casadi_contact.optimisation.assembly.connections import Ligament, Pull
 from casadi_contact.scenes.walking import reference_cycle
 from problems import assembly_poses

@@ -32,7 +32,7 @@ from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.contact.symbolic import SymbolicContact, symbolic
 from casadi_contact.core.files.reading import toml_tables, toml_text
-from casadi_contact.optimisation.assembly.assembly import Assembly
+from casadi_contact.optimisation.assembly import Assembly
 from casadi_contact.optimisation.assembly.connections import Contact, Ligament, Pull, Spring
 from casadi_contact.optimisation.joint_mechanics import whole_wrench
 from casadi_contact.scenes.loading import load_scene
