@@ -6,15 +6,13 @@ it too. Browsers draw MathML without a script, so that the site works offline.
 
 import re
 from functools import cache
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from latex2mathml.converter import convert
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
-from casadi_contact.pictures.joint_page import write_joint_page
+from casadi_contact.pictures.joint_page import joint_page
 
 PAGE = "how-to/knee.html"
 
@@ -35,7 +33,4 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 @cache
 def _knee() -> str:
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "knee.html"
-        write_joint_page("knee", path)
-        return path.read_text("utf-8")
+    return joint_page("knee")[0]

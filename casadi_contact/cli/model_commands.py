@@ -24,7 +24,7 @@ from casadi_contact.cli.options import (
 )
 from casadi_contact.cli.tables import choice_table, kernel_speed_tables, read_kernel_speed
 from casadi_contact.contact.elements.foundation import ElasticFoundation
-from casadi_contact.core.files.writing import writable_folder
+from casadi_contact.core.files.writing import writable_folder, write_text
 from casadi_contact.core.terminal import numbers, progress_bars
 from casadi_contact.core.workers import cluster_workers
 from casadi_contact.pictures.contact_picture import (
@@ -35,7 +35,7 @@ from casadi_contact.pictures.contact_picture import (
     pressures_text,
     surface_fits,
 )
-from casadi_contact.pictures.joint_page import write_joint_page
+from casadi_contact.pictures.joint_page import joint_page
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.pose_file import read_poses
 from casadi_contact.surrogate.fitness import fitness
@@ -114,7 +114,8 @@ def page(
     path = Path(f"{load_scene(scene).name}.html") if out is None else out
     check_html(path)
     writable_folder(path.parent)
-    cycle = write_joint_page(scene, path, None if poses is None else str(poses), surrogate)
+    html, cycle = joint_page(scene, None if poses is None else str(poses), surrogate)
+    write_text(path, html)
     size = path.stat().st_size / 1e6
     say(cycle.source, f"page of {size:.2f} MB in {path}")
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from html import escape
 from importlib import resources
 from importlib.metadata import version
-from pathlib import Path
 from string import Template
 from typing import Any
 
@@ -19,7 +18,6 @@ from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import POSE_NAMES, Array
-from casadi_contact.core.files.writing import write_text
 from casadi_contact.core.quantities import quantity
 from casadi_contact.pictures.contact_picture import contact_pose
 from casadi_contact.pictures.drawn_bodies import (
@@ -96,13 +94,6 @@ _MODULES = (
 )
 _IMPORT = re.compile(r"^import .*? from \"\./\w+\.js\";\n", re.MULTILINE | re.DOTALL)
 _COLOURS = 64
-
-
-def write_joint_page(scene: str, path: Path, poses: str | None = None, surrogate: str | None = None) -> PageCycle:
-    """Write `joint_page` of a scene (name or file); return its cycle. Raises OSError where it cannot be written."""
-    html, cycle = joint_page(scene, poses, surrogate)
-    write_text(path, html)
-    return cycle
 
 
 def joint_page(scene: str, poses: str | None = None, surrogate: str | None = None) -> tuple[str, PageCycle]:

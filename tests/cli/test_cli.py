@@ -1,9 +1,11 @@
-"""The command line: versions, help and mistakes."""
+"""The command line: versions, help, mistakes, scenes and surrogates by name or file, and its tables."""
 
 import io
 import os
+import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,9 +13,18 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 import casadi_contact
+import casadi_contact as cc
 from casadi_contact.cli.main import EXAMPLES, app
+from casadi_contact.cli.tables import evaluation_tables
 from casadi_contact.core.terminal import new_app, progress_bars, run_app, run_program
+from casadi_contact.samples.models import model_pair, models_identity
+from casadi_contact.samples.settings import SamplingSettings
+from casadi_contact.surrogate import load
+from casadi_contact.workflow.benchmark.evaluate import evaluate
+from casadi_contact.workflow.project import Project, available_surrogates, surrogate_named
 from tests.support.interrupted import Interrupted, interrupts_remembered
+from tests.support.random_surrogates import random_surrogate
+from tests.support.smooth_samples import SPHERE, smooth_samples
 
 ROOT = Path(__file__).parents[2]
 
@@ -170,3 +181,48 @@ def test_ctrl_c_in_a_function_that_casadi_evaluates_is_no_mistake_of_the_user(er
     with interrupts_remembered(monkeypatch), pytest.raises(SystemExit) as ended:
         run_app(app, "work", [])
     assert ended.value.code == status if status == 130 else ended.value.code.startswith(status)
+
+
+READY = Path(load.__file__).parent / "ready"
+
+
+@pytest.fixture
+def mine(tmp_path):
+    return Path(shutil.copy(READY / "knee_two_stage.h5", tmp_path / "my.h5"))
+
+
+def test_a_name_that_is_both_is_the_scene():
+    assert surrogate_named("knee") is None
+    assert surrogate_named("knee_two_stage").structure == "two_stage"
+
+
+def test_a_given_surrogate_stands_for_its_scene_and_for_what_was_trained(mine, tmp_path):
+    project = Project.open(mine, "quick", tmp_path / "out")
+    assert project.scene.digest == cc.load_scene("knee").digest
+    assert list(available_surrogates(project)) == ["two_stage"]
+
+
+def test_export_writes_the_given_surrogate(mine, tmp_path):
+    done = CliRunner().invoke(app, ["export", str(mine), "--kernel", "--out", str(tmp_path / "out")])
+    assert done.exit_code == 0, done.output
+    assert [path.name for path in (tmp_path / "out" / "export").iterdir()] == ["two_stage"]
+    assert list((tmp_path / "out" / "export" / "two_stage").glob("*.c"))
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"none\.h5"):
+        Project.open(tmp_path / "none.h5", "quick", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("drawn_from", "said"), [("elements", "EF 60×20"), ("foundation", "cc.foundation"), (None, "the samples")]
+)
+def test_errors_are_against_the_model_that_samples_were_drawn_from(drawn_from, said):
+    """On the grid that they were drawn on, which a scene's [sampling] may choose by itself; or a table of samples."""
+    settings = SamplingSettings.from_scene(SPHERE, teacher_grid=(60, 20)).to_table()
+    made = {"table": "mine.csv"}
+    if drawn_from:
+        made = {**models_identity(model_pair(drawn_from)), "settings": settings}
+    samples = replace(smooth_samples(60), provenance=made)
+    tables = evaluation_tables(evaluate({"patch": random_surrogate(SPHERE, "patch")}, samples, None))
+    assert [str(table.title).rsplit("unseen samples against ")[1] for table in tables] == [said, said]

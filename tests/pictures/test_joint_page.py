@@ -9,7 +9,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.core.conventions import pose_index
 from casadi_contact.pictures.drawn_bodies import fixed_surfaces
-from casadi_contact.pictures.joint_page import write_joint_page
+from casadi_contact.pictures.joint_page import joint_page
 from casadi_contact.pictures.page_model import page_contact
 from casadi_contact.scenes.opensim import read_opensim_table
 from casadi_contact.scenes.pose_file import read_poses, write_poses
@@ -69,7 +69,7 @@ def made(tmp_path_factory):
             poses = np.array(POSES[scene][0]) + np.linspace(0.0, 0.1, 7)[:, None] * np.eye(6)[1]
             write_poses(np.linspace(0.0, 1.0, len(poses)), poses, folder / "poses.csv")
             path, named = folder / f"{scene}.html", str(MESHES) if scene == "tka_mesh" else scene
-            write_joint_page(named, path, str(folder / "poses.csv"))
+            path.write_text(joint_page(named, str(folder / "poses.csv"))[0], "utf-8")
             pages[scene] = (path, page_contact(cc.load_scene(named)))
         return pages[scene]
 
