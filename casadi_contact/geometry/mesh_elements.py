@@ -85,20 +85,15 @@ def _on_field(
     return h, on, gradient / np.linalg.norm(gradient, axis=1, keepdims=True)
 
 
-def facing_axis(mesh: TriangleMesh, least_share: float = 0.3) -> str | None:
-    """The signed axis ("+z") of the mesh's net area vector; None if it is less than a share of the area.
-
-    The net area of a closed body is 0, of a half-sphere half of its area.
-    """
+def _remedy(mesh: TriangleMesh, projection: Projection, least_share: float = 0.3) -> str:
+    """What to do where rays meet no outside: the mesh's net area vector, of a closed body 0, of a half-sphere half of
+    its area, tells where it faces if it is more than a share of the area."""
     area = mesh.area_vectors_mm2
     net = area.sum(axis=0)
-    return axis_name(net) if np.linalg.norm(net) > least_share * np.linalg.norm(area, axis=1).sum() else None
-
-
-def _remedy(mesh: TriangleMesh, projection: Projection) -> str:
-    facing = facing_axis(mesh)
-    if facing is None or not isinstance(projection, ParallelProjection):
+    faces_nowhere = np.linalg.norm(net) <= least_share * np.linalg.norm(area, axis=1).sum()
+    if faces_nowhere or not isinstance(projection, ParallelProjection):
         return projection.remedy
+    facing = axis_name(net)
     return f"its surface faces {facing}: turn it to the moving body with geometry.axes, or set geometry.pressing"
 
 

@@ -5,7 +5,7 @@ import pytest
 
 import casadi_contact as cc
 from tests.support import meshes
-from tests.support.meshes import ball_mesh, cap_mesh, mesh_scene_text, sheet_mesh, shell_mesh, slab_mesh, write_obj
+from tests.support.meshes import ball_mesh, cap_mesh, sheet_mesh, shell_mesh, slab_mesh
 
 POLE = [0.0, 1.0, 0.0]
 
@@ -35,16 +35,7 @@ BALL = cap_mesh(20.0, 3.0, 0.5)
     ],
 )
 def test_patches_that_overlap_or_hold_hardly_any_surface(tmp_path, patches, said):
-    names = [line.split(".")[-1].rstrip("]") for line in patches.splitlines() if line.startswith("[")]
-    write_obj(tmp_path / "moving.obj", *BALL)
-    write_obj(tmp_path / "fixed.obj", *sheet_mesh(14.0, 0.5))
-    scene_text = mesh_scene_text("moving.obj", "fixed.obj", extra=patches)
-    sensitive = ", ".join(f'"Fy_{name}"' for name in names)
-    scene_text = scene_text.replace('sensitive = ["Fy"]', f"sensitive = [{sensitive}]")
-    scene_text = scene_text.replace('names = ["Fx", "Fy",', f'names = ["Fx", {sensitive},')
-    scene_text = scene_text.replace("\nFy = 1.0", "".join(f"\nFy_{name} = 1.0" for name in names))
-    (tmp_path / "scene.toml").write_text(scene_text)
-    scene = cc.load_scene(tmp_path / "scene.toml")
+    scene = scene_of(tmp_path, BALL, sheet_mesh(14.0, 0.5), patches)
     with pytest.raises(ValueError, match=said):
         cc.ElasticFoundation(scene)
 
