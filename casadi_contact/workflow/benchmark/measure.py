@@ -83,7 +83,7 @@ def measure_project(
     if peers:
         from casadi_contact.workflow.benchmark.peers import peer_candidates
 
-        candidates += peer_candidates(project.samples(), gflop=project.preset.chart.peer_gflop)
+        candidates += peer_candidates(project.samples(), gflop=project.preset.chart.peer_gflop, motion=motion)
     walking = unseen_walking(ElasticFoundation(project.scene, project.scene.grids["settle"]), motion)
     path = project.folder / FILE_NAME
     front = measure(candidates, project.scene, walking, tell)

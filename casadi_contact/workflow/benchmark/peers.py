@@ -1,7 +1,7 @@
 """Peers: what one might use instead of these surrogates, fitted on the same samples and timed in the same run.
 
-Regressors of scikit-learn and SciPy (``pip install casadi_contact[peers]``). A predicted force that would pull is
-clamped to zero, as the paper does [EF15 §3.5]. Peers have no derivatives.
+Regressors of scikit-learn and SciPy (``pip install casadi_contact[peers]``), and models with a history [EF15 §1]. A
+predicted force that would pull is clamped to zero, as the paper does [EF15 §3.5]. Peers have no derivatives.
 """
 
 from __future__ import annotations
@@ -16,13 +16,16 @@ from typing import Any, cast
 import numpy as np
 from scipy.interpolate import RBFInterpolator
 
+from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.conventions import Array, as_poses
 from casadi_contact.core.workers import one_thread
+from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import Samples
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.sample_rows import finite, fitted_rows
 from casadi_contact.workflow.benchmark.candidates import Candidate
 from casadi_contact.workflow.benchmark.front_file import Point
+from casadi_contact.workflow.benchmark.history_models import HISTORY_MODELS, Cycles
 from casadi_contact.workflow.benchmark.timing import time_batch, time_calls
 
 
@@ -156,29 +159,69 @@ def regressor_candidates(family: str, data: TrainingSet, gflop: float) -> Iterat
     for settings, estimator, count in REGRESSORS[family](data, gflop):
         began = time.process_time()
         model = fitted(data, estimator, count)
-        point = Point(
-            f"{family} {settings}",
-            family,
-            samples=count,
-            training_seconds=time.process_time() - began,
-            remark="NumPy through scikit-learn; no derivatives; pulling forces clamped to zero",
-        )
-        yield Candidate(point, model, {"value": partial(time_calls, model.one), "batch": partial(time_batch, model)})
+        remark = "NumPy through scikit-learn; no derivatives; pulling forces clamped to zero"
+        yield _candidate(f"{family} {settings}", family, model, count, time.process_time() - began, remark)
+
+
+def history_candidates(
+    family: str, data: TrainingSet, gflop: float, motion: ReferenceMotion | None, held_back: float = 0.15
+) -> Iterator[Candidate]:
+    """A history model in sequence and on single poses, trained on the frames of the reference motion under the loads of
+    the scene's teacher grid: samples have no order in time. held_back: share of the cycles that stop the training.
+
+    In sequence, poses are the frames of whole cycles, or of a piece of one. A single pose has no past: a motion that
+    has rested there stands in for it. Raises ValueError without a motion of at least 2 cycles.
+    """
+    if motion is None or len(motion.poses) < 2:
+        raise ValueError("a history model learns from cycles in order: give the reference motion, of at least 2 cycles")
+    began, teacher = time.process_time(), ElasticFoundation(data.scene, data.scene.grids["teacher"])
+    columns = [teacher.load_names.index(name) for name in data.load_names]
+    loads = teacher(motion.poses.reshape(-1, 6))[:, columns].reshape(*motion.poses.shape[:2], -1)
+    cycles = Cycles(motion.poses, loads, max(1, round(held_back * len(loads))))
+    follow, frames = HISTORY_MODELS[family](cycles, gflop).follow, motion.poses.shape[1]
+    took = time.process_time() - began
+
+    def in_sequence(poses: Array) -> Array:
+        return follow(poses.reshape(-1, frames if len(poses) % frames == 0 else len(poses), 6))
+
+    def single(poses: Array) -> Array:
+        return follow(poses[:, None])
+
+    remark = "knows only the reference motion; no derivatives; pulling forces clamped to zero"
+    for what, predict in (("in sequence", in_sequence), ("single poses", single)):
+        learned = int((~cycles.validation).sum())
+        yield _candidate(f"{family}, {what}", family, Peer(predict, data), learned, took, remark)
+
+
+def _candidate(name: str, family: str, model: Peer, samples: int, seconds: float, remark: str) -> Candidate:
+    point = Point(name, family, samples=samples, training_seconds=seconds, remark=remark)
+    return Candidate(point, model, {"value": partial(time_calls, model.one), "batch": partial(time_batch, model)})
+
+
+FAMILIES = (*REGRESSORS, *HISTORY_MODELS)
 
 
 def peer_candidates(
-    samples: Samples, *, gflop: float, names: Sequence[str] | None = None, families: Sequence[str] = tuple(REGRESSORS)
+    samples: Samples,
+    *,
+    gflop: float,
+    names: Sequence[str] | None = None,
+    motion: ReferenceMotion | None = None,
+    families: Sequence[str] = FAMILIES,
 ) -> Iterator[Candidate]:
     """Every peer, fitted on the training samples on one thread, one after the other.
 
-    gflop: 10⁹ floating-point operations for each peer whose fit has a budget; counted and not timed, so that a busy
-    machine gives the same peers. names: loads to predict, the scene's if left out. A family that fails becomes a
-    candidate with model None and the failure's text. Raises ValueError for samples without training rows and for
-    unknown loads.
+    gflop: 10⁹ floating-point operations for each peer whose fit has a budget (Gaussian process, networks); counted and
+    not timed, so that a busy machine gives the same peers. names: loads to predict, the scene's if left out. motion:
+    what history models learn from. A family that fails becomes a candidate with model None and the failure's text.
+    Raises ValueError for samples without training rows and for unknown loads.
     """
     data = TrainingSet.of(samples, names)
     for family in families:
-        candidates = regressor_candidates(family, data, gflop)
+        if family in REGRESSORS:
+            candidates = regressor_candidates(family, data, gflop)
+        else:
+            candidates = history_candidates(family, data, gflop, motion)
         while True:
             try:
                 with one_thread():

@@ -6,22 +6,34 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import TEST
-from casadi_contact.workflow.benchmark.peers import REGRESSORS, TrainingSet, peer_candidates, regressor_candidates
-from tests.support.smooth_samples import NAMES, smooth_poses, smooth_samples, smooth_wrenches
+from casadi_contact.samples.settings import SamplePoint
+from casadi_contact.workflow.benchmark.history_models import HISTORY_MODELS, Cycles, HammersteinWiener
+from casadi_contact.workflow.benchmark.peers import (
+    FAMILIES,
+    TrainingSet,
+    history_candidates,
+    peer_candidates,
+    regressor_candidates,
+)
+from tests.support.smooth_samples import NAMES, SPHERE, smooth_poses, smooth_samples, smooth_wrenches
 
 
 def test_every_family_is_in_the_table_and_every_stopwatch_runs():
     pytest.importorskip("sklearn")
     made = list(peer_candidates(smooth_samples(100), gflop=1.0, names=NAMES))
     poses = smooth_poses(4, seed=1)
-    assert {c.point.family for c in made} == set(REGRESSORS)
-    for candidate in made:
+    assert {c.point.family for c in made} == set(FAMILIES)
+    for candidate in (c for c in made if c.model is not None):
         loads = candidate.model(poses)
         assert loads.shape == (4, 3)
         assert np.isfinite(loads).all()
         assert set(candidate.stopwatches) == {"value", "batch"}
         assert all(stopwatch(poses) > 0.0 for stopwatch in candidate.stopwatches.values())
+    failures = {c.point.family: c.point.failure for c in made if c.model is None}
+    assert set(failures) == set(HISTORY_MODELS), "no motion was given"
+    assert "motion" in failures["NARX network"]
 
 
 def test_without_scikit_learn_it_says_what_to_install(monkeypatch):
@@ -62,3 +74,40 @@ def test_regressors_predict_unseen_points_of_a_smooth_function(family, share):
 def test_a_load_that_would_pull_is_clamped_to_zero(scene, names, want):
     data = TrainingSet(cc.load_scene(scene), names, np.zeros((1, 6)), np.zeros((1, 2)))
     np.testing.assert_array_equal(data.without_pull(np.array([[-7.0, 7.0], [7.0, -7.0]])), want)
+
+
+def rolling_motion(cycles, frames=41):
+    """A sphere that rolls and presses, a little differently in each cycle."""
+    share = np.linspace(0.0, 1.0, frames)
+    poses = np.zeros((cycles, frames, 6))
+    for k in range(cycles):
+        wave = 2.0 * np.pi * share + 0.05 * k
+        poses[k, :, 0] = 6.0 * np.sin(wave)
+        poses[k, :, 1] = 29.85 + 0.08 * np.cos(wave) * (1.0 + 0.02 * k)
+        poses[k, :, 5] = -0.2 * np.sin(wave)
+    point = SamplePoint(("tx", "Fy", "tz", "rx", "ry", "rz"))
+    return ReferenceMotion(point, np.zeros((cycles, frames, 6)), poses)
+
+
+@pytest.mark.parametrize(
+    ("family", "share"), [("time-delay network", 0.05), ("NARX network", 0.1), ("Hammerstein-Wiener", 0.15)]
+)
+def test_history_models_follow_an_unseen_cycle_and_rest_where_a_motion_rests(family, share):
+    data = TrainingSet.of(smooth_samples(100), ("Fy",))
+    sequence, single = (c.model for c in history_candidates(family, data, 1.0, rolling_motion(7)))
+    unseen = rolling_motion(7).poses[3:5].mean(axis=0)
+    want = cc.ElasticFoundation(SPHERE, SPHERE.grids["teacher"])(unseen)[:, [SPHERE.load_names.index("Fy")]]
+    assert np.sqrt(np.mean((sequence(unseen) - want) ** 2)) < share * want.std()
+    still = np.repeat(unseen[7:8], 41, axis=0)
+    np.testing.assert_allclose(sequence(still), np.repeat(single(still[:1]), 41, axis=0), rtol=1e-3)
+
+
+def test_a_hammerstein_wiener_system_is_found_again():
+    poses = np.cumsum(np.random.default_rng(3).normal(size=(8, 120, 6)), axis=1) * 0.1
+    u = np.sin(poses[..., 0]) + poses[..., 1] ** 2
+    w = u.copy()
+    for t in range(1, u.shape[1]):
+        w[:, t] = 0.6 * w[:, t - 1] + 0.4 * u[:, t]
+    cycles = Cycles(poses, np.tanh(0.5 * w)[..., None] * 100.0, 2)
+    off = HammersteinWiener(cycles, 1.0).follow(poses)[-2:] - cycles.loads[-2:]
+    assert np.sqrt(np.mean(off**2)) < 0.15 * cycles.loads[-2:].std()
