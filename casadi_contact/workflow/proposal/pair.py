@@ -3,7 +3,7 @@ which way the moving one presses."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -167,7 +167,29 @@ def contact_placement(pair: Pair) -> ContactPlacement:
     placement = placement or _after_drop(pair)
     if placement is None:
         raise ValueError("the bodies meet along no axis: are both surfaces' outsides turned to each other?")
+    _check_moving_outside(pair, placement)
     return placement
+
+
+def _check_moving_outside(pair: Pair, placement: ContactPlacement, most_gain: float = 2.0) -> None:
+    """Raise ValueError for an open moving surface whose reverse would be near the fixed one over a far larger area."""
+    moving = pair.moving
+    if not len(moving.boundary_edges):
+        return
+    reverse = TriangleMesh(moving.name, moving.vertices_mm, moving.faces[:, ::-1])
+    turned = replace(pair, field=build_field(reverse, pair.scale * SETTINGS.spacing_mm), moving=reverse)
+    other = _as_placed(turned) or _after_drop(turned)
+    if other is None:
+        return
+    area, turned_area = (
+        float(pair.areas_mm2 @ of.near(np.eye(3), at.translation_mm, pair.scale * REACH_MM))
+        for of, at in ((pair, placement), (turned, other))
+    )
+    if turned_area > most_gain * area:
+        raise ValueError(
+            f"the moving surface {moving.name} comes near the fixed one over {area:.3g} mm², and over "
+            f"{turned_area:.3g} mm² with its inside out, expected its outside towards it: turn its triangles round"
+        )
 
 
 def _as_placed(pair: Pair) -> ContactPlacement | None:

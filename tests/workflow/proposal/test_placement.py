@@ -8,7 +8,7 @@ from casadi_contact.core.conventions import rotation
 from casadi_contact.geometry.mesh import checked_mesh
 from casadi_contact.workflow.proposal.pair import Pair, centre_of_normals, contact_placement
 from tests.support.joint_meshes import DOWN, POLE, analysed, ball_in_cup, ball_on_box
-from tests.support.meshes import cap_mesh, sheet_mesh, slab_mesh
+from tests.support.meshes import ball_mesh, cap_mesh, sheet_mesh, slab_mesh
 
 
 @pytest.mark.parametrize("far", [np.zeros(3), np.array([300.0, -200.0, 800.0])])
@@ -40,6 +40,18 @@ def test_an_open_surface_inside_out_is_refused():
     inside_out = checked_mesh("top", top.vertices_mm, top.faces[:, ::-1])
     with pytest.raises(ValueError, match="faces away"):
         contact_placement(Pair.of(ball, inside_out))
+
+
+def test_an_open_condyle_inside_out_is_refused_and_a_hollow_cup_on_a_ball_is_none():
+    condyle, faces = cap_mesh(25.0, 1.5, 1.2)
+    box = trimesh.creation.box((44.0, 8.0, 22.0)).subdivide_to_size(1.5)
+    insert = checked_mesh("insert", box.vertices, box.faces)
+    assert len(analysed(checked_mesh("condyle", condyle, faces), insert)[2].patches) == 1
+    with pytest.raises(ValueError, match="inside out"):
+        analysed(checked_mesh("condyle", condyle, faces[:, ::-1]), insert)
+    cup, faces = cap_mesh(16.5, 1.5, 1.2)  # a bowl: upside down, and its inside out as it was, it covers the ball
+    ball = checked_mesh("ball", *ball_mesh(16.0, 2.5))
+    assert len(analysed(checked_mesh("cup", cup * [1.0, -1.0, 1.0], faces), ball)[2].patches) == 1
 
 
 def flat_backed(side_mm, back_mm, height):
