@@ -157,7 +157,9 @@ def checked_mesh(
             f"mesh {name} is {across:.3g} mm across with units = {units!r}, expected {smallest_mm:g} to "
             f"{largest_mm:g} mm: {remedy}"
         )
-    vertices, faces = _merge_vertices(vertices, faces)
+    # One vertex for each position: an STL file repeats them for every triangle, an OBJ file for every normal.
+    vertices, index = np.unique(np.round(vertices, 7), axis=0, return_inverse=True)
+    faces = index.reshape(-1)[faces]
     wide, once = _heights(vertices, faces) > least_height, _first_of_equals(faces)
     sound, sliver = wide & once, ~wide & once & (faces != np.roll(faces, 1, axis=1)).all(axis=1)
     mesh = TriangleMesh(name, vertices, faces[sound], int((~sound).sum()), faces[sliver])
@@ -183,14 +185,6 @@ def _used_vertices(name: str, vertices: Array, faces: np.ndarray) -> tuple[Array
         row = int(used[np.argwhere(~np.isfinite(vertices[used]))[0, 0]])
         raise ValueError(f"mesh {name}: vertex {row} is {vertices[row]}, expected finite numbers: export it again")
     return vertices[used], renumbered.reshape(-1, 3)
-
-
-def _merge_vertices(vertices: Array, faces: np.ndarray) -> tuple[Array, np.ndarray]:
-    """One vertex for each position: an STL file repeats them for every triangle, an OBJ file for every normal."""
-    unique, index = np.unique(np.round(vertices, 7), axis=0, return_inverse=True)
-    faces = index.reshape(-1)[faces]
-    used, renumbered = np.unique(faces, return_inverse=True)
-    return unique[used], renumbered.reshape(-1, 3)
 
 
 def _heights(vertices: Array, faces: np.ndarray) -> Array:

@@ -60,14 +60,6 @@ def test_single_precision_other_shapes_what_is_not_finite_and_third_derivatives_
         torch.autograd.grad(second.sum(), pose)
 
 
-def test_no_poses_have_no_loads_and_no_gradient():
-    poses = torch.zeros((0, 6), dtype=torch.float64, requires_grad=True)
-    loads = contact_loads(SURROGATE)(poses)
-    assert loads.shape == (0, len(SURROGATE.load_names))
-    loads.sum().backward()
-    assert poses.grad.shape == (0, 6)
-
-
 def test_elements_give_a_slope_and_refuse_a_second_derivative():
     elements = sphere_elements()
     pose = torch.tensor(ON_PLANE, requires_grad=True)

@@ -62,7 +62,7 @@ def socket(radius_mm, angle, edge_mm, outer_mm):
 def test_elements_are_cut_where_a_socket_grows_too_steep_for_them(tmp_path):
     """Its wall goes on and faces the ball: a load to the side is carried there, by no element of this grid."""
     grid = (60, 60)
-    scene = scene_of(tmp_path, ball_mesh(14.5, 1.2), socket(15.0, np.radians(85.0), 0.8, 22.0))
+    scene = scene_of(tmp_path, ball_mesh(14.5, 1.2), socket(15.0, np.radians(85.0), 1.0, 20.0))
     (patch,) = scene.elements(grid)
     assert len(patch.edge_centres_mm) > grid[0] // 2
     radii = np.hypot(patch.edge_centres_mm[:, 0], patch.edge_centres_mm[:, 2])
