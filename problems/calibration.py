@@ -32,7 +32,7 @@ from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, Array
 from casadi_contact.core.quantities import quantity
 from casadi_contact.core.terminal import run_program
 from casadi_contact.networks.frames import placed, pose_of, relative_pose
-from casadi_contact.optimisation.ipopt import ipopt_options
+from casadi_contact.optimisation.ipopt import least_squares_options
 from casadi_contact.optimisation.knee import SIDES, check_knee
 from casadi_contact.optimisation.starts import settle_in_range
 from casadi_contact.pictures.page import new_page, save_page
@@ -165,7 +165,7 @@ def calibrate(model: CompiledFoundation, measured: Measurement, parameters: Sequ
     if "poissons_ratio" in names:
         high[names.index("poissons_ratio")] = np.log(0.499 / model.scene.material.poissons_ratio)
     start = (start_poses(model, measured) - measured.poses) / measured.pose_deviation
-    options = {**ipopt_options(tolerance=1e-8, max_iterations=200, mu_init=1e-6), "hess_lag": hessian}
+    options = {**least_squares_options(max_iterations=200, mu_init=1e-6), "hess_lag": hessian}
     solver = ca.nlpsol("calibration", "ipopt", {"x": x, "f": 0.5 * (ca.sumsqr(r) + ca.sumsqr(D))}, options)
     answer = solver(x0=np.append(np.zeros(len(names)), start.ravel()), lbx=low, ubx=high)
     if not solver.stats()["success"]:
