@@ -19,7 +19,7 @@ from casadi_contact.core.files.reading import existing_file
 from casadi_contact.core.terminal import run_program
 from casadi_contact.geometry.mesh_formats import FORMATS
 from casadi_contact.scenes.loading import load_scene
-from casadi_contact.workflow.contact_source import load_contact, load_cycle
+from problems.contact_source import load_contact, load_cycle
 from problems.pose_estimation import estimate
 
 

@@ -28,7 +28,7 @@ from casadi_contact.pictures.page import SURROGATE, TARGET, frame, new_page, sav
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.load_cycle import read_cycle
 from casadi_contact.scenes.opensim import ColumnMap
-from casadi_contact.workflow.contact_source import load_contact
+from problems.contact_source import load_contact
 
 
 def main(

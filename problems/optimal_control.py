@@ -26,15 +26,15 @@ from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, WRENCH_NAMES, Array
 from casadi_contact.core.quantities import newton_scales
 from casadi_contact.core.terminal import run_program
-from casadi_contact.optimisation.collocation import Collocation
 from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection
 from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.optimisation.starts import pose_bounds, pose_steps, press_together
 from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.page import new_page, save_page
 from casadi_contact.scenes.pose_file import write_poses
-from casadi_contact.workflow.contact_source import load_contact
 from problems import knee_simulator
+from problems.collocation import Collocation
+from problems.contact_source import load_contact
 from problems.knee_simulator import Rig
 
 INERTIA = np.append(Rig().inertia, 20.0)  # t, t·mm²; the last of flexion, which moves as freely as the rest

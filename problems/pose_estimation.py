@@ -33,7 +33,7 @@ from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.joint_cycle import JointCycle
 from casadi_contact.scenes.load_cycle import LoadCycle
 from casadi_contact.scenes.opensim import poses_table, write_table
-from casadi_contact.workflow.contact_source import load_contact, load_cycle
+from problems.contact_source import load_contact, load_cycle
 
 
 def main(

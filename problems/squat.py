@@ -32,7 +32,6 @@ import casadi_contact as cc
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.terminal import numbers, run_program
-from casadi_contact.optimisation.collocation import Collocation
 from casadi_contact.optimisation.ipopt import ipopt_options
 from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection
 from casadi_contact.optimisation.knee import SIDES, check_knee
@@ -47,6 +46,7 @@ from casadi_contact.optimisation.starts import KNEE_STEPS, middle_pose, settle_i
 from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.page import new_page, save_page
 from casadi_contact.scenes.columns import write_columns
+from problems.collocation import Collocation
 from problems.knee_simulator import Rig
 
 # Greatest force [N], optimal fibre, tendon, length at zero angles [m]; arms [m]: hip flexion, knee extension,

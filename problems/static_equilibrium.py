@@ -22,7 +22,7 @@ from casadi_contact.optimisation.static_equilibrium import SOFT_TISSUE, Equilibr
 from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.page import frame, new_page, save_page
 from casadi_contact.scenes.columns import write_columns
-from casadi_contact.workflow.contact_source import load_contact
+from problems.contact_source import load_contact
 
 
 def main(

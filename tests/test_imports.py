@@ -149,7 +149,7 @@ def test_every_public_name_comes_from_its_module_and_type_checkers_see_it():
 
 def test_using_the_library_does_not_load_torch_matplotlib_or_sklearn():
     code = (
-        "import sys, casadi_contact, casadi_contact.workflow.benchmark.peers, problems.pose_estimation\n"
+        "import sys, casadi_contact, problems.studies.peers, problems.pose_estimation\n"
         "print([m for m in ('torch', 'jax', 'matplotlib', 'sklearn') if m in sys.modules])"
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PACKAGE.parent)

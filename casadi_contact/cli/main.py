@@ -45,10 +45,7 @@ EXAMPLES = {
         "export knee --foundation",
         "export knee --fmu",
     ),
-    "chart": (
-        "chart knee --preset standard",
-        "chart knee --peers",
-    ),
+    "chart": ("chart knee --preset standard",),
     "speed": (
         "speed knee",
         "speed knee --preset standard",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -123,22 +124,14 @@ def page(
 def chart(
     scene: SceneOrSurrogate,
     preset: PresetName = DEFAULT_PRESET,
-    peers: Annotated[
-        bool, typer.Option("--peers", help="measure the peers too (pip install casadi_contact[peers])")
-    ] = False,
     scheduler: Scheduler = None,
     out: Out = None,
 ) -> None:
     """Train a ladder of sizes, measure speed and accuracy of everything in one run, and draw the charts."""
     project = Project.open(scene, preset, out)
     with cluster_workers(scheduler) as executor, progress_bars(console) as update:
-        paths = pipeline.chart(
-            project,
-            peers=peers,
-            update=update,
-            tell=lambda what: update("measuring", 0, 1, what),
-            executor=executor,
-        )
+        tell = partial(update, "measuring", 0, 1)
+        paths = pipeline.chart(project, update=update, tell=tell, executor=executor)
     for path in paths:
         say(f"written {path}")
 

@@ -29,7 +29,7 @@ from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import calibrate as calibrated
 from casadi_contact.workflow.benchmark.evaluate import evaluate as evaluate_models
 from casadi_contact.workflow.benchmark.front_file import FILE_NAME, read_front, shipped_front
-from casadi_contact.workflow.benchmark.measure import measure_project
+from casadi_contact.workflow.benchmark.measure import Peers, measure_project
 from casadi_contact.workflow.project import (
     Project,
     available_motion,
@@ -175,7 +175,7 @@ def write_report(surrogates: Mapping[str, Surrogate], folder: Path, path: Path) 
 def chart(
     project: Project,
     *,
-    peers: bool = False,
+    peers: Peers | None = None,
     update: Update | None = None,
     tell: Callable[[str], None] | None = None,
     executor: Executor | None = None,

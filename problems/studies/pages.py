@@ -171,8 +171,9 @@ def _chart_section(path: Path) -> list[str]:
     header = front.header
     scene = header["scene"]
     given = scene if scene in ready_scenes() else f"problems/scenes/{scene}.toml"
-    command = f"casadi-contact chart {given} --preset {header['preset']}"
-    command += " --peers" if any(point.family == "polynomial" for point in front.points) else ""
+    peers = any(point.family == "polynomial" for point in front.points)
+    program = "python -m problems.studies.peers" if peers else "casadi-contact chart"
+    command = f"{program} {given} --preset {header['preset']}"
     intro = (
         f"{len(front.models)} models, {header['walking_poses']} unseen poses, against {header['reference']}, on "
         f"{header['processor']} ({header.get('instruction_set', 'instruction set not recorded')}): `{command}`."

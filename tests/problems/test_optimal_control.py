@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from casadi_contact.optimisation.collocation import Collocation
 from problems import knee_simulator, optimal_control
+from problems.collocation import Collocation
 
 
 @pytest.fixture(scope="module")

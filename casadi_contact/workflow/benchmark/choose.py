@@ -212,5 +212,5 @@ def python_line(scene: str, name: str, loads: Sequence[str], file: Path | str | 
         kind = next(kind for kind in _RESOLUTIONS if kind in name)
         numbers = ", ".join(re.findall(r"[\d.]+", name))
         return _RESOLUTIONS[kind].format(scene=f"cc.load_scene({scene!r})", numbers=numbers)
-    maker = f"casadi_contact.workflow.benchmark.peers.peer_candidates(samples, gflop=..., names={list(loads)!r})"
+    maker = f"problems.studies.peers.peer_candidates(samples, motion, gflop, {list(loads)!r})"
     return f"{maker}, the one named {name!r}"

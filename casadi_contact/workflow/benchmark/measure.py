@@ -23,7 +23,8 @@ from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.core.machine import machine_record
 from casadi_contact.core.terminal import new_app, run_app
 from casadi_contact.core.workers import one_thread
-from casadi_contact.samples.samples import load_errors
+from casadi_contact.samples.reference import ReferenceMotion
+from casadi_contact.samples.samples import Samples, load_errors
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.workflow.benchmark.candidates import (
@@ -54,21 +55,23 @@ _FIRST_LOOK = 8
 _FAILURES = (ValueError, ArithmeticError, RuntimeError, MemoryError)
 
 Tell = Callable[[str], None]
+Peers = Callable[[Samples, ReferenceMotion, float], Iterable[Candidate]]
+"""Samples, the motion they lie around, and 10⁹ floating-point operations for each -> models of other methods."""
 
 
 def measure_project(
     project: Project,
     *,
-    peers: bool = False,
+    peers: Peers | None = None,
     update: Update | None = None,
     tell: Tell | None = None,
     executor: Executor | None = None,
 ) -> Path:
     """Train what is missing of the chart's sizes, measure everything, write ``speed_accuracy.csv``; return its path.
 
-    peers: fit and measure the peers too (extra packages). tell: called with what is measured next. Raises
-    FileNotFoundError without samples or without the preset's own surrogates, ValueError for a scene without elements or
-    samples of a table.
+    peers: gives models of other methods, fitted to the project's samples and motion, to measure as well. tell:
+    called with what is measured next. Raises FileNotFoundError without samples or without the preset's own
+    surrogates, ValueError for a scene without elements or samples of a table.
     """
     # Before an hour of training, not after it:
     refuse_without_elements(project)
@@ -80,10 +83,8 @@ def measure_project(
     for name, surrogate in charted_surrogates(project):
         graph = name in (own_name(project, structure) for structure in own)
         candidates += surrogate_candidates(name, surrogate, graph=graph)
-    if peers:
-        from casadi_contact.workflow.benchmark.peers import peer_candidates
-
-        candidates += peer_candidates(project.samples(), gflop=project.preset.chart.peer_gflop, motion=motion)
+    if peers is not None:
+        candidates += peers(project.samples(), motion, project.preset.chart.peer_gflop)
     walking = unseen_walking(ElasticFoundation(project.scene, project.scene.grids["settle"]), motion)
     path = project.folder / FILE_NAME
     front = measure(candidates, project.scene, walking, tell)

@@ -20,8 +20,8 @@ from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.normal_load import NormalLoad
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.load import load_surrogate
-from casadi_contact.workflow.benchmark.peers import REGRESSORS, TrainingSet, fitted
 from casadi_contact.workflow.project import built_in_motion, shipped_surrogates
+from problems.studies.peers import REGRESSORS, TrainingSet, fitted
 
 FAILURES = {
     1: "starts out of contact and too deep",

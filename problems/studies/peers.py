@@ -1,5 +1,7 @@
 """Peers: what one might use instead of these surrogates, fitted on the same samples and timed in the same run.
 
+Run ``python -m problems.studies.peers knee --preset standard`` after that build.
+
 Regressors of scikit-learn and SciPy (``pip install casadi_contact[peers]``), and models with a history [EF15 §1]. A
 predicted force that would pull is clamped to zero, as the paper does [EF15 §3.5]. Peers have no derivatives.
 """
@@ -11,13 +13,18 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import comb
-from typing import Any, cast
+from pathlib import Path
+from typing import Annotated, Any, cast
 
 import numpy as np
+import typer
 from scipy.interpolate import RBFInterpolator
 
+from casadi_contact.cli.options import DEFAULT_PRESET
+from casadi_contact.cli.pipeline import chart
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.conventions import Array, as_poses
+from casadi_contact.core.terminal import PlainConsole, progress_bars, run_program
 from casadi_contact.core.workers import one_thread
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import Samples
@@ -25,8 +32,9 @@ from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.sample_rows import finite, fitted_rows
 from casadi_contact.workflow.benchmark.candidates import Candidate
 from casadi_contact.workflow.benchmark.front_file import Point
-from casadi_contact.workflow.benchmark.history_models import HISTORY_MODELS, Cycles
 from casadi_contact.workflow.benchmark.timing import time_batch, time_calls
+from casadi_contact.workflow.project import Project
+from problems.studies.history_models import HISTORY_MODELS, Cycles
 
 
 @dataclass(frozen=True)
@@ -203,10 +211,9 @@ FAMILIES = (*REGRESSORS, *HISTORY_MODELS)
 
 def peer_candidates(
     samples: Samples,
-    *,
+    motion: ReferenceMotion | None,
     gflop: float,
     names: Sequence[str] | None = None,
-    motion: ReferenceMotion | None = None,
     families: Sequence[str] = FAMILIES,
 ) -> Iterator[Candidate]:
     """Every peer, fitted on the training samples on one thread, one after the other.
@@ -233,3 +240,23 @@ def peer_candidates(
                 yield Candidate(Point(family, family, failure=failure))
                 break
             yield candidate
+
+
+def run(
+    scene: Annotated[str, typer.Argument(help="ready scene, or the path of a .toml, of a finished build")] = "knee",
+    preset: Annotated[str, typer.Option(help="that of the build")] = DEFAULT_PRESET,
+    out: Annotated[Path | None, typer.Option(help="the build's folder, if it has one of its own")] = None,
+) -> None:
+    """Measure the peers beside all else on the chart of a build, and draw it."""
+    with progress_bars(PlainConsole()) as update:
+        paths = chart(Project.open(scene, preset, out), peers=peer_candidates, update=update)
+    print(*(f"written {path}" for path in paths), sep="\n")
+
+
+def main() -> None:
+    """Entry point: a user's mistake is one line on stderr and exit status 1."""
+    run_program(run)
+
+
+if __name__ == "__main__":
+    main()

@@ -9,8 +9,8 @@ import casadi_contact as cc
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import TEST
 from casadi_contact.samples.settings import SamplePoint
-from casadi_contact.workflow.benchmark.history_models import HISTORY_MODELS, Cycles, HammersteinWiener
-from casadi_contact.workflow.benchmark.peers import (
+from problems.studies.history_models import HISTORY_MODELS, Cycles, HammersteinWiener
+from problems.studies.peers import (
     FAMILIES,
     TrainingSet,
     history_candidates,
@@ -22,7 +22,7 @@ from tests.support.smooth_samples import NAMES, SPHERE, smooth_poses, smooth_sam
 
 def test_every_family_is_in_the_table_and_every_stopwatch_runs():
     pytest.importorskip("sklearn")
-    made = list(peer_candidates(smooth_samples(100), gflop=1.0, names=NAMES))
+    made = list(peer_candidates(smooth_samples(100), None, 1.0, NAMES))
     poses = smooth_poses(4, seed=1)
     assert {c.point.family for c in made} == set(FAMILIES)
     for candidate in (c for c in made if c.model is not None):
@@ -39,7 +39,7 @@ def test_every_family_is_in_the_table_and_every_stopwatch_runs():
 def test_without_scikit_learn_it_says_what_to_install(monkeypatch):
     for name in ("sklearn", "sklearn.pipeline", "sklearn.neighbors"):
         monkeypatch.setitem(sys.modules, name, None)
-    (only,) = peer_candidates(smooth_samples(100), gflop=1.0, families=["neighbours"])
+    (only,) = peer_candidates(smooth_samples(100), None, 1.0, families=["neighbours"])
     assert only.model is None
     assert "scikit-learn" in only.point.failure or "sklearn" in only.point.failure
 

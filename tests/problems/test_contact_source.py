@@ -7,8 +7,8 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.scenes.load_cycle import write_cycle
 from casadi_contact.scenes.walking import reference_cycle
-from casadi_contact.workflow import contact_source
-from casadi_contact.workflow.contact_source import load_contact, load_cycle
+from problems import contact_source
+from problems.contact_source import load_contact, load_cycle
 
 
 def test_a_surrogate_comes_by_name_and_knee_for_none():
