@@ -138,24 +138,6 @@ def test_a_line_does_on_both_bodies_what_its_length_says():
 
 
 @needs_compiler
-def test_the_patella_rides_in_its_groove_from_0_to_100_degrees_of_flexion(knee, held):
-    """The quadriceps pulls harder than the tendon the more the knee bends, and presses the patella harder."""
-    function, found, poses = knee.function(), {}, held
-    for degrees in (20, 45, 70, 85, 100):
-        result = at_flexion(knee, degrees, poses)
-        assert result.converged, (degrees, result.residual)
-        poses = result.poses
-        found[degrees] = dict(zip(knee.load_names, np.asarray(function(poses.T)).ravel(), strict=True))
-    straight = at_flexion(knee, 0.0, at_flexion(knee, 10.0, held).poses)
-    assert straight.converged
-    tendon = [found[d]["patellar_tendon"] for d in (20, 45, 70, 100)]
-    assert QUADRICEPS_N > tendon[0] > tendon[1] > tendon[2] > 0.5 * QUADRICEPS_N > tendon[3] > 0.0
-    backwards = [f["patellofemoral_Fx_med"] + f["patellofemoral_Fx_lat"] for f in found.values()]
-    pressed = np.hypot(backwards, [f["patellofemoral_Fy"] for f in found.values()])
-    assert (np.diff(pressed[:3]) > 0.0).all()
-
-
-@needs_compiler
 def test_in_equilibrium_only_the_locked_flexion_is_left(knee, held):
     """Nothing is left on the patella, and on the femur what is applied and the moment about its locked flexion."""
     forces = np.asarray(knee.forces()(held.T, QUADRICEPS_N)).T

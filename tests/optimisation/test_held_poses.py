@@ -24,6 +24,7 @@ def ball():
 def test_poses_of_a_problem_are_those_that_the_joint_can_take(ball):
     frames = cc.ContactFrames(ball, 2)
     assert frames.free == ("tx", "ty", "rz")
+    assert cc.ContactFrames(ball, locked={"rx": LOCKED, "rz": 0.1, "tx": 0.4, "tz": 0.4}).free == ("ty",)
     pose = ca.Function("pose", [frames.q], [frames.pose])
     values = np.random.default_rng(0).normal(size=(3, 2))
     poses = pose(values).full().T
@@ -31,6 +32,8 @@ def test_poses_of_a_problem_are_those_that_the_joint_can_take(ball):
     np.testing.assert_array_equal(poses[:, 3:5], np.tile([LOCKED, 0.0], (2, 1)))
     np.testing.assert_allclose(frames.poses_with(np.zeros((2, 6)), values.T), poses)
     np.testing.assert_allclose(frames.variables(poses), values.T.ravel())
+    for start in (middle_pose(ball), frames.start_poses({"Fy": [-300.0, -5.0]})):
+        np.testing.assert_allclose(start, ball.scene.pose_space.project(start), atol=1e-12)
 
 
 def test_a_tied_contact_in_opti_carries_its_loads_on_the_tie(ball):
@@ -46,12 +49,6 @@ def test_a_tied_contact_in_opti_carries_its_loads_on_the_tie(ball):
     np.testing.assert_allclose(settled[0], pose, atol=1e-6)
 
 
-def test_starts_lie_on_the_space(ball):
-    space = ball.scene.pose_space
-    for poses in (middle_pose(ball), cc.ContactFrames(ball, 2).start_poses({"Fy": [-300.0, -5.0]})):
-        np.testing.assert_allclose(poses, space.project(poses), atol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("locked", "said"),
     [
@@ -65,10 +62,6 @@ def test_starts_lie_on_the_space(ball):
 def test_locks_of_a_problem_that_contradict_the_scene_are_refused(ball, locked, said):
     with pytest.raises(ValueError, match=said):
         cc.ContactFrames(ball, locked=locked)
-
-
-def test_locks_of_a_problem_that_agree_with_the_scene_are_not_needed(ball):
-    assert cc.ContactFrames(ball, locked={"rx": LOCKED, "rz": 0.1, "tx": 0.4, "tz": 0.4}).free == ("ty",)
 
 
 @needs_compiler

@@ -79,12 +79,6 @@ def test_a_called_back_model_has_second_derivatives_and_no_wrench_where_there_is
     assert np.isnan(called(np.full(6, np.nan)).full()).all()
 
 
-def test_a_called_back_surrogate_equals_its_own_function():
-    knee = cc.load_surrogate("knee")
-    own, called = wrench_function(knee), wrench_function(Bare(knee))
-    np.testing.assert_allclose(np.asarray(own(POSE)), np.asarray(called(POSE)), rtol=1e-10, atol=1e-9)
-
-
 # The total of a scene's loads, however it names them.
 OTHERS = [name for name in WRENCH_NAMES if name != "Fy"]
 BY_NAMES = {
@@ -102,25 +96,13 @@ def knee(names):
     return cc.Scene.from_tables({**tables, "loads": loads, "tolerances": dict.fromkeys(names, 5.0)})
 
 
-def foundation_of(scene):
-    """Of a few rays: what is summed here is its own."""
-    return PolarFoundation(scene, Rays(8, 2))
-
-
-@pytest.fixture(scope="module", params=BY_NAMES.values(), ids=BY_NAMES)
-def model(request):
-    return foundation_of(knee(request.param))
-
-
-def test_it_is_the_sum_over_the_patches(model):
-    pose = np.array([model.example_pose()])
-    total = total_selection(model.load_names, model.patch_names) @ model(pose)[0]
-    np.testing.assert_allclose(total, model.wrenches(pose)[0].sum(axis=0), rtol=1e-12, atol=1e-9)
-
-
-def test_a_centre_of_pressure_is_that_of_all_that_presses(model):
+@pytest.mark.parametrize("names", BY_NAMES.values(), ids=BY_NAMES)
+def test_the_total_wrench_and_its_centre_of_pressure_are_those_of_all_that_presses(names):
+    model = PolarFoundation(knee(names), Rays(8, 2))
     pose = np.array([model.example_pose()])
     whole = model.wrenches(pose)[0].sum(axis=0)
+    total = total_selection(model.load_names, model.patch_names) @ model(pose)[0]
+    np.testing.assert_allclose(total, whole, rtol=1e-12, atol=1e-9)
     centre = whole[5] / whole[1]  # Tz/Fy
     wanted = PoseTargets.of(model.scene, {"cop_ap": np.array([centre])})
     loads = model(pose)[:, [model.load_names.index(name) for name in wanted.load_names]]
@@ -137,6 +119,6 @@ def test_of_one_side_alone_there_is_none():
     with pytest.raises(ValueError, match="cop_ap"):
         PoseTargets.of(scene, {"cop_ap": np.zeros(1)})
     with pytest.raises(ValueError, match="Fy"):
-        ContactFrames(foundation_of(scene), 1).misfit({"cop_ap": 0.0})
+        ContactFrames(PolarFoundation(scene, Rays(8, 2)), 1).misfit({"cop_ap": 0.0})
     completed = whole_wrench(scene)
     assert completed.load_names == (*ONE_SIDE, "Fy")

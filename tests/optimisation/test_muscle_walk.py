@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from casadi_contact.optimisation.muscle_walk import at_times, example_walk, read_walk
-from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.opensim import ColumnMap, Table, write_table
 from tests.support.muscle_files import write_walk
-from tests.support.shared_data import shared_file
 
 WALK = example_walk(frames=41)
 
@@ -84,13 +82,6 @@ def test_a_fault_in_a_file_is_named(files, which, old, new, word):
         read_walk(**files)
 
 
-def test_rotations_in_degrees_are_refused(files):
-    turns = {"time_s": WALK.time_s, "flexion_rz_rad": np.degrees(WALK.rz), "rotation_ry_rad": np.degrees(WALK.ry)}
-    write_columns(files["rotations"], turns)
-    with pytest.raises(ValueError, match="degrees"):
-        read_walk(**files)
-
-
 def scaled(field, factor, *names):
     """The walk with a table, or the curves of some coordinates, times a factor."""
     value = getattr(WALK, field)
@@ -112,14 +103,3 @@ def scaled(field, factor, *names):
 def test_units_and_signs_that_no_knee_has_are_refused(field, factor, names, word):
     with pytest.raises(ValueError, match=word):
         scaled(field, factor, *names)
-
-
-def test_a_measured_walk_is_read():
-    names = ("og1_loads", "og1_inverse_dynamics", "og1_muscles", "muscle_parameters")
-    walk = read_walk(*(shared_file(f"data/jw/{name}.csv") for name in names))
-    assert (walk.name, len(walk), len(walk.muscles.names)) == ("og1", 101, 13)
-    # the vasti lengthen as the knee bends: arm = -dlength/drz, times and frames of the files belong together
-    muscle = walk.muscles.names.index("vasint")
-    slope = np.gradient(walk.lengths_m[:, muscle]) / np.gradient(walk.rz)
-    moving = np.abs(np.gradient(walk.rz)) > 0.02
-    assert np.median(np.abs(-slope[moving] - walk.arms["knee_flexion"][moving, muscle])) < 0.003  # m

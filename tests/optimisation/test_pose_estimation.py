@@ -1,9 +1,8 @@
-"""Pose estimation: golden poses, measured cycles, other joints, frames that continue on a reference model."""
+"""Pose estimation: measured cycles, other joints, frames that continue on a reference model."""
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -41,9 +40,6 @@ def test_the_reference_cycle_is_solved_in_few_iterations_and_the_elements_agree(
     problem, result = solved
     assert result.solved.all()
     assert result.ipopt.iterations <= 12
-    golden = json.loads((Path(__file__).parent / "golden_reference_poses.json").read_text())
-    for frame, pose in golden.items():
-        np.testing.assert_allclose(result.poses[int(frame)], pose, atol=0.03)  # by which networks of 0.3 N differ
     elements = cc.ElasticFoundation(problem.model.scene, problem.model.scene.grids["teacher"])
     assert np.sqrt(np.mean((elements(result.poses)[:, :2] - result.loads[:, :2]) ** 2)) < 1.0
     again = problem.solve(result.poses)
@@ -57,7 +53,6 @@ def test_the_objective_is_half_the_squares_of_misfits_and_of_weighted_steps(knee
     poses = rough.contact.start_poses() + np.random.default_rng(0).normal(size=(4, 6)) * [0.5, 0.02, 0.5, 0.002, 0, 0]
     x = rough.contact.variables(poses)
     poses = rough.contact.poses_with(poses, x)
-    ca = pytest.importorskip("casadi")
     values = [float(ca.Function("f", [p.nlp["x"]], [p.nlp["f"]])(x)) for p in (rough, smooth)]
     r = np.asarray(rough.residuals(x.reshape(4, -1).T))
     assert values[0] == pytest.approx(0.5 * np.sum(r**2))
@@ -139,16 +134,6 @@ def test_forces_that_are_parts_of_a_normal_load_settle_from_the_first_touch():
     parts = PoseEstimation(model, {n: cycle.loads[n] for n in ("Fy", "Fz")}, {**cycle.pose, "tx": poses[:, 0]}).solve()
     assert parts.solved.all()
     np.testing.assert_allclose(parts.poses, poses, atol=1e-4)
-
-
-def test_a_frame_that_no_pose_carries_is_reported_and_the_others_are_solved(knee):
-    cycle = reference_cycle(frames=11)
-    outside = cycle.cop_ml_mm.copy()
-    outside[4] = 60.0
-    problem = PoseEstimation.of_cycle(knee, replace(cycle, cop_ml_mm=outside))
-    result = problem.solve()
-    np.testing.assert_array_equal(result.solved, np.arange(11) != 4)
-    assert result.outcome[4] == FrameOutcome.NOT_SOLVED
 
 
 def test_frames_left_unsolved_are_solved_alone_from_their_neighbours(solved, monkeypatch):

@@ -53,6 +53,7 @@ def test_a_ball_pressed_into_the_corner_of_floor_and_wall_bears_on_both_as_on_tw
     assert share[2] == 1.0
     np.testing.assert_allclose(model.wrenches(wall), 0.0, atol=1e-9)  # and so nothing else tells it
     assert not model.at_edge(wall).any()
+    np.testing.assert_array_equal(share_on_walls(model_of(folder, "triangles"), [wall]), 0.0)
     assert "in 2 of 3 frames up to 100%" in words_of("on_walls", share)
 
 
@@ -108,20 +109,6 @@ def test_what_walls_and_the_rest_of_the_mesh_carry_counts_together(folder):
     assert not cc.verify(model, pose, model).verified.any()
 
 
-def test_where_a_patch_ends_between_the_centres_of_the_same_triangles_does_not_matter(tmp_path):
-    """Triangles as elements belong to a patch or to none, each whole: neither loads nor what is lost may differ."""
-    write_obj(tmp_path / "sheet.obj", *sheet_mesh(16.0, 1.0))
-    write_obj(tmp_path / "ball.obj", *ball_mesh(RADIUS_MM, 0.5))
-    found = []
-    for bound in (0.4, 0.6):  # centres lie at thirds of a millimetre
-        patch = f"[geometry.patches.contact]\nx = [{bound}, 30.0]\n"
-        (tmp_path / "half.toml").write_text(mesh_scene_text("ball.obj", "sheet.obj", elements="triangles", extra=patch))
-        model, pose = cc.ElasticFoundation(cc.load_scene(tmp_path / "half.toml")), [0.5, 7.7, 0.0, 0.0, 0.0, 0.0]
-        found.append([*model.wrenches(pose)[0], *share_outside_patches(model, [pose])])
-    np.testing.assert_allclose(*found, rtol=1e-9, atol=1e-9)
-    assert 0.4 < found[0][-1] < 0.6
-
-
 def test_a_ridge_between_two_open_condyles_touches_neither(tmp_path):
     """Beyond the edges of an open mesh distances are those of no body, between condyles negative by many mm."""
     points, faces = sheet_mesh(34.0, 1.0, lambda x, z: -np.sqrt(20.0**2 - z**2))
@@ -140,10 +127,6 @@ def test_a_ridge_between_two_open_condyles_touches_neither(tmp_path):
     pose = np.array([0.0, -0.6, 0.0, 0.0, 0.0, 0.0])
     assert (model.wrenches(pose)[:, 1] < -1000.0).all()
     np.testing.assert_array_equal(share_outside_patches(model, [pose]), 0.0)
-
-
-def test_a_ball_on_the_floor_alone_leaves_nothing_to_tell(folder):
-    assert words_of("on_walls", share_on_walls(model_of(folder), [[12.0, 7.8, 0.0, 0.0, 0.0, 0.0]])) is None
 
 
 def test_a_verdict_holds_no_frame_verified_whose_load_nothing_counts(folder):
@@ -181,22 +164,8 @@ def test_a_cap_that_stands_upright_bears_within_itself_and_one_that_is_turned_on
     assert 0.2 < share[1] < 0.8, "half of the spot lies beyond, where the cap rounds off"
     assert "in 1 of 3 frames up to" in unmodelled_load_words({"beyond_open_edges": share})["beyond_open_edges"]
 
+    closed = share_beyond_open_edges(on_sheet(sheets, "ball"), [[0.0, 19.9, 0.0, 0.5, 0.0, 0.0]])
+    np.testing.assert_array_equal(closed, 0.0)
+    assert unmodelled_load_words({"beyond_open_edges": closed}) == {}
     many = np.tile([upright, tilted, apart], (150, 1))  # more than are looked up at once
     np.testing.assert_allclose(share_beyond_open_edges(model, many), np.tile(share, 150), rtol=1e-12)
-
-
-def test_a_closed_body_has_no_open_edges(sheets):
-    share = share_beyond_open_edges(on_sheet(sheets, "ball"), np.array([[0.0, 19.9, 0.0, 0.5, 0.0, 0.0]]))
-    np.testing.assert_array_equal(share, 0.0)
-    assert unmodelled_load_words({"beyond_open_edges": share}) == {}
-
-
-def test_elements_that_are_the_triangles_bear_on_walls_as_well(folder):
-    share = share_on_walls(model_of(folder, "triangles"), [[7.7, 8.5, 0.0, 0.0, 0.0, 0.0]])
-    np.testing.assert_array_equal(share, 0.0)
-
-
-def test_a_parametric_body_has_none():
-    model = cc.ElasticFoundation(cc.load_scene("sphere_on_plane"), (40, 40))
-    for share in (share_beyond_open_edges, share_on_walls, share_outside_patches):
-        np.testing.assert_array_equal(share(model, [model.scene.start_pose]), 0.0)

@@ -1,4 +1,4 @@
-"""Static equilibrium: golden poses, balance along every free direction, far starts, loads that nothing carries."""
+"""Static equilibrium: balance along every free direction, far starts, loads that nothing carries."""
 
 import numpy as np
 import pytest
@@ -25,19 +25,9 @@ def solved(knee):
     return problem, problem.solve()
 
 
-def test_golden_poses(solved):
-    _, result = solved
-    assert result.solved.all()
-    golden = [
-        [0.9485, 27.4322, 0.1230, -0.00175, -0.04085],
-        [-1.7170, 27.2652, 0.0183, -0.00305, -0.06585],
-        [-0.4326, 27.0532, 0.1216, -0.00370, -0.07954],
-    ]
-    np.testing.assert_allclose(result.poses[:, :5], golden, atol=0.015)  # by which networks of 0.3 N differ
-
-
 def test_contact_carries_the_given_loads_along_every_free_direction(knee, solved):
     _, result = solved
+    assert result.solved.all()
     for pose, wrench in zip(result.poses, result.wrenches, strict=True):
         # About the moving origin, by a plain cross product; the rest is the torque that the lock of rz gives.
         torque = wrench[3:] - np.cross(pose[:3], wrench[:3])

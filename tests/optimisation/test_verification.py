@@ -7,8 +7,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.core.conventions import pose_index
-from casadi_contact.optimisation import reference
-from casadi_contact.optimisation.reference import off_finer, reference_model
+from casadi_contact.optimisation.reference import reference_model
 from tests.support.meshes import ball_mesh, scene_of, sheet_mesh
 
 POSE = np.array([0.7, 27.3, 0.1, 0.002, -0.04, -0.5])
@@ -181,13 +180,6 @@ def test_a_frame_on_elements_that_are_too_coarse_is_solved_and_not_verified(solv
     assert not unknown.verified.any(), "a difference that is no number verifies nothing"
     fine = with_teacher((160, 80))
     assert cc.verify(fine, [POSE, LIFTED], fine).exit_code == 0
-
-
-def test_where_finer_elements_would_be_too_many_wider_ones_stand_in(monkeypatch):
-    model, wider = with_teacher((20, 14)), with_teacher((10, 7))
-    monkeypatch.setattr(reference, "MOST_ELEMENTS", 4 * 20 * 14 - 1)
-    off = off_finer(model, POSE[None], model.load_names, np.zeros(len(model.load_names)))
-    np.testing.assert_allclose(off, model([POSE]) - wider([POSE]), atol=1e-9)
 
 
 def test_of_elements_that_are_the_mesh_s_own_triangles_nothing_tells(tmp_path):

@@ -61,13 +61,6 @@ def test_stiffness_and_thickness_are_not_told_apart_but_their_ratio_is_found(kne
     assert found.values[0] / found.values[1] == pytest.approx(truth[0] / truth[1], rel=1e-6)
 
 
-def test_a_pose_in_a_placed_body_is_composed_and_back():
-    place, poses = np.array([0.8, -0.5, 0.6, 0.02, -0.03, 0.01]), np.array([[1.0, 27.0, 0.3, 0.02, 0.1, -0.7]])
-    there = calibration.composed(poses, place)
-    assert np.abs(there - poses).max() > 0.1
-    np.testing.assert_allclose(calibration.composed(there, place, inverse=True), poses, atol=1e-12)
-
-
 def test_the_program_reads_a_measurement_and_draws(knee, tmp_path, capsys):
     calibration.main(frames=8, parameters="youngs_modulus,fixed_ty", out=tmp_path)
     first = capsys.readouterr().out.splitlines()

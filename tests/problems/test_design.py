@@ -45,18 +45,6 @@ def test_elements_of_other_dishes_change_alike(contact):
         np.testing.assert_allclose(slopes[:, k], (more - less) / 0.1, atol=2e-3 * np.abs(more - less).max() / 0.1)
 
 
-def test_the_function_of_all_poses_has_the_same_values_and_derivatives(contact):
-    poses, radii = np.array([[0.5, 27.18, 0.1, 0.0, -0.05, -0.3], [0.0, 27.1, 0.0, 0.001, 0.0, -0.6]]), [58.0, 30.0]
-    values, slopes = contact.evaluate(poses, np.array(radii))
-    f, point, rows = contact.function(2), np.append(poses, radii), values.shape[1]
-    np.testing.assert_allclose(np.array(f(point)).reshape(2, -1), values)
-    whole = np.array(f.jacobian()(point, f(point)))
-    np.testing.assert_allclose(whole[:rows, :6], slopes[0, :, :6])
-    np.testing.assert_allclose(whole[rows:, 6:12], slopes[1, :, :6])
-    np.testing.assert_allclose(whole[:, -2:], slopes[:, :, 6:].reshape(-1, 2))
-    assert (whole[:rows, 6:12] == 0.0).all()
-
-
 def test_the_best_dish_lowers_the_peak_carries_all_loads_and_keeps_its_laxity(contact, solved):
     first, best, _ = solved
     assert best.peaks_mpa.max() < 0.9 * first.peaks_mpa.max()

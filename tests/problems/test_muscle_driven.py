@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.optimisation.muscle import force_capacity, rigid_tendon_forces
 from casadi_contact.optimisation.muscle_contact import MuscleContact
 from casadi_contact.optimisation.muscle_walk import example_walk
 from problems import muscle_driven
@@ -68,17 +67,6 @@ def test_the_jacobian_of_the_motion_is_exact(inverse, driven):
         ends = [np.asarray(driven.rate(state + side * step * np.eye(6)[k], at))[:, 0] for side in (-2, -1, 1, 2)]
         differenced[:, k] = (ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / (12 * step)
     np.testing.assert_allclose(exact, differenced, rtol=1e-5, atol=1e-6 * np.abs(exact).max())
-
-
-def test_forces_as_expressions_are_those_of_the_capacity(inverse):
-    problem, solved = inverse
-    muscles, walk = problem.muscles, problem.walk
-    a, length, velocity = (ca.SX.sym("s", len(muscles.names)) for _ in range(3))
-    active, passive, _ = rigid_tendon_forces(muscles, length, velocity, ca)
-    function = ca.Function("f", [a, length, velocity], [a * active + passive])
-    capacity = force_capacity(muscles, walk.lengths_m, walk.velocities_m_per_s)
-    got = function.map(51)(solved.activations.T, walk.lengths_m.T, walk.velocities_m_per_s.T).full().T
-    np.testing.assert_allclose(got, capacity.active_n * solved.activations + capacity.passive_n, atol=1e-6)
 
 
 def test_frames_that_muscles_alone_do_not_balance_are_refused(inverse):

@@ -9,7 +9,7 @@ import casadi_contact as cc
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import TEST
 from casadi_contact.samples.settings import SamplePoint
-from problems.studies.history_models import HISTORY_MODELS, Cycles, HammersteinWiener
+from problems.studies.history_models import HISTORY_MODELS
 from problems.studies.peers import (
     FAMILIES,
     TrainingSet,
@@ -100,14 +100,3 @@ def test_history_models_follow_an_unseen_cycle_and_rest_where_a_motion_rests(fam
     assert np.sqrt(np.mean((sequence(unseen) - want) ** 2)) < share * want.std()
     still = np.repeat(unseen[7:8], 41, axis=0)
     np.testing.assert_allclose(sequence(still), np.repeat(single(still[:1]), 41, axis=0), rtol=1e-3)
-
-
-def test_a_hammerstein_wiener_system_is_found_again():
-    poses = np.cumsum(np.random.default_rng(3).normal(size=(8, 120, 6)), axis=1) * 0.1
-    u = np.sin(poses[..., 0]) + poses[..., 1] ** 2
-    w = u.copy()
-    for t in range(1, u.shape[1]):
-        w[:, t] = 0.6 * w[:, t - 1] + 0.4 * u[:, t]
-    cycles = Cycles(poses, np.tanh(0.5 * w)[..., None] * 100.0, 2)
-    off = HammersteinWiener(cycles, 1.0).follow(poses)[-2:] - cycles.loads[-2:]
-    assert np.sqrt(np.mean(off**2)) < 0.15 * cycles.loads[-2:].std()

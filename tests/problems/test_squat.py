@@ -95,12 +95,6 @@ def test_ground_force_presses_the_medial_side_and_lies_between_heel_and_toe(leg,
     np.testing.assert_allclose(room, up * np.array([centre - BODY.heel_m, BODY.toe_m - centre]), atol=1e-9)
 
 
-def test_a_muscle_that_lengthens_is_stronger_than_one_that_shortens(muscles):
-    vasti, a = list(MUSCLES).index("vasti"), np.full(10, 0.5)
-    bending, extending = (float(muscles([0.4, -0.6, 0.5], [r, -r, 0.0], a)[vasti]) for r in (0.5, -0.5))
-    assert bending > 1.1 * extending
-
-
 def test_a_trade_off_meets_its_constraints_and_no_squat_is_cheaper_at_the_weight_of_another(tmp_path, capsys):
     model = cc.foundation("knee")
     problem = squat.build(model, BODY, intervals=6)
