@@ -111,6 +111,32 @@ def root_of_normal(normal: Array, gradient: Array, reference_load: float) -> tup
     return s, np.where(loaded, 1.0 / (2.0 * reference_load * np.where(loaded, s, 1.0)), 0.0)[..., None] * gradient
 
 
+def total_root(s: Array, ds: Array) -> tuple[Array, Array]:
+    """√(Σ max(s, 0)²) (n,) of root loads (n, P) and its derivatives (n, 6); where no patch is in contact, those of the
+    nearest."""
+    inside, rows = np.maximum(s, 0.0), np.arange(len(s))
+    total, nearest = np.linalg.norm(inside, axis=1), s.argmax(axis=1)
+    loaded = total > 0.0
+    shares = inside / np.where(loaded, total, 1.0)[:, None]
+    value = np.where(loaded, total, s[rows, nearest])
+    return value, np.where(loaded[:, None], np.einsum("np,npj->nj", shares, ds), ds[rows, nearest])
+
+
+def root_vector(force: Array, gradient: Array, s: Array, ds: Array, n0: float) -> tuple[Array, Array]:
+    """s·u (n, 3) and its derivatives (n, 3, 6): F/√(N·N0) in contact; out of contact along the gap's gradient.
+
+    There the turning of u is left out of the derivative: a step closes the gap first.
+    """
+    size = np.linalg.norm(force, axis=1)
+    loaded = size > 0.0
+    root = np.sqrt(np.where(loaded, size, 1.0) * n0)[:, None]
+    along = force / np.where(loaded, size, 1.0)[:, None]
+    in_contact = (gradient - 0.5 * np.einsum("ni,nk,nkj->nij", along, along, gradient)) / root[..., None]
+    closing = ds[:, :3] / np.maximum(np.linalg.norm(ds[:, :3], axis=1, keepdims=True), 1e-300)
+    vector = np.where(loaded[:, None], force / root, s[:, None] * closing)
+    return vector, np.where(loaded[:, None, None], in_contact, closing[..., None] * ds[:, None, :])
+
+
 def signed_roots(
     scene: Scene, wrenches: Array, jacobian: Array, gaps: Callable[[np.ndarray], tuple[Array, Array]]
 ) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
-from casadi_contact.contact.model import ContactModel, with_loads
+from casadi_contact.contact.model import ContactModel, root_vector, total_root, with_loads
 from casadi_contact.core.conventions import LEVER_MM, Array, Progress, as_poses, check_above_zero, pose_index
 from casadi_contact.core.quantities import quantity, three_digits
 
@@ -65,12 +65,8 @@ class Equilibrium:
     @property
     def _vector_targets(self) -> dict[int, list[int]]:
         """Columns of the three targets whose magnitude is a patch's normal load, by patch."""
-        normals = self.model.scene.normal_loads
-        return {
-            p: [self.names.index(name) for name in load.loads]
-            for p, load in enumerate(normals)
-            if load.component is None and set(load.loads) <= set(self.names)
-        }
+        magnitudes = ((p, load.loads) for p, load in enumerate(self.model.scene.normal_loads) if load.component is None)
+        return {p: list(map(self.names.index, loads)) for p, loads in magnitudes if set(loads) <= set(self.names)}
 
     def pressing(self) -> Equilibrium | None:
         """The equations of the sensitive pose parameters under the normal loads alone; None unless they are some of the
@@ -90,16 +86,14 @@ class Equilibrium:
             missing |= np.linalg.norm(misfit[:, columns] + force, axis=1) < share * np.linalg.norm(force, axis=1)
         return missing
 
-    def along_the_force(self, poses: Array, ways_mm: Array, number: int) -> Array:
+    def along_the_force(self, poses: Array, number: int, reach_mm: float = 30.0) -> Array:
         """Poses (n, 6) moved along the force that a patch shall carry, by the way about which residuals are least
         (number 0), next to least (1), ...: there are several where the body passes a rim before it presses."""
-        columns = next(iter(self._vector_targets.values()))
-        force = self.target[:, columns]
+        force, ways_mm = self.target[:, next(iter(self._vector_targets.values()))], np.arange(0.0, reach_mm, 0.25)
         along = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-300)
         moved = np.repeat(poses[:, None], len(ways_mm), axis=1)
         moved[:, :, :3] += ways_mm[:, None] * along[:, None]
-        moved = self.model.scene.pose_space.project(moved)
-        rows = np.repeat(np.arange(len(poses)), len(ways_mm))
+        moved, rows = self.model.scene.pose_space.project(moved), np.repeat(np.arange(len(poses)), len(ways_mm))
         left = np.linalg.norm(self.residuals(moved.reshape(-1, 6), rows)[0], axis=1).reshape(moved.shape[:2])
         beside = np.pad(left, ((0, 0), (1, 1)), constant_values=np.inf)
         least = (left <= beside[:, :-2]) & (left <= beside[:, 2:])
@@ -117,10 +111,10 @@ class Equilibrium:
         """Why a row with misfits (targets,) has not converged."""
         if not np.isfinite(misfit).all():
             return NOT_FINITE
-        worst = int(np.abs(misfit / self.load_scales).argmax())
         why = "no equilibrium near this start: at the nearest pose found" if stalled else "iterations used up:"
         if self.pulls()[row]:
             why = "no equilibrium: a target load pulls, contact only pushes;"
+        worst = int(np.abs(misfit / self.load_scales).argmax())
         return f"{why} {self.names[worst]} is off by {misfit[worst]:.4g} {quantity(self.names[worst]).unit}"
 
     def misfit(self, loads: Array, rows: np.ndarray) -> Array:
@@ -148,15 +142,13 @@ class Equilibrium:
             gradient[:, column] = jacobian[:, model.load_names.index(name)] / scale
         for column, patches in normals.items():
             target = model.scene.normal_loads[patches[0]].sign * self.target[rows, column]
-            total, gradient[:, column] = _total_root(*(of[:, patches] for of in roots))
+            total, gradient[:, column] = total_root(*(of[:, patches] for of in roots))
             r[:, column] = total - np.sqrt(np.maximum(target, 0.0) / n0)
         for patch, columns in vectors.items():
-            of_loads = [model.load_names.index(self.names[column]) for column in columns]
             target = self.target[rows][:, columns]
             size = np.linalg.norm(target, axis=1, keepdims=True)
-            vector, gradient[:, columns] = _root_vector(
-                loads[:, of_loads], jacobian[:, of_loads], roots[0][:, patch], roots[1][:, patch], n0
-            )
+            of_loads, (s, ds) = [model.load_names.index(self.names[k]) for k in columns], (of[:, patch] for of in roots)
+            vector, gradient[:, columns] = root_vector(loads[:, of_loads], jacobian[:, of_loads], s, ds, n0)
             r[:, columns] = vector - target / np.sqrt(n0 * np.where(size > 0.0, size, 1.0))
         gradient = self.model.scene.pose_space.pull_back(gradient)[..., list(self.free)] * self.free_scales
         lost = ~np.isfinite(gradient).all(axis=(1, 2)) | ~np.isfinite(r).all(axis=1)
@@ -180,32 +172,6 @@ class Equilibrium:
         return np.array([1.0 if i < 3 else 1.0 / LEVER_MM for i in self.free])
 
 
-def _total_root(s: Array, ds: Array) -> tuple[Array, Array]:
-    """√(Σ max(s, 0)²) (n,) of root loads (n, P) and its derivatives (n, 6); where no patch is in contact, those of the
-    nearest."""
-    inside, rows = np.maximum(s, 0.0), np.arange(len(s))
-    total, nearest = np.linalg.norm(inside, axis=1), s.argmax(axis=1)
-    loaded = total > 0.0
-    shares = inside / np.where(loaded, total, 1.0)[:, None]
-    value = np.where(loaded, total, s[rows, nearest])
-    return value, np.where(loaded[:, None], np.einsum("np,npj->nj", shares, ds), ds[rows, nearest])
-
-
-def _root_vector(force: Array, gradient: Array, s: Array, ds: Array, n0: float) -> tuple[Array, Array]:
-    """s·u (n, 3) and its derivatives (n, 3, 6): F/√(N·N0) in contact; out of contact along the gap's gradient.
-
-    There the turning of u is left out of the derivative: a step closes the gap first.
-    """
-    size = np.linalg.norm(force, axis=1)
-    loaded = size > 0.0
-    root = np.sqrt(np.where(loaded, size, 1.0) * n0)[:, None]
-    along = force / np.where(loaded, size, 1.0)[:, None]
-    in_contact = (gradient - 0.5 * np.einsum("ni,nk,nkj->nij", along, along, gradient)) / root[..., None]
-    closing = ds[:, :3] / np.maximum(np.linalg.norm(ds[:, :3], axis=1, keepdims=True), 1e-300)
-    vector = np.where(loaded[:, None], force / root, s[:, None] * closing)
-    return vector, np.where(loaded[:, None, None], in_contact, closing[..., None] * ds[:, None, :])
-
-
 @dataclass(frozen=True)
 class SettleReport:
     """What became of each pose: converged (n,), iterations (n,), residual (n,) [N, torques over 25 mm], reason (n,).
@@ -220,12 +186,8 @@ class SettleReport:
     reason: np.ndarray
 
     def __str__(self) -> str:
-        if not len(self.converged):
-            return "no poses"
-        return (
-            f"{int(self.converged.sum())} of {len(self.converged)} poses converged, "
-            f"median {np.median(self.iterations):g} iterations, largest residual {three_digits(self.residual.max())} N"
-        )
+        largest = three_digits(self.residual.max(initial=0.0))
+        return f"{self.converged.sum()} of {len(self.converged)} poses converged, largest residual {largest} N"
 
 
 def settle(
@@ -266,37 +228,26 @@ def settle(
         short = stalled & ~equations.pulls() & (equations.in_newtons(misfit) > tolerance)
         for row in map(int, np.flatnonzero(short)):
             iterations[row] += _trust_region(equations, row, poses, misfit, tolerance, max_iterations)
-    residual = equations.in_newtons(misfit)
-    converged = residual <= tolerance
-    reason = np.full(count, "", dtype=object)
-    for row in map(int, np.flatnonzero(~converged)):
+    residual, reason = equations.in_newtons(misfit), np.full(count, "", dtype=object)
+    for row in map(int, np.flatnonzero(~(residual <= tolerance))):
         reason[row] = equations.reason(row, misfit[row], stalled[row])
-    misfits = {name: misfit[:, column] for column, name in enumerate(equations.names)}
-    return poses, SettleReport(converged, pressed + iterations, residual, misfits, reason)
+    misfits = dict(zip(equations.names, misfit.T, strict=True))
+    return poses, SettleReport(residual <= tolerance, pressed + iterations, residual, misfits, reason)
 
 
 def _newton_with_restarts(
-    equations: Equilibrium,
-    poses: Array,
-    tolerance: float,
-    max_iterations: int,
-    progress: Progress | None,
-    restarts: int = 3,
-    reach_mm: float = 30.0,
+    equations: Equilibrium, start: Array, tolerance: float, max_iterations: int, progress: Progress | None
 ) -> tuple[Array, Array, np.ndarray, np.ndarray]:
     """What `_newton` gives; a body that stalls without contact, between the walls of a cup or beside it, begins again
     from where it presses on its way along the target force."""
-    start = poses
     poses, misfit, iterations, stalled = _newton(equations, start, tolerance, max_iterations, progress)
-    for number in range(restarts):
+    for number in range(3):
         missing = stalled & equations.misses_a_force(misfit) & (equations.in_newtons(misfit) > tolerance)
         rows = np.flatnonzero(missing & ~equations.pulls())
         if not len(rows):
             break
         lost = replace(equations, target=equations.target[rows])
-        again = _newton(
-            lost, lost.along_the_force(start[rows], np.arange(0.0, reach_mm, 0.25), number), tolerance, max_iterations
-        )
+        again = _newton(lost, lost.along_the_force(start[rows], number), tolerance, max_iterations)
         better = lost.in_newtons(again[1]) < lost.in_newtons(misfit[rows])
         iterations[rows] += again[2]
         for before, found in ((poses, again[0]), (misfit, again[1]), (stalled, again[3])):
@@ -310,17 +261,11 @@ def _newton(
     tolerance: float,
     max_iterations: int,
     progress: Progress | None = None,
-    *,
-    step_limit_mm: float = 2.0,
-    smallest_step_mm: float = 1e-12,
-    smallest_fraction: float = 1e-6,
 ) -> tuple[Array, Array, np.ndarray, np.ndarray]:
     """Poses (n, 6), their misfits (n, targets), iterations (n,), and which stalled (n,)."""
     poses, count = poses.copy(), len(poses)
     r, jacobian, misfit = equations.residuals(poses, np.arange(count))
-    fraction = np.ones(count)
-    iterations = np.zeros(count, dtype=int)
-    stalled = np.zeros(count, dtype=bool)
+    fraction, iterations, stalled = np.ones(count), np.zeros(count, dtype=int), np.zeros(count, dtype=bool)
     for _ in range(max_iterations):
         rows = np.flatnonzero((equations.in_newtons(misfit) > tolerance) & ~stalled)
         if progress is not None:
@@ -330,41 +275,29 @@ def _newton(
         inverse = _damped_inverse(jacobian[rows])
         newton = -np.einsum("nit,nt->ni", inverse, r[rows])
         length = np.abs(newton).max(axis=1)
-        reach = np.minimum(fraction[rows], step_limit_mm / np.maximum(length, 1e-300))
+        reach = np.minimum(fraction[rows], 2.0 / np.maximum(length, 1e-300))  # 2 mm at most
         trial = equations.moved(poses[rows], reach[:, None] * newton)
         r_new, jacobian_new, misfit_new = equations.residuals(trial, rows)
         # Natural monotonicity: the step that is left, measured with the old Jacobian, must shrink. Unlike a sum of
         # squares this does not depend on how the residuals are scaled against one another.
         left = np.abs(np.einsum("nit,nt->ni", inverse, r_new)).max(axis=1)
         better = left <= (1.0 - 0.25 * reach) * length
-        kept = rows[better]
-        poses[kept], r[kept], jacobian[kept], misfit[kept] = (
-            a[better] for a in (trial, r_new, jacobian_new, misfit_new)
-        )
+        for of, new in ((poses, trial), (r, r_new), (jacobian, jacobian_new), (misfit, misfit_new)):
+            of[rows[better]] = new[better]
         iterations[rows] += 1
         fraction[rows] = np.where(better, np.minimum(1.0, 2.0 * fraction[rows]), 0.35 * reach)
         # Nothing left to gain: a local least-squares solution, or the limit of arithmetic.
-        stalled[rows] = (fraction[rows] < smallest_fraction) | (length < smallest_step_mm)
+        stalled[rows] = (fraction[rows] < 1e-6) | (length < 1e-12)
     return poses, misfit, iterations, stalled
 
 
 def _trust_region(
-    equations: Equilibrium,
-    row: int,
-    poses: Array,
-    misfit: Array,
-    tolerance: float,
-    max_iterations: int,
-    *,
-    shakes_tried: int = 6,
-    shaken_mm: float = 0.3,
-    least_gain: float = 1e-9,
+    equations: Equilibrium, row: int, poses: Array, misfit: Array, tolerance: float, max_iterations: int
 ) -> int:
-    """Improve one row of poses and misfit in place; evaluations taken. From where it stands, then from places around
-    it, until one carries the loads."""
+    """Improve one row of poses and misfit in place; evaluations taken. From where it stands, then from places up to 0.3
+    mm around it, until one carries the loads."""
     size, rows, start = len(equations.free), np.array([row]), poses[[row]]
-    shakes = np.random.default_rng(0).uniform(-shaken_mm, shaken_mm, (shakes_tried, size))
-    bounds = {"xtol": least_gain, "ftol": least_gain}
+    options = {"xtol": 1e-9, "ftol": 1e-9, "gtol": None, "max_nfev": max_iterations}
 
     @lru_cache(maxsize=1)  # SciPy asks for the Jacobian where it has asked for the value
     def residuals(steps: bytes) -> tuple[Array, Array, Array]:
@@ -377,12 +310,12 @@ def _trust_region(
         return nothing, np.full((*nothing.shape, size), np.nan), nothing
 
     taken = 0
-    for begun in (np.zeros(size), *shakes):
+    for begun in (np.zeros(size), *np.random.default_rng(0).uniform(-0.3, 0.3, (6, size))):
         if not np.isfinite(residuals(begun.tobytes())[0]).all():
             continue
         value, jacobian = (lambda steps, k=k: residuals(steps.tobytes())[k][0] for k in (0, 1))
         with np.errstate(divide="ignore", invalid="ignore"):  # SciPy divides by a step of length zero
-            found = least_squares(value, begun, jacobian, **bounds, gtol=None, max_nfev=max_iterations)
+            found = least_squares(value, begun, jacobian, **options)
         taken += int(found.nfev)
         left = residuals(found.x.tobytes())[2]
         if equations.in_newtons(left)[0] < equations.in_newtons(misfit[rows])[0]:

@@ -7,12 +7,10 @@ from hypothesis import strategies as st
 
 import casadi_contact as cc
 from casadi_contact.contact.approach import advance_to_contact, first_crossing, press_until
-from casadi_contact.contact.cup import CupFoundation
-from casadi_contact.contact.polar.foundation import PolarFoundation
 
 
 def test_a_sphere_touches_a_plane_at_its_radius():
-    model = PolarFoundation(cc.load_scene("sphere_on_plane"), compiled=False)
+    model = cc.PolarFoundation(cc.load_scene("sphere_on_plane"), compiled=False)
     poses = np.zeros((3, 6))
     poses[:, 0] = [0.0, 1.0, -2.0]
     touching = advance_to_contact(model, poses, {})
@@ -21,7 +19,7 @@ def test_a_sphere_touches_a_plane_at_its_radius():
 
 
 def test_a_ball_in_a_cup_touches_it_where_the_wanted_force_points():
-    model = CupFoundation(cc.load_scene("hip"), compiled=False)
+    model = cc.CupFoundation(cc.load_scene("hip"), compiled=False)
     scene = model.scene
     force = {"Fx": np.array([100.0]), "Fy": np.array([900.0]), "Fz": np.array([200.0])}
     start = scene.start_pose[None]
@@ -36,7 +34,7 @@ def test_a_ball_in_a_cup_touches_it_where_the_wanted_force_points():
 @pytest.mark.parametrize("name", ["knee", "sphere_in_dish", "patellofemoral", "glenohumeral"])
 def test_the_example_of_a_foundation_overlaps_as_a_joint_does(name):
     """Start poses are often zero, where bodies lie deep in one another: an example from there says 10⁸ N."""
-    kind = CupFoundation if name == "glenohumeral" else PolarFoundation
+    kind = cc.CupFoundation if name == "glenohumeral" else cc.PolarFoundation
     model = kind(cc.load_scene(name), compiled=False)
     pose = model.example_pose()
     assert -0.11 < model.gaps(pose).min() < -0.05  # mm

@@ -1,11 +1,75 @@
-"""The elastic foundation against closed-form forces, symmetry, invariance and finite differences."""
+"""Elastic foundations against closed forms, symmetries and invariance, of balls, punches, knees, hips, patellas."""
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.spatial.transform import Rotation
 
 import casadi_contact as cc
+from casadi_contact.contact.cells.basis import Cells
+from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.scenes.scene import Scene
-from tests.support.ready_poses import at, walking
+from tests.support.ready_poses import CASES, at, in_cup, pole, walking
+
+MODELS = {  # made of a scene, scenes that it covers, relative error of the force
+    "elements": (lambda scene: cc.ElasticFoundation(scene, (400, 400)), ("sphere", "cylinder"), 1e-3),
+    "polar": (lambda scene: cc.PolarFoundation(scene, Rays(12, 3), compiled=False), ("sphere",), 1e-3),
+    "cells": (lambda scene: cc.CellFoundation(scene, Cells(0.6, 0.6), compiled=False), ("sphere_on", "cylinder"), 1e-2),
+}
+FORCES = [(kind, *case) for kind, (_, covered, _) in MODELS.items() for case in CASES if case[0].startswith(covered)]
+
+
+@pytest.fixture(scope="module", params=MODELS)
+def ball(request):
+    """A ball of 30 mm on a plane."""
+    return MODELS[request.param][0](cc.load_scene("sphere_on_plane"))
+
+
+@pytest.mark.parametrize(("kind", "name", "overrides", "overlap", "force"), FORCES)
+def test_forces_are_those_in_closed_form(kind, name, overrides, overlap, force):
+    made, _, tolerance = MODELS[kind]
+    scene = cc.load_scene(name, **overrides)
+    wrench = made(scene).wrenches(at(scene.geometry["radius"] - overlap))[0, 0]
+    assert wrench[1] == pytest.approx(-force, rel=tolerance)
+    np.testing.assert_allclose(wrench[[0, 2, 3, 4, 5]], 0.0, atol=1e-6 * force)
+
+
+def test_turning_a_ball_about_its_centre_changes_nothing(ball):
+    still, turned = ball.wrenches(np.vstack([at(29.8, tx=1.0), at(29.8, tx=1.0, rx=0.4, ry=-1.1, rz=2.0)]))
+    np.testing.assert_allclose(turned, still, rtol=1e-9, atol=1e-6)
+
+
+def test_no_overlap_gives_exactly_zero_and_the_distance(ball):
+    poses = np.vstack([at(30.25), at(30.03)])
+    assert not ball.wrenches(poses).any()
+    assert not ball.jacobian(poses)[1].any()
+    np.testing.assert_allclose(ball.gaps(poses)[:, 0], [0.25, 0.03], atol=2e-4)
+    np.testing.assert_allclose(ball.root_loads(poses)[1][:, 0, 1], -ball.scene.gap_slope, rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "pose", "off"),
+    [
+        ("elements", "sphere_in_dish", [2.0, 30.0, 1.0, 0.0, 0.0, 0.0], 1e-9),
+        ("polar", "sphere_in_dish", [2.0, 30.0, 1.0, 0.0, 0.0, 0.0], 1e-4),
+        ("cells", "glenohumeral", [1.0, -0.5, -23.85, 0.1, 0.2, 0.3], 3e-5),
+    ],
+)
+def test_the_resultant_in_a_spherical_hollow_passes_through_its_centre(kind, name, pose, off):
+    model = MODELS[kind][0](cc.load_scene(name))
+    g = model.scene.geometry
+    centre = g["cup_centre"] if "cup_centre" in g else [0.0, g["dish_radius"], 0.0]
+    force, torque = model.wrenches(pose)[0].reshape(2, 3)
+    assert np.linalg.norm(force) > 100.0
+    assert np.linalg.norm(torque - np.cross(centre, force)) < off * np.linalg.norm(force) * np.linalg.norm(pose[:3])
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_deep_poses_stay_finite_under_the_logarithmic_law(kind):
+    model = MODELS[kind][0](cc.load_scene("sphere_on_plane", law="log"))
+    forces = -model(np.vstack([at(30.0 - depth) for depth in (7.0, 7.9, 8.5, 12.0)]))[:, 1]
+    assert np.isfinite(forces).all()
+    assert (np.diff(forces) > 0.0).all()
 
 
 def test_force_errors_fall_as_the_square_of_the_element_size():
@@ -98,3 +162,54 @@ def test_depths_stay_finite_on_the_back_of_a_body_where_its_distance_jumps():
     assert (normal > 0.0).sum() > 500
     assert normal.min() >= 0.0
     assert normal.max() < 1e7
+
+
+@pytest.fixture(scope="module")
+def hip():
+    return cc.ElasticFoundation(cc.load_scene("hip"), (60, 60))
+
+
+def test_a_deep_cup_gives_the_integral_over_its_cap(hip):
+    """F = 2πR² ∫ p(d(θ)) cos θ sin θ dθ, with d(θ) the ball's reach beyond the cup along the ray at θ."""
+    g, material = hip.scene.geometry, hip.scene.material
+    ball, cup, e = g["ball_radius"], g["cup_radius"], 0.46
+
+    def depth(theta):
+        return max(e * np.cos(theta) + np.sqrt(ball**2 - (e * np.sin(theta)) ** 2) - cup, 0.0)
+
+    nu = material.poissons_ratio
+    modulus = (1 - nu) * material.youngs_modulus / ((1 + nu) * (1 - 2 * nu))
+    area = 2.0 * np.pi * cup**2
+    integral = quad(lambda t: depth(t) * np.cos(t) * np.sin(t), 0.0, 1.0, limit=200, points=[np.arccos(0.4 / e)])[0]
+    want = area * modulus / material.thickness * integral
+    got = cc.ElasticFoundation(hip.scene, (240, 240))(in_cup(hip.scene, e * pole(hip.scene)))[0, :3]
+    np.testing.assert_allclose(np.linalg.norm(got), want, rtol=1e-3)
+
+
+def test_turning_the_displacement_about_the_cups_axis_turns_the_loads_with_it(hip):
+    fine = cc.ElasticFoundation(hip.scene, (200, 200))
+    along = pole(hip.scene)
+    displacement = 0.45 * Rotation.from_rotvec(0.3 * np.array([1.0, 0.0, 0.0])).apply(along)
+    turns = Rotation.from_rotvec(np.outer(np.linspace(0.0, 5.5, 8), along))
+    loads = fine(in_cup(hip.scene, turns.apply(displacement)))
+    size = np.linalg.norm(loads[0, :3])
+    np.testing.assert_allclose(loads[:, :3], turns.apply(loads[0, :3]), atol=2e-3 * size)
+    # ... and a ball is pressed along its displacement, through the cup's centre.
+    np.testing.assert_allclose(loads[:, :3] / size, turns.apply(displacement / 0.45), atol=2e-3)
+    np.testing.assert_allclose(
+        loads[:, 3:], np.cross(hip.scene.geometry["cup_centre"], loads[:, :3]), rtol=1e-9, atol=1e-6 * size
+    )
+
+
+def test_a_button_in_the_middle_rides_both_facets_alike_and_without_torque_about_the_grooves_axis():
+    """At flexion along the x axis: equal facets, no vertical force; forces of surfaces of revolution meet the axis."""
+    patella = cc.ElasticFoundation(cc.load_scene("patellofemoral"), (100, 40))
+    medial, lateral = patella.wrenches(np.array([[-49.8, 0.0, 0.0, 0.0, 0.0, 0.0]]))[0]
+    assert medial[0] == pytest.approx(lateral[0])
+    assert medial[0] > 100.0
+    slope = np.deg2rad(patella.scene.geometry["facet_angle_deg"])
+    assert medial[2] / medial[0] == pytest.approx(np.tan(slope), rel=0.05)
+    assert lateral[2] == pytest.approx(-medial[2])
+    for wrench in (medial, lateral):
+        assert abs(wrench[1]) < 1e-9 * wrench[0]
+        assert abs(wrench[5]) < 1e-9 * wrench[0]

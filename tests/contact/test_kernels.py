@@ -139,60 +139,6 @@ def test_second_derivatives_are_those_of_the_first_wherever_arcs_meet(bending):
         np.testing.assert_allclose(exact, np.column_stack(columns), rtol=0.0, atol=5e-7 * np.abs(exact).max())
 
 
-def test_sensitivities_of_an_integrator_are_the_derivatives_of_where_it_ends():
-    """ty, vy of the knee's femur let go above the insert, damped, after 20 ms. Forward sensitivities take the Jacobian
-    of the Jacobian."""
-    function = cc.PolarFoundation(cc.load_scene("knee"), RAYS).function()
-    state, weight = ca.MX.sym("state", 2), ca.MX.sym("weight")
-    loads = function(ca.vertcat(KNEE[0], state[0], KNEE[2:]))
-    rate = ca.vertcat(state[1], 200.0 * (-loads[0] - loads[1] - weight) - 50.0 * state[1])
-    ode = {"x": state, "p": weight, "ode": rate}
-    integrator = ca.integrator("falling", "cvodes", ode, 0.0, 0.02, {"abstol": 1e-10, "reltol": 1e-10})
-    ends = [integrator(x0=[27.3, 0.0], p=500.0 + side)["xf"].full() for side in (-0.1, 0.1)]
-    end, differences = integrator(x0=[27.3, 0.0], p=weight)["xf"], (ends[1] - ends[0]) / 0.2
-    for derivative, wanted in (
-        (ca.jtimes(end, weight, 1.0), differences),
-        (ca.jtimes(end[0], weight, 1.0, True), differences[:1]),
-    ):
-        np.testing.assert_allclose(ca.Function("s", [weight], [derivative])(500.0).full(), wanted, rtol=1e-4)
-
-
-HIP_FORCE = {"Fx": -100.0, "Fy": 1650.0, "Fz": 350.0}
-IN_IPOPT = {  # model, pose, free columns, wanted loads, start of the free ones
-    "knee": (
-        lambda: cc.PolarFoundation(cc.load_scene("knee"), RAYS),
-        KNEE,
-        [1, 3],
-        {"Fy_med": -700.0, "Fy_lat": -500.0},
-        [26.8, 0.0],
-    ),
-    "hip": (lambda: cc.CupFoundation(cc.load_scene("hip")), np.zeros(6), [0, 1, 2], HIP_FORCE, [69.98, -65.55, -83.91]),
-    "shoulder": (
-        lambda: cc.CellFoundation(cc.load_scene("glenohumeral"), SIZE),
-        CUP_POSES[0],
-        [2],
-        {"Fz": 400.0},
-        [-23.9],
-    ),
-}
-
-
-@pytest.mark.parametrize("name", IN_IPOPT)
-def test_ipopt_finds_the_pose_that_carries_wanted_loads(name):
-    made, pose, free, wanted, start = IN_IPOPT[name]
-    model, x = made(), ca.MX.sym("x", len(free))
-    place = ca.MX(ca.DM(pose))
-    place[free] = x
-    loads = model.function(list(wanted))(place)
-    problem = {"x": x, "f": ca.sumsqr(x - ca.DM(start)), "g": loads - ca.DM(list(wanted.values()))}
-    solver = ca.nlpsol("settled", "ipopt", problem, {"ipopt.print_level": 0, "print_time": False})
-    found = np.array(pose)
-    found[free] = np.array(solver(x0=start, lbg=0.0, ubg=0.0)["x"])[:, 0]
-    assert solver.stats()["success"]
-    assert solver.stats()["iter_count"] < 30
-    np.testing.assert_allclose(model(found, list(wanted)), list(wanted.values()), atol=1e-3)
-
-
 def test_a_saved_function_evaluates_alike_in_another_process(tmp_path):
     """All that it needs, tables included, lies in its library."""
     model = cc.CellFoundation(cc.load_scene("glenohumeral"), SIZE)

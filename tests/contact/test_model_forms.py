@@ -20,11 +20,6 @@ def elements():
     return cc.ElasticFoundation(cc.load_scene("sphere_on_plane"), (20, 20))
 
 
-def test_surrogates_and_foundations_are_functions_already():
-    for model in (cc.load_surrogate("knee"), cc.PolarFoundation(cc.load_scene("sphere_on_plane"))):
-        assert symbolic(model) is model
-
-
 def test_a_model_called_back_has_its_own_values_and_derivatives(elements):
     model = symbolic(elements)
     names = ("Fy", "Tx")
@@ -41,18 +36,15 @@ def test_a_model_called_back_has_its_own_values_and_derivatives(elements):
     np.testing.assert_allclose(root_slope, expected_root_slope, rtol=1e-14)
     np.testing.assert_array_equal(model(POSE, names), expected[columns])
     assert np.asarray(model.function(batch=3)(np.tile(POSE[:, None], 3))).shape == (len(elements.load_names), 3)
-
-
-def test_a_load_that_a_model_does_not_give_is_refused(elements):
+    assert symbolic(model) is model
     with pytest.raises(ValueError, match="loads Fy_med, expected some of "):
-        symbolic(elements).function("Fy_med")
+        model.function("Fy_med")
 
 
 POSES = [[0.0, -0.1, 0.2, 0.01, 0.0, -0.3], [0.0, 5.0, 0.0, 0.02, 0.0, 0.0], [0.0, 0.2, 0.0, 0.03, 0.0, -0.6]]
 
 
 MODELS = {
-    "elements": lambda: cc.ElasticFoundation(cc.load_scene("knee"), (40, 20)),
     "polar quadrature": lambda: cc.PolarFoundation(cc.load_scene("knee")),
     "polar quadrature in NumPy": lambda: cc.PolarFoundation(cc.load_scene("knee"), compiled=False),
     "surrogate": lambda: cc.load_surrogate("knee"),
@@ -66,14 +58,6 @@ def test_together_they_are_what_they_are_alone(kind):
     apart = (*model.jacobian(poses), *model.root_loads(poses))
     for one, two in zip(model.jacobian_and_roots(poses), apart, strict=True):
         np.testing.assert_allclose(one, two, rtol=1e-12, atol=1e-12 * np.abs(two).max())
-
-
-def test_a_pose_is_evaluated_once_for_both(monkeypatch):
-    model, calls = cc.ElasticFoundation(cc.load_scene("knee"), (20, 15)), []
-    found = model.wrench_jacobian
-    monkeypatch.setattr(model, "wrench_jacobian", lambda poses: calls.append(1) or found(poses))
-    model.jacobian_and_roots(np.array(POSES))
-    assert len(calls) == 1
 
 
 PRESSED_AND_APART = {

@@ -1,7 +1,5 @@
 """A user's own contact model as a function: what it raises or gives wrongly is told with the pose where it was."""
 
-import re
-
 import numpy as np
 import pytest
 
@@ -16,36 +14,17 @@ from tests.support.ready_poses import PLACES, placed, walking
 KNEE = cc.load_scene("knee")
 
 
-class SolverError(Exception):
-    pass
-
-
-def fails_beyond(limit_rad, function=own_contact.wrenches):
-    def called(poses):
-        if (poses[:, 5] > limit_rad).any():
-            raise SolverError("no equilibrium of the elements")
-        return function(poses)
-
-    return called
-
-
-def turned(count, most_rad=0.5):
-    poses = np.tile([*own_contact.CENTRE_MM, 0.1, 0.0, 0.0], (count, 1))
-    poses[:, 5] = np.linspace(0.0, most_rad, count)
-    return poses
-
-
-@pytest.mark.parametrize("count", [1, 7])
 @pytest.mark.parametrize("what", ["wrenches", "gaps"])
-def test_an_exception_of_a_user_s_own_function_goes_on_with_the_pose_that_raised_it(what, count):
-    poses = turned(count)[::-1]
-    functions = {"wrenches": own_contact.wrenches, "gaps": own_contact.gaps}
-    spoilt = functions | {what: fails_beyond(0.45 if count > 1 else -1.0, functions[what])}
-    model = cc.CallableModel(own_contact.SCENE, **spoilt)
-    with pytest.raises(SolverError, match="no equilibrium of the elements") as error:
-        getattr(model, what)(poses)
+def test_an_exception_of_a_user_s_own_function_goes_on_with_the_pose_that_raised_it(what):
+    def fails(poses):
+        raise ZeroDivisionError("no equilibrium of the elements")
+
+    functions = {"wrenches": own_contact.wrenches, "gaps": own_contact.gaps} | {what: fails}
+    model = cc.CallableModel(own_contact.SCENE, **functions)
+    with pytest.raises(ZeroDivisionError, match="no equilibrium of the elements") as error:
+        getattr(model, what)(np.tile([*own_contact.CENTRE_MM, 0.1, 0.0, 0.3], (7, 1)))
     (note,) = error.value.__notes__
-    assert f"{what}(poses) for {count} poses, the first at tx 5 mm, ty -3 mm, tz 2 mm, rx 5.73°, ry 0°" in note
+    assert f"{what}(poses) for 7 poses, the first at tx 5 mm, ty -3 mm, tz 2 mm, rx 5.73°, ry 0°" in note
     assert "flexion" not in note
 
 
@@ -61,37 +40,24 @@ def estimated(scene, wrenches, gaps):
     return asked, lambda: reference_motion(cc.CallableModel(scene, counted, gaps), cycles, settings)
 
 
-def of_knee():
-    model = cc.ElasticFoundation(KNEE, (24, 16))
-    return KNEE, model.wrenches, model.gaps
-
-
+ELEMENTS = cc.ElasticFoundation(KNEE, (24, 16))
 JOINTS = {
-    "a ball in a socket, pressed along its force": lambda: (
-        own_contact.SCENE,
-        own_contact.wrenches,
-        own_contact.gaps,
-    ),
-    "a knee, pressed downwards": of_knee,
+    "a ball in a socket, pressed along its force": (own_contact.SCENE, own_contact.wrenches, own_contact.gaps),
+    "a knee, pressed downwards": (KNEE, ELEMENTS.wrenches, ELEMENTS.gaps),
 }
 
 
 @pytest.mark.parametrize("joint", JOINTS)
 def test_loads_on_the_moving_body_are_refused_before_poses_are_sought(joint):
-    scene, wrenches, gaps = JOINTS[joint]()
+    scene, wrenches, gaps = JOINTS[joint]
     asked, estimate = estimated(scene, lambda poses: -wrenches(poses), gaps)
     with pytest.raises(ValueError, match="on the moving body"):
         estimate()
     assert sum(asked) <= 5 * (18 + 2 * len(scene.patch_names))
-    _, right = estimated(scene, wrenches, gaps)
-    assert right()[1].converged.all()
-
-
-def test_loads_on_the_moving_body_are_refused_without_gaps_too():
-    scene, wrenches, _ = of_knee()
-    _, estimate = estimated(scene, lambda poses: -wrenches(poses), None)
-    with pytest.raises(ValueError, match="pulls"):
-        estimate()
+    assert estimated(scene, wrenches, gaps)[1]()[1].converged.all()
+    if "knee" in joint:
+        with pytest.raises(ValueError, match="pulls"):
+            estimated(scene, lambda poses: -wrenches(poses), None)[1]()
 
 
 WRONG_TORQUES = {
@@ -115,8 +81,7 @@ WRONG_TORQUES = {
 def test_torques_that_do_not_belong_to_their_forces_are_refused_with_the_cure(joint, said):
     """By the energy that contact stores: what a turn does to forces a move does to torques. The origins of the ball and
     of its socket are too close to be told apart."""
-    scene, wrenches, gaps = JOINTS[joint]()
-
+    scene, wrenches, gaps = JOINTS[joint]
     factor, moving = WRONG_TORQUES[said]
 
     def wrong(poses):
@@ -179,21 +144,8 @@ def with_friction(share, noise=0.0, seed=4):
 def test_loads_that_are_no_function_of_the_pose_are_refused(share, noise):
     """Hysteresis differs from one branch of the loop to the other, noise from call to call."""
     _, estimate = estimated(own_contact.SCENE, with_friction(share, noise), own_contact.gaps)
-    with pytest.raises(ValueError, match="no function of the pose") as error:
+    with pytest.raises(ValueError, match="no function of the pose"):
         estimate()
-    off = float(re.search(r"differs by (\S+) N", str(error.value)).group(1))
-    size = np.linalg.norm(
-        [float(each) for each in re.search(r"force \((.*?)\) N", str(error.value)).group(1).split(",")]
-    )
-    assert share * size < off < (4.0 * share + 6.0 * noise) * size
-
-
-def test_a_stiff_contact_is_not_taken_for_noise_however_closely_poses_settle():
-    scene = KNEE
-    settings = SamplingSettings.from_scene(scene, frames=5, settle_tolerance_n=1e-7)
-    model = cc.ElasticFoundation(scene, settings.settle_grid)
-    _, report = reference_motion(model, reference_motion_cycles(scene, ())[:1], settings)
-    assert report.converged.all()
 
 
 def test_out_of_contact_root_loads_fall_with_the_model_s_own_gaps():
@@ -236,12 +188,10 @@ def test_gaps_and_loads_that_are_not_finite_are_named(value):
         ValueError, match=r"returned the gap (nan|inf) mm of contact at tx 5 mm, .*, rz 17\.19°, expected a finite"
     ):
         model.gaps(poses)
-    _, report = cc.settle(
-        cc.CallableModel(own_contact.SCENE, spoilt(own_contact.wrenches), own_contact.gaps), poses, free, wanted
-    )
-    spoilt_rows = poses[:, 5] > 0.2
-    assert set(report.reason[spoilt_rows]) == {"the contact model's loads are not finite"}
-    assert report.converged[~spoilt_rows].all()
+    model = cc.CallableModel(own_contact.SCENE, spoilt(own_contact.wrenches), own_contact.gaps)
+    _, report = cc.settle(model, poses, free, wanted)
+    np.testing.assert_array_equal(report.converged, poses[:, 5] <= 0.2)
+    assert set(report.reason[~report.converged]) == {"the contact model's loads are not finite"}
 
 
 def test_a_model_without_loads_in_deep_overlap_loses_the_poses_that_want_them_and_no_others():

@@ -129,10 +129,8 @@ def test_jacobians_are_the_derivatives_of_the_outputs(case):
 
 
 def test_out_of_contact_they_are_zero_and_there_is_no_centre():
-    model = cc.PolarFoundation(cc.load_scene("knee"), compiled=False)
-    got = by_name(model, LIFTED)
-    assert got["contact_area_lat"] == got["mean_pressure_lat"] == got["peak_pressure_lat"] == 0.0
-    assert got["penetration_lat"] == 0.0
+    got = by_name(cc.PolarFoundation(cc.load_scene("knee"), compiled=False), LIFTED)
+    assert not any(got[f"{name}_lat"] for name in ("contact_area", "mean_pressure", "peak_pressure", "penetration"))
     assert np.isnan(got["cop_x_lat"])
     assert got["contact_area_med"] > 10.0
 

@@ -1,16 +1,18 @@
-"""Static analyses [EF15 §2.4], by Newton and by damped motion: found from far away, and honestly reported."""
+"""Static analyses [EF15 §2.4], by Newton and by damped motion: found from far away, held by joints, reported."""
 
 import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact.cup import CupFoundation
+from casadi_contact.contact.approach import advance_to_contact
 from casadi_contact.contact.relax import _conjugate_motion
 from casadi_contact.contact.settle import NOT_FINITE
-from casadi_contact.core.conventions import LEVER_MM, rotation
+from casadi_contact.core.conventions import LEVER_MM, pose_index, rotation
+from casadi_contact.samples.reference import reference_poses
+from casadi_contact.scenes.joint_cycle import JointCycle
 from casadi_contact.scenes.loading import scene_from_text
 from tests.support import two_spheres
-from tests.support.ready_poses import at, walking
+from tests.support.ready_poses import AT_ZERO, LOCKED, SLOPE, at, held_ball, walking
 from tests.support.two_spheres import TwoSpheres
 
 PRESSED = ("ty",), {"Fy_med": -400.0}
@@ -136,49 +138,17 @@ def test_a_ball_that_lies_free_in_its_cup_or_beside_it_is_pressed_along_the_want
     np.testing.assert_allclose(found[:, :3], np.tile(pose[:3], (40, 1)), atol=1e-4)
 
 
-def by_elements(scene):
-    return cc.ElasticFoundation(scene, (30, 30))
-
-
-def by_cup(scene):
-    return CupFoundation(scene, 12)
-
-
-def asking_for(load, like):
-    return scene_from_text(f'format = 1\nname = "fewer"\nlike = "{like}"\n[loads]\nnames = ["{load}"]\n')
-
-
-@pytest.mark.parametrize(
-    ("name", "model_of"),
-    [("knee", by_elements), ("hip", by_cup)],
-)
-def test_a_body_settles_alike_whichever_loads_are_asked_for(name, model_of):
+def test_a_body_settles_alike_whichever_loads_are_asked_for():
     """Loads that are balanced need not be among those that a scene asks for: contact does not know of them."""
-    scene = cc.load_scene(name)
-    whole, fewer = model_of(scene), model_of(asking_for("Tx", name))
-    knee = name == "knee"
-    pose = [[0.0, 26.9, 0.0, 0.0, -0.05, -0.3]] if knee else [[69.96, -65.56, -83.89, 0.0, 0.0, 0.0]]
-    free = ("ty", "rx") if knee else ("tx", "ty", "tz")
-    wanted = {"Fy_med": -700.0, "Fy_lat": -400.0} if knee else {"Fx": -100.0, "Fy": 1200.0, "Fz": 300.0}
-    assert not set(wanted) <= set(fewer.load_names)
-    (there, first), (same, second) = (cc.settle(model, pose, free, wanted) for model in (whole, fewer))
+    scene, wanted = cc.load_scene("hip"), {"Fx": -100.0, "Fy": 1200.0, "Fz": 300.0}
+    other = scene_from_text('format = 1\nname = "fewer"\nlike = "hip"\n[loads]\nnames = ["Tx"]\n')
+    pose, free = [[69.96, -65.56, -83.89, 0.0, 0.0, 0.0]], ("tx", "ty", "tz")
+    (there, first), (same, second) = (cc.settle(cc.CupFoundation(s), pose, free, wanted) for s in (scene, other))
     assert first.converged.all()
     assert second.converged.all()
     np.testing.assert_allclose(same, there, rtol=0.0, atol=1e-7)
-
-
-def test_a_surrogate_settles_under_the_loads_that_it_has_learned_alone():
-    surrogate = cc.load_surrogate("knee")
     with pytest.raises(ValueError, match="unknown target 'Fy', expected one of Fy_med"):
-        cc.settle(surrogate, np.zeros((1, 6)), ("ty",), {"Fy": -900.0})
-
-
-def test_damped_dynamics_finds_the_same_equilibrium():
-    knee, (poses, targets) = TwoSpheres(two_spheres.knee()), walking(1)
-    newton, _ = cc.settle(knee, poses, ("ty", "rx"), targets)
-    rest, report = cc.relax(knee, poses, ("ty", "rx"), targets)
-    assert report.converged.all(), report.reason
-    assert np.abs(knee(rest) - knee(newton))[:, :2].max() < 1e-3
+        cc.settle(cc.load_surrogate("knee"), np.zeros((1, 6)), ("ty",), {"Fy": -900.0})  # it has learned no other
 
 
 @pytest.mark.parametrize("method", ["BDF", "Radau"])
@@ -232,3 +202,65 @@ def test_a_pose_that_moves_to_where_loads_are_not_finite_ends_at_the_border_and_
     assert model(rest)[1, 1] == pytest.approx(-50.0, abs=1e-3)
     np.testing.assert_array_equal(rest[2], starts[2])  # never finite: stays
     assert np.isfinite(report.residual[0])  # the loads where it ends, which are the last known
+
+
+DISH_MM = 45.0
+TARGET = {"Fy": np.array([-300.0, -500.0]), "Fx": np.array([-20.0, 30.0])}
+OFF = np.array([[0.3, 31.0, 1.5, 0.2, 0.0, 0.1], [0.0, 29.8, 0.0, 0.0, 0.1, 0.0]])  # off the tie and the locks
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return cc.ElasticFoundation(held_ball(), (120, 120))
+
+
+def is_held(poses):
+    np.testing.assert_allclose(poses[..., pose_index("tz")], AT_ZERO + SLOPE * poses[..., 0], atol=1e-12)
+    np.testing.assert_array_equal(poses[..., pose_index("rx")], LOCKED)
+    np.testing.assert_array_equal(poses[..., pose_index("ry")], 0.0)
+
+
+def test_settled_poses_lie_on_the_tie_and_carry_the_loads_there(ball):
+    poses, report = cc.settle(ball, OFF, ("tx", "ty"), TARGET)
+    assert report.converged.all(), report.reason
+    is_held(poses)
+    np.testing.assert_array_equal(poses[:, 5], OFF[:, 5])
+    loads = ball(poses)
+    np.testing.assert_allclose(loads[:, 0], TARGET["Fx"], atol=1e-4)
+    tx, ty, tz = poses[:, :3].T
+    np.testing.assert_allclose(tx / (ty - DISH_MM), TARGET["Fx"] / TARGET["Fy"], rtol=0.02)
+    np.testing.assert_allclose(loads[:, 2] / loads[:, 0], tz / tx, rtol=0.02)
+
+
+def test_damped_motion_comes_to_rest_in_the_same_poses(ball):
+    ball, target = cc.ElasticFoundation(ball.scene, (40, 40)), {name: loads[:1] for name, loads in TARGET.items()}
+    poses, _ = cc.settle(ball, OFF[:1], ("tx", "ty"), target)
+    rested, report = cc.relax(ball, poses + np.array([0.1, 0.02, 0.3, 0.1, 0.0, 0.0]), ("tx", "ty"), target)
+    assert report.converged.all(), report.reason
+    is_held(rested)
+    np.testing.assert_allclose(rested, poses, atol=1e-5)
+
+
+@pytest.mark.parametrize("find", [cc.settle, cc.relax])
+@pytest.mark.parametrize(
+    ("free", "said"), [("rx", "rx is locked at 0.05 by the scene"), ("tz", "tz is tied to tx by the scene")]
+)
+def test_what_is_held_is_refused_as_free(ball, find, free, said):
+    with pytest.raises(ValueError, match=said):
+        find(ball, OFF, ("ty", free), TARGET)
+
+
+def test_a_reference_motion_is_one_that_the_joint_can_make(ball):
+    """Where tx is found from loads, and against what was measured of rx."""
+    pose = {"rz": np.zeros(3), "rx": np.full(3, 0.2)}
+    cycle = JointCycle("run", np.arange(3.0), pose, {"Fy": np.full(3, -300.0), "Fx": np.array([-20.0, 0.0, 20.0])})
+    poses, report = reference_poses(ball, [cycle], frames=5)
+    assert report.converged.all(), report
+    is_held(poses[0])
+    np.testing.assert_allclose(ball(poses[0])[:, 0], np.linspace(-20.0, 20.0, 5), atol=1e-3)
+
+
+def test_a_body_touches_first_where_the_joint_lets_it_be(ball):
+    poses = advance_to_contact(ball, OFF, {})
+    is_held(poses)
+    assert np.abs(ball.gaps(poses)).max() < 2e-3

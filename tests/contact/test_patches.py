@@ -1,5 +1,6 @@
-"""Patches in parts: a cut moves no force, and what is learned by parts gives the patch's own loads."""
+"""Patches in parts, and patches that are pressed along directions of their own."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -8,12 +9,13 @@ from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.networks.training.parallel import fit_all
 from casadi_contact.networks.training.settings import TrainingSettings
+from casadi_contact.optimisation.contact_frames import ContactFrames
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from tests.support.compiler import needs_compiler
-from tests.support.meshes import cap_mesh, scene_of, sheet_mesh
+from tests.support.meshes import RADIUS_MM, cap_mesh, force_n, mesh_scene_text, scene_of, sheet_mesh, write_corner
 
-EDGE_MM, RADIUS_MM = 1.2, 30.0
+BALL_MM = 30.0
 TWO_PATCHES = """[geometry.patches.med]
 z = [0.0, 7.0]
 {med}
@@ -25,7 +27,7 @@ z = [-7.0, 0.0]
 
 def ball_on_plate(folder, med="", lat="", **settings):
     folder.mkdir()
-    moving, plate = cap_mesh(RADIUS_MM, EDGE_MM, 0.45), sheet_mesh(14.0, 1.0)
+    moving, plate = cap_mesh(BALL_MM, 1.2, 0.45), sheet_mesh(14.0, 1.0)
     extra = TWO_PATCHES.format(med=med, lat=lat)
     return scene_of(folder, moving, plate, extra=extra, grid=(60, 30), **settings)
 
@@ -35,7 +37,7 @@ def poses_about(count, seed=0):
     rng = np.random.default_rng(seed)
     poses = np.zeros((count, 6))
     poses[:, 0], poses[:, 2] = rng.uniform(-2.0, 2.0, (2, count))
-    poses[:, 1] = RADIUS_MM + rng.uniform(-0.2, 0.1, count)
+    poses[:, 1] = BALL_MM + rng.uniform(-0.2, 0.1, count)
     return poses
 
 
@@ -77,15 +79,14 @@ def test_cells_tell_parts_apart_as_elements_do(tmp_path):
 def test_networks_of_parts_give_the_loads_of_their_patches(tmp_path):
     scene = ball_on_plate(tmp_path / "cut", med="split_z = [1.5]")
     model, poses = cc.ElasticFoundation(scene), poses_about(1500, seed=1)
-    role = np.full(len(poses), TRAIN, dtype=np.uint8)
+    role, domain = np.full(len(poses), TRAIN, dtype=np.uint8), np.ones(len(poses), dtype=np.uint8)
     role[::10], role[5::10] = VALIDATION, TEST
-    domain = np.ones(len(poses), dtype=np.uint8)
     samples = Samples(scene, poses, model.part_wrenches(poses), model.part_gaps(poses), domain, role)
     np.testing.assert_allclose(samples.loads(), model(poses), rtol=1e-10, atol=1e-8)
     regressions = PatchSurrogate.regressions(samples)
-    names = [regression.name for regression in regressions]
-    assert {"root_med_1", "root_med_2", "root_lat", "ratios_med_2"} <= set(names)
-    fits = fit_all(regressions, dict.fromkeys(names, TrainingSettings(sizes=((8, 8),), max_iterations=60)))
+    settings = TrainingSettings(sizes=((8, 8),), max_iterations=60)
+    fits = fit_all(regressions, dict.fromkeys([regression.name for regression in regressions], settings))
+    assert {"root_med_1", "root_med_2", "root_lat", "ratios_med_2"} <= set(fits)
     surrogate = PatchSurrogate(scene, {name: fit.network for name, fit in fits.items()})
     test = samples.select(role=TEST)
     error = np.sqrt(np.mean((surrogate(test.poses) - test.loads()) ** 2, axis=0))
@@ -98,3 +99,62 @@ def test_networks_of_parts_give_the_loads_of_their_patches(tmp_path):
     again = cc.load_surrogate(tmp_path / "parts.h5")
     np.testing.assert_array_equal(again(test.poses), surrogate(test.poses))
     np.testing.assert_allclose(np.asarray(again.root_function()(test.poses[3])).ravel(), roots[3], rtol=1e-12)
+
+
+FLOOR = "[geometry.patches.floor]\nx = [0.0, 30.0]\n"
+WALL = "[geometry.patches.wall]\nx = [-0.5, 0.5]\ny = [0.5, 16.0]\npressing = [-1.0, 0.0, 0.0]\n"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return write_corner(tmp_path_factory.mktemp("wall_patch"))
+
+
+def corner_scene(folder, patches=FLOOR + WALL, sensitive='["-Fy_floor", "-Fx_wall"]', **options):
+    path = folder / "corner.toml"
+    text = mesh_scene_text(folder / "ball.obj", folder / "post.obj", extra=patches, grid=(160, 160), **options)
+    text = text.replace('sensitive_pose = ["ty"]', 'sensitive_pose = ["ty", "tx"]')
+    path.write_text(text.replace('sensitive = ["Fy"]', f"sensitive = {sensitive}"))
+    return cc.load_scene(path)
+
+
+@pytest.fixture(scope="module", params=["cells", "elements"])
+def model(request, folder):
+    scene = corner_scene(folder)
+    return cc.CellFoundation(scene) if request.param == "cells" else cc.ElasticFoundation(scene, (160, 160))
+
+
+def corner(on_wall_mm, on_floor_mm):
+    """The ball as deep in the wall and in the floor."""
+    return np.array([RADIUS_MM - on_wall_mm, RADIUS_MM - on_floor_mm, 2.0, 0.0, 0.0, 0.0])
+
+
+def test_a_ball_in_the_corner_is_carried_by_floor_and_wall_as_by_two_planes(model):
+    on_wall, on_floor = 0.2, 0.3
+    pose = corner(on_wall, on_floor)
+    floor, wall = model.wrenches(pose)
+    for wrench, direction, overlap in ((floor, [0.0, -1.0, 0.0], on_floor), (wall, [-1.0, 0.0, 0.0], on_wall)):
+        force = force_n(overlap) * np.array(direction)
+        np.testing.assert_allclose(wrench[:3], force, atol=0.02 * force_n(overlap))
+        np.testing.assert_allclose(wrench[3:], np.cross(pose[:3], force), atol=0.02 * force_n(overlap) * RADIUS_MM)
+    np.testing.assert_allclose(model.gaps(corner(-1.5, -0.5)), [0.5, 1.5], atol=0.02)  # cells: of the nearest corner
+
+
+def test_ipopt_finds_the_pose_that_presses_both(model):
+    frames = ContactFrames(model, 1, locked={"tz": 2.0, "rx": 0.0, "ry": 0.0, "rz": 0.0})
+    wanted = {"Fy_floor": -force_n(0.3), "Fx_wall": -force_n(0.2)}
+    misfit = frames.misfit(wanted)
+    solver = ca.nlpsol("solver", "ipopt", {"x": ca.vec(frames.q), "f": ca.sumsqr(misfit)}, {"ipopt.print_level": 0})
+    found = solver(x0=frames.variables(np.array([corner(-2.0, -3.0)])))
+    assert solver.stats()["success"]
+    pose = frames.poses_with(np.array([corner(0.0, 0.0)]), found["x"])[0]
+    np.testing.assert_allclose(pose[:2], corner(0.2, 0.3)[:2], atol=0.005)
+
+
+def test_patches_seen_from_different_sides_share_what_both_see_alone(folder):
+    with pytest.raises(ValueError, match=r"floor and wall share .* which would carry load twice"):
+        cc.ElasticFoundation(
+            corner_scene(
+                folder, FLOOR + WALL.replace("[-1.0, 0.0, 0.0]", "[-1.0, -1.0, 0.0]").replace("0.5, 16", "-0.5, 16")
+            )
+        )
