@@ -13,7 +13,7 @@ from casadi_contact.contact.approach import advance_to_contact, rotate_about_anc
 from casadi_contact.contact.continuity import Motion
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.model_checks import check_contact_model, sensitive_directions
-from casadi_contact.contact.settle import SettleReport, settle
+from casadi_contact.contact.settle import settle
 from casadi_contact.core.conventions import POSE_NAMES, Array, Progress, pose_index
 from casadi_contact.core.quantities import quantity
 from casadi_contact.samples.domains import Envelopes
@@ -97,14 +97,13 @@ def reference_motion(
     and for a load that is zero throughout; see `reference_poses`.
     """
     point = settings.sample_point(model.scene)
-    _check_alike(cycles)
-    targets = [_on_frames(cycle, settings.frames) for cycle in cycles]
-    if missing := [name for name in point.load_inputs if name not in targets[0]]:
+    curves = _on_frames(cycles, settings.frames)
+    if missing := [name for name in point.load_inputs if name not in curves]:
         raise ValueError(
             f"the cycles hold no load {', '.join(missing)}, only {', '.join(cycles[0].targets())}: give its column in "
             "the cycle files, or choose other sampling.inputs in the scene"
         )
-    loads = Envelopes.over(point.load_inputs, [np.stack([t[n] for n in point.load_inputs], axis=1) for t in targets])
+    loads = Envelopes.over(point.load_inputs, np.stack([curves[name] for name in point.load_inputs], axis=-1))
     if zero := [name for name, width in _assumed(loads, settings).items() if not width]:
         raise ValueError(
             f"{', '.join(zero)} without any load in all cycles, expected a range to sample: "
@@ -113,10 +112,7 @@ def reference_motion(
     poses, report = reference_poses(
         model, cycles, frames=settings.frames, tolerance_n=settings.settle_tolerance_n, progress=progress
     )
-    columns = [
-        poses[..., pose_index(name)] if name in POSE_NAMES else np.stack([t[name] for t in targets])
-        for name in point.inputs
-    ]
+    columns = [poses[..., pose_index(name)] if name in POSE_NAMES else curves[name] for name in point.inputs]
     motion = ReferenceMotion(point, np.stack(columns, axis=-1), poses)
     return motion, replace(report, assumed=_assumed(motion.envelopes, settings))
 
@@ -141,9 +137,9 @@ def reference_poses(
 
     Cycles are resampled to `frames` frames on the percentage of the cycle. All frames are settled at once, starting in
     first contact from the scene's start pose (or from `start` (6,), needed for a model without gaps). Frames that fail
-    start again: interpolated between converged frames; from the start pose rotated about the patches' anchors;
-    interpolated again; and from the nearest converged frame with a trust region. Frames that converged to another
-    equilibrium than their neighbours are followed from these (`Motion.without_leaps`).
+    start again: interpolated between converged frames; from the start pose rotated about the patches' anchors; and
+    interpolated with a trust region. Frames that converged to another equilibrium than their neighbours are followed
+    from these (`Motion.without_leaps`).
 
     Locked and tied pose parameters are the scene's, whatever a cycle measures. progress(done, all): frames settled.
 
@@ -151,47 +147,47 @@ def reference_poses(
     no or unlike cycles, as `check_contact_model` (without a start pose), and for a cycle of which no frame converges
     (every_cycle: False leaves its frames where they ended).
     """
-    _check_alike(cycles)
-    scene, measured = model.scene, tuple(cycles[0].measured_pose())
-    free = tuple(name for name in scene.pose_space.free_names if name not in measured)
-    targets = [_on_frames(cycle, frames) for cycle in cycles]
-    wanted = {name: np.concatenate([t[name] for t in targets]) for name in cycles[0].targets()}
+    curves, scene = _on_frames(cycles, frames), model.scene
+    given, targets = list(cycles[0].measured_pose()), list(cycles[0].targets())
+    free = tuple(name for name in scene.pose_space.free_names if name not in given)
+    loads, columns = {name: curves[name].ravel() for name in targets}, [pose_index(name) for name in given]
     begin = np.asarray(scene.start_pose if start is None else start)
-    poses = np.tile(begin, (len(cycles) * frames, 1))
-    for name in measured:
-        poses[:, pose_index(name)] = np.concatenate([t[name] for t in targets])
-    poses = scene.pose_space.project(poses)
+    starts = np.tile(begin, (len(cycles) * frames, 1))
+    starts[:, columns] = np.stack([curves[name].ravel() for name in given], axis=1)
+    starts = scene.pose_space.project(starts)
     if start is None:
-        poses = advance_to_contact(model, poses, wanted)
+        starts = advance_to_contact(model, starts, loads)
         if model.has_wrenches:
-            check_contact_model(model, poses, wanted, tolerance_n)
-    press = partial(settle, model, free=free, targets=wanted, tolerance=tolerance_n, progress=progress)
-    poses, settled = press(poses, trust_region=False)
-    shape, given = (len(cycles), frames, 6), [pose_index(name) for name in measured]
-    report = _report(cycles, settled)
-    if every_cycle and len(wanted) > len(free) and not report.converged.any():  # not sought for minutes in vain
-        raise ValueError(
-            f"cycle {cycles[0].name}: {len(wanted)} loads ({', '.join(wanted)}) are wanted of {len(free)} free pose "
-            f"parameters ({', '.join(free)}), and no frame has such a pose: lock or tie less in the scene's [pose], "
-            "or give cycles of fewer loads"
-        )
-    for anew in (_interpolate, partial(_turned, model, begin), _interpolate, _nearest):
-        if report.converged.all():
+            check_contact_model(model, starts, loads, tolerance_n)
+    press = partial(settle, model, free=free, targets=loads, tolerance=tolerance_n, progress=progress)
+    shape = (len(cycles), frames)
+
+    def interpolated(poses: Array, converged: np.ndarray) -> Array:
+        return _interpolated(poses.reshape(*shape, 6), converged.reshape(shape)).reshape(-1, 6)
+
+    def turned(poses: Array, converged: np.ndarray) -> Array:
+        return np.where(converged[:, None], poses, rotate_about_anchors(model, begin, poses))
+
+    poses, report = press(starts, trust_region=False)
+    for anew, trust_region in ((interpolated, False), (turned, False), (interpolated, True)):
+        if report.converged.all() or (len(loads) > len(free) and not report.converged.any()):
             break
-        starts = scene.pose_space.project(anew(poses.reshape(shape).copy(), report).reshape(-1, 6))
-        starts[:, given] = poses[:, given]
-        poses, settled = press(starts, trust_region=anew is _nearest)
-        report = _report(cycles, settled)
-    if every_cycle and len(lost := np.flatnonzero(~report.converged.any(axis=1))):
-        name, reason = report.names[lost[0]], report.reason[lost[0], 0]
-        raise ValueError(f"cycle {name}: no frame has a pose that carries its loads ({reason})")
-    poses = _interpolate(poses.reshape(shape), report)
-    for k, (cycle, converged) in enumerate(zip(targets, report.converged, strict=True)):
-        loads = {name: cycle[name] for name in wanted}
-        pressed = np.any([curve != 0.0 for curve in loads.values()], axis=0)  # else any pose out of contact would do
-        motion = Motion(model, free, loads, np.full(frames, tolerance_n), np.asarray(pressed))
-        poses[k] = motion.without_leaps(poses[k], converged & motion.usable)
-    return poses, report
+        starts = anew(poses, report.converged)
+        starts[:, columns] = poses[:, columns]
+        poses, report = press(starts, trust_region=trust_region)
+    converged, reason = report.converged.reshape(shape), report.reason.reshape(shape)
+    if every_cycle and len(lost := np.flatnonzero(~converged.any(axis=1))):
+        raise ValueError(
+            f"cycle {cycles[lost[0]].name}: in no frame do {len(free)} free pose parameters ({', '.join(free)}) carry "
+            f"{len(loads)} loads ({', '.join(loads)}): {reason[lost[0], 0]}. Mend the loads, or free more in [pose]"
+        )
+    motions = interpolated(poses, report.converged).reshape(*shape, 6)
+    for k, motion in enumerate(motions):
+        of_cycle = {name: curves[name][k] for name in targets}
+        pressed = np.any([curve != 0.0 for curve in of_cycle.values()], axis=0)  # else any pose out of contact would do
+        frame_by_frame = Motion(model, free, of_cycle, np.full(frames, tolerance_n), np.asarray(pressed))
+        motions[k] = frame_by_frame.without_leaps(motion, converged[k] & pressed)
+    return motions, ReferenceReport(tuple(cycle.name for cycle in cycles), converged, reason)
 
 
 def found_sensitive_pose(model: ContactModel, cycles: Sequence[Cycle]) -> tuple[str, ...]:
@@ -207,51 +203,27 @@ def found_sensitive_pose(model: ContactModel, cycles: Sequence[Cycle]) -> tuple[
     return tuple(name for name in POSE_NAMES if name in strongest)
 
 
-def _check_alike(cycles: Sequence[Cycle]) -> None:
-    """ValueError for no cycles, and for such that measure different pose parameters or loads."""
+def _on_frames(cycles: Sequence[Cycle], frames: int) -> dict[str, Array]:
+    """Targets and measured pose parameters (cycles, frames) by name, linear in the percentage of each cycle; ValueError
+    for no cycles, and for such that have different ones."""
     if not cycles:
         raise ValueError("no cycles given, expected at least one for the reference motion")
-    held = [(tuple(cycle.measured_pose()), sorted(cycle.targets())) for cycle in cycles]
-    for cycle, (measured, loads) in zip(cycles, held, strict=True):
-        if (measured, loads) != held[0]:
-            raise ValueError(
-                f"cycle {cycle.name} has {', '.join((*measured, *loads))} and cycle {cycles[0].name} "
-                f"{', '.join((*held[0][0], *held[0][1]))}, expected the same of all cycles"
-            )
+    curves: dict[str, list[Array]] = {name: [] for name in {**cycles[0].measured_pose(), **cycles[0].targets()}}
+    for cycle in cycles:
+        known = {**cycle.measured_pose(), **cycle.targets()}
+        if set(known) != set(curves):
+            raise ValueError(f"cycle {cycle.name} has {', '.join(known)}, expected {', '.join(curves)} as the first")
+        time_s = np.asarray(cycle.time_s, dtype=float)
+        at = np.linspace(time_s[0], time_s[-1], frames)
+        for name, curve in known.items():
+            curves[name].append(np.interp(at, time_s, curve))
+    return {name: np.array(of_cycles) for name, of_cycles in curves.items()}
 
 
-def _report(cycles: Sequence[Cycle], settled: SettleReport) -> ReferenceReport:
-    converged, reason = (part.reshape(len(cycles), -1) for part in (settled.converged, settled.reason))
-    return ReferenceReport(tuple(cycle.name for cycle in cycles), converged, reason)
-
-
-def _on_frames(cycle: Cycle, frames: int) -> dict[str, Array]:
-    """The cycle's targets and measured pose parameters, linearly interpolated on the percentage of the cycle."""
-    time = np.asarray(cycle.time_s, dtype=float)
-    percent = (time - time[0]) / (time[-1] - time[0])
-    curves = {**cycle.measured_pose(), **cycle.targets()}
-    return {name: np.interp(np.linspace(0.0, 1.0, frames), percent, curve) for name, curve in curves.items()}
-
-
-def _nearest(poses: Array, report: ReferenceReport) -> Array:
-    """The poses of frames that did not converge replaced by those of the nearest frame of the cycle that did."""
-    for cycle, converged in zip(poses, report.converged, strict=True):
-        solved, left = np.flatnonzero(converged), np.flatnonzero(~converged)
-        if len(solved):
-            cycle[left] = cycle[solved[np.abs(left[:, None] - solved).argmin(axis=1)]]
-    return poses
-
-
-def _turned(model: ContactModel, start: Array, poses: Array, report: ReferenceReport) -> Array:
-    """The poses of frames that did not converge replaced by a start pose turned as they are, about the anchors."""
-    poses[~report.converged] = rotate_about_anchors(model, start, poses[~report.converged])
-    return poses
-
-
-def _interpolate(poses: Array, report: ReferenceReport) -> Array:
-    """The poses of frames that did not converge replaced by what lies between those of their cycle that did."""
-    frames = np.arange(poses.shape[1])
-    for cycle, converged in zip(poses, report.converged, strict=True):
-        for column in range(6 if converged.any() else 0):
-            cycle[~converged, column] = np.interp(frames[~converged], frames[converged], cycle[converged, column])
+def _interpolated(poses: Array, converged: np.ndarray) -> Array:
+    """Poses (cycles, frames, 6) that did not converge replaced by what lies between those of their cycle that did."""
+    poses, frames = poses.copy(), np.arange(poses.shape[1])
+    for cycle, known in zip(poses, converged, strict=True):
+        for column in range(6 if known.any() else 0):
+            cycle[~known, column] = np.interp(frames[~known], frames[known], cycle[known, column])
     return poses

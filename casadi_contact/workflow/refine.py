@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
@@ -22,25 +21,12 @@ from casadi_contact.surrogate.calibration import calibrate
 from casadi_contact.surrogate.sample_rows import samples_record
 from casadi_contact.workflow.fitting import fits_record, summed_work
 
-
-@dataclass(frozen=True)
-class RefinementSettings:
-    """How a round draws and trains.
-
-    spread: how far around a failing frame its pose inputs are drawn, in scales of the sampled range. load_shares:
-    shares of a frame's own loads between which its load inputs are drawn. lifted_share: new static analyses that are
-    lifted off (as in D5) besides those in contact. known_per_new, least_known: samples of before that are trained on
-    again for each new one, and at least, so that they are not forgotten. tolerance_share: of the tolerance at which a
-    fit ends: better than needed, because a few rows must be good among many.
-    """
-
-    spread: float = 0.3
-    load_shares: tuple[float, float] = (0.2, 1.3)
-    lifted_share: float = 0.1
-    known_per_new: int = 3
-    least_known: int = 12_000
-    tolerance_share: float = 0.2
-
+# A round draws pose inputs so many scales of the range around a failing frame, and load inputs between shares of
+# the frame's own; of the static analyses a share is lifted off (as in D5).
+_SPREAD, _LOAD_SHARES, _LIFTED = 0.3, (0.2, 1.3), 0.1
+# Samples of before that are trained on again for each new one, and at least, so that they are not forgotten.
+_KNOWN_PER_NEW, _LEAST_KNOWN = 3, 12_000
+_TOLERANCE_SHARE = 0.2  # at which a fit ends: better than needed, because a few rows must be good among many
 
 Solve = Callable[[Surrogate], tuple[Array, np.ndarray]]
 """A problem: surrogate -> poses (n, 6) of its solution, and which frames (n,) it solved."""
@@ -52,14 +38,13 @@ class RefinementModel(ContactModel, WrenchModel, Protocol):
 
 @dataclass(frozen=True)
 class Refinement:
-    """The refined surrogate, all samples, a verification before the first and after each round, and what it cost:
-    added (rounds,) samples and seconds (rounds,) of drawing and training; ``print`` it."""
+    """The refined surrogate, all samples, a verification before the first and after each round, and the number of
+    samples that each added; ``print`` it."""
 
     surrogate: Surrogate
     samples: Samples
     verifications: list[Verification]
     added: list[int]
-    seconds: list[float]
 
     @property
     def passed(self) -> bool:
@@ -67,10 +52,9 @@ class Refinement:
         return self.verifications[-1].passed
 
     def __str__(self) -> str:
-        rounds = zip(self.added, self.seconds, self.verifications[:-1], strict=True)
         lines = [
-            f"round {k}: {added} samples, {seconds:.0f} s, {int(before.failing.sum())} failing frames before it"
-            for k, (added, seconds, before) in enumerate(rounds, start=1)
+            f"round {k}: {added} samples, {int(before.failing.sum())} failing frames before it"
+            for k, (added, before) in enumerate(zip(self.added, self.verifications, strict=False), start=1)
         ]
         return "\n".join([*lines, str(self.verifications[-1])])
 
@@ -85,7 +69,6 @@ def refine(
     gflop: float = 600.0,
     per_frame: int = 20,
     seed: int = 0,
-    settings: RefinementSettings | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Refinement:
     """Solve, verify, and as long as that fails: sample around the failing frames, train on, calibrate, solve again.
@@ -102,25 +85,17 @@ def refine(
     """
     if rounds < 0 or per_frame < 1:
         raise ValueError(f"rounds is {rounds} and per_frame {per_frame}, expected at least 0 and 1")
-    tell, settings = progress or (lambda text: None), settings or RefinementSettings()
-    result = Refinement(surrogate, samples, [_verified(surrogate, solve, model)], [], [])
+    tell = progress or (lambda text: None)
+    result = Refinement(surrogate, samples, [_verified(surrogate, solve, model)], [])
     while not result.passed and len(result.added) < rounds:
         number = len(result.added) + 1
         tell(f"{result.verifications[-1]}")
-        began = time.perf_counter()
         rng = np.random.default_rng([seed, number])
-        new = _drawn_around(result.surrogate, result.verifications[-1], model, per_frame, settings, rng)
+        new = _drawn_around(result.surrogate, result.verifications[-1], model, per_frame, rng)
         tell(f"round {number}: {len(new)} new samples")
-        better = _trained_on(result.surrogate, result.samples, new, model, gflop, settings, rng)
-        spent = time.perf_counter() - began
-        check = _verified(better, solve, model)
-        result = Refinement(
-            better,
-            result.samples.join_samples(new),
-            [*result.verifications, check],
-            [*result.added, len(new)],
-            [*result.seconds, spent],
-        )
+        better = _trained_on(result.surrogate, result.samples, new, model, gflop, rng)
+        checks = [*result.verifications, _verified(better, solve, model)]
+        result = Refinement(better, result.samples.join_samples(new), checks, [*result.added, len(new)])
     return result
 
 
@@ -135,29 +110,21 @@ def _verified(surrogate: Surrogate, solve: Solve, model: ContactModel) -> Verifi
 
 
 def _drawn_around(
-    surrogate: Surrogate,
-    check: Verification,
-    model: RefinementModel,
-    per_frame: int,
-    settings: RefinementSettings,
-    rng: np.random.Generator,
+    surrogate: Surrogate, check: Verification, model: RefinementModel, per_frame: int, rng: np.random.Generator
 ) -> Samples:
     """Samples whose pose inputs lie around those of failing frames, settled on the model under shares of the loads
     that the surrogate gives there, some of them lifted off: as D1 and D5 lie around a motion, and counted as these."""
-    scene, scales, sampling = (
-        surrogate.scene,
-        surrogate.require_confidence().scales,
-        SamplingSettings.from_scene(surrogate.scene),
-    )
+    scene, scales = surrogate.scene, surrogate.require_confidence().scales
+    sampling = SamplingSettings.from_scene(scene)
     point = sampling.sample_point(scene)
     frames = check.poses[np.repeat(np.flatnonzero(check.failing), per_frame)]
     columns, count = [pose_index(name) for name in point.pose_inputs], len(frames)
     starts = frames.copy()
-    starts[:, columns] += settings.spread * scales[columns] * rng.uniform(-1.0, 1.0, (count, len(columns)))
+    starts[:, columns] += _SPREAD * scales[columns] * rng.uniform(-1.0, 1.0, (count, len(columns)))
     starts = scene.pose_space.project(starts)
-    loads = surrogate(frames, point.load_inputs) * rng.uniform(*settings.load_shares, (count, len(point.load_inputs)))
+    loads = surrogate(frames, point.load_inputs) * rng.uniform(*_LOAD_SHARES, (count, len(point.load_inputs)))
     role = rng.choice([TRAIN, VALIDATION, TEST], count, p=[0.8, 0.1, 0.1]).astype(np.uint8)
-    lifted = rng.random(count) < settings.lifted_share
+    lifted = rng.random(count) < _LIFTED
     for normal in scene.normal_loads:
         if set(normal.loads) <= set(point.load_inputs):
             columns = [point.load_inputs.index(name) for name in normal.loads]
@@ -181,19 +148,17 @@ def _trained_on(
     new: Samples,
     model: WrenchModel,
     gflop: float,
-    settings: RefinementSettings,
     rng: np.random.Generator,
 ) -> Surrogate:
     """The surrogate's networks trained on from where they are, on the new samples and some of the known ones, and
     calibrated on all, and on the model around them."""
-    count = max(settings.known_per_new * len(new), settings.least_known)
-    kept = np.sort(rng.permutation(len(known))[:count])
-    some = Samples(known.scene, **{name: getattr(known, name)[kept] for name in COLUMNS}).join_samples(new)
+    count = max(_KNOWN_PER_NEW * len(new), _LEAST_KNOWN)
+    some = known.rows(np.sort(rng.permutation(len(known))[:count])).join_samples(new)
     networks, fits = dict(surrogate.networks), dict[str, Fit]()
     for regression in surrogate.regressions(some):
         start = networks[regression.name]
         effort = TrainingSettings(sizes=(start.hidden,), activation=start.activation, max_gflop=gflop, restarts=0)
-        closer = replace(regression, tolerance=settings.tolerance_share * regression.tolerance)
+        closer = replace(regression, tolerance=_TOLERANCE_SHARE * regression.tolerance)
         fits[regression.name] = fit(closer, effort, start=start)
         networks[regression.name] = fits[regression.name].network
     everything, kind, before = known.join_samples(new), type(surrogate), surrogate.record

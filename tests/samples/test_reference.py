@@ -50,25 +50,17 @@ def test_a_frame_that_pulls_is_interpolated_and_reported():
 
 
 def test_a_cycle_without_any_pose_is_refused():
+    """Loads that pull, and four loads in three unknowns, which have a solution by chance alone."""
     (cycle, *_), _ = cycles(MODEL)
     pulling = replace(cycle, loads={name: np.abs(load) + 1.0 for name, load in cycle.loads.items()})
-    with pytest.raises(ValueError, match="cycle 0: no frame has a pose"):
-        reference_poses(MODEL, [pulling])
+    locked = TwoSpheres(Scene.from_tables({**MODEL.scene.tables, "pose": {"locked": {"tz": 3.0}}}))
+    for model, given, said in ((MODEL, [pulling], "pulls"), (locked, [cycle], "tx, ty, rx"), (MODEL, [], "no cycles")):
+        with pytest.raises(ValueError, match=said):
+            reference_poses(model, given, frames=21)
     made, wanted = cycles(MODEL, count=2)
     poses, report = reference_poses(MODEL, [pulling, made[1]], frames=21, every_cycle=False)
     assert report.converged.all(axis=1).tolist() == [False, True]
     np.testing.assert_allclose(poses[1], wanted[1], atol=1e-4, err_msg="the other cycle settles all the same")
-    with pytest.raises(ValueError, match="no cycles"):
-        reference_poses(MODEL, [])
-
-
-def test_a_locked_pose_that_leaves_fewer_parameters_than_loads_is_named():
-    """Four equations in three unknowns have a solution by chance alone, and not in frames of a joint that is free."""
-    made, wanted = cycles(MODEL)
-    assert np.abs(wanted[..., 2]).max() < 2.0, "the loads come from poses with tz farther inside"
-    locked = TwoSpheres(Scene.from_tables({**MODEL.scene.tables, "pose": {"locked": {"tz": 3.0}}}))
-    with pytest.raises(ValueError, match=r"4 loads \(.*Tz\) are wanted of 3 free pose parameters \(tx, ty, rx\)"):
-        reference_poses(locked, made, frames=21)
 
 
 def test_motion_holds_estimated_poses_and_measured_loads_and_start_poses_near_them():
@@ -78,18 +70,14 @@ def test_motion_holds_estimated_poses_and_measured_loads_and_start_poses_near_th
     np.testing.assert_allclose(motion.curves[..., 0], wanted[..., 0], atol=1e-4)
     np.testing.assert_allclose(motion.curves[2, :, 3], made[2].loads["Fy_lat"])
     np.testing.assert_allclose(motion.envelopes.upper[:, 5], wanted[..., 5].max(axis=0))
+    lacking = SamplingSettings(frames=21, inputs=("tx", "Fy_med", "tz", "Ty", "ry", "rz"))
+    with pytest.raises(ValueError, match="the cycles hold no load Ty"):
+        reference_motion(MODEL, made, lacking)
     # starts take the free parameters of the nearest reference pose
     inputs = motion.curves[1, [3, 9]] + np.array([1e-4, -50.0, 1e-4, 80.0, 1e-5, 1e-5])
     starts = motion.starts(inputs)
     np.testing.assert_array_equal(starts[:, [1, 3]], motion.poses[1, [3, 9]][:, [1, 3]])
     np.testing.assert_array_equal(starts[:, [0, 2, 4, 5]], inputs[:, [0, 2, 4, 5]])
-
-
-def test_loads_the_cycles_do_not_hold_are_refused():
-    made, _ = cycles(MODEL)
-    settings = SamplingSettings(frames=21, inputs=("tx", "Fy_med", "tz", "Ty", "ry", "rz"))
-    with pytest.raises(ValueError, match="the cycles hold no load Ty"):
-        reference_motion(MODEL, made, settings)
 
 
 def test_a_single_cycle_is_sampled_about_by_widths_that_are_said():
