@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor, as_completed
 from dataclasses import replace
 from functools import lru_cache, partial
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -110,8 +109,8 @@ def draw_samples(
     drawn = {number: chunk for number in range(len(chunks)) if (chunk := folder.read(number)) is not None}
     if drawn:
         check(_joined(scene, drawn.values()), folder.folder)
-    _draw_missing(partial(_draw, *worker), chunks, drawn, folder, executor, progress)
-    samples = _gather(scene, chunks, [drawn[number] for number in range(len(chunks))], identity)
+    _draw_missing(partial(_draw, *worker), chunks, drawn, folder, executor, progress or (lambda done, total: None))
+    samples = _gather(scene, chunks, [drawn[number] for number in range(len(chunks))], identity, settings)
     write_samples(path, samples)
     folder.remove()
     return samples
@@ -156,11 +155,10 @@ def _draw_missing(
     drawn: dict[int, DrawnChunk],
     folder: ChunkFolder,
     executor: Executor | None,
-    progress: Progress | None,
+    progress: Progress,
 ) -> None:
     """Draw the chunks that are not among those drawn, by number, and add each to them and to the folder as it comes."""
-    tell = progress or (lambda done, total: None)
-    tell(len(drawn), len(chunks))
+    progress(len(drawn), len(chunks))
     missing = [number for number in range(len(chunks)) if number not in drawn]
     if not missing:
         return
@@ -175,7 +173,7 @@ def _draw_missing(
                     raise
                 drawn[futures[future]] = chunk
                 folder.write(futures[future], chunk)
-                tell(len(drawn), len(chunks))
+                progress(len(drawn), len(chunks))
 
 
 def _draw(scene_toml: str, settings_json: str, models: ModelPair, chunk: Chunk) -> DrawnChunk:
@@ -191,16 +189,17 @@ def _joined(scene: Scene, drawn: Iterable[DrawnChunk]) -> Samples:
     return Samples(scene, **columns)
 
 
-def _gather(scene: Scene, chunks: list[Chunk], drawn: list[DrawnChunk], identity: dict[str, Any]) -> Samples:
+def _gather(
+    scene: Scene, chunks: list[Chunk], drawn: list[DrawnChunk], identity: dict[str, Any], settings: SamplingSettings
+) -> Samples:
     """All chunks as one set of samples, with provenance."""
     dropped: dict[str, Counter[str]] = {}
     for asked, got in zip(chunks, drawn, strict=True):
         if got.dropped:
             dropped.setdefault(DOMAINS[asked.domain - 1], Counter()).update(got.dropped)
-    skipped = left_out(scene.controllable_normal_loads, SamplingSettings.from_table(identity["settings"]))
-    versions = {name: version(name) for name in ("numpy", "scipy", "numba", "h5py")}
-    provenance = {**identity, "versions": versions, "dropped": dropped, "left_out": skipped}
-    del provenance["scene"]
+    of_plan = {name: value for name, value in identity.items() if name != "scene"}
+    skipped = left_out(scene.controllable_normal_loads, settings)
+    provenance = {**of_plan, "dropped": dropped, "left_out": skipped}
     lost_from = np.repeat([chunk.domain for chunk in chunks], [len(chunk.dropped_poses) for chunk in drawn])
     lost = Dropped(np.concatenate([chunk.dropped_poses for chunk in drawn]), lost_from)
     return replace(_joined(scene, drawn), provenance=provenance, dropped=lost)

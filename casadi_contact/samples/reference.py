@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -138,8 +138,8 @@ def reference_poses(
     Cycles are resampled to `frames` frames on the percentage of the cycle. All frames are settled at once, starting in
     first contact from the scene's start pose (or from `start` (6,), needed for a model without gaps). Frames that fail
     start again: interpolated between converged frames; from the start pose rotated about the patches' anchors; and
-    interpolated with a trust region. Frames that converged to another equilibrium than their neighbours are followed
-    from these (`Motion.without_leaps`).
+    from the nearest converged frame, with a trust region. Frames that converged to another equilibrium than their
+    neighbours are followed from these (`Motion.without_leaps`).
 
     Locked and tied pose parameters are the scene's, whatever a cycle measures. progress(done, all): frames settled.
 
@@ -159,35 +159,38 @@ def reference_poses(
         starts = advance_to_contact(model, starts, loads)
         if model.has_wrenches:
             check_contact_model(model, starts, loads, tolerance_n)
-    press = partial(settle, model, free=free, targets=loads, tolerance=tolerance_n, progress=progress)
     shape = (len(cycles), frames)
 
-    def interpolated(poses: Array, converged: np.ndarray) -> Array:
-        return _interpolated(poses.reshape(*shape, 6), converged.reshape(shape)).reshape(-1, 6)
+    def press(starts: Array, trust_region: bool) -> tuple[Array, np.ndarray, np.ndarray]:
+        """Poses (cycles, frames, 6) settled, and which converged, and why the others did not (cycles, frames)."""
+        options: dict[str, Any] = {"tolerance": tolerance_n, "trust_region": trust_region, "progress": progress}
+        poses, report = settle(model, starts.reshape(-1, 6), free, loads, **options)
+        return poses.reshape(*shape, 6), report.converged.reshape(shape), report.reason.reshape(shape)
 
     def turned(poses: Array, converged: np.ndarray) -> Array:
-        return np.where(converged[:, None], poses, rotate_about_anchors(model, begin, poses))
+        lost = ~converged
+        poses[lost] = rotate_about_anchors(model, begin, poses[lost])
+        return poses
 
-    poses, report = press(starts, trust_region=False)
-    for anew, trust_region in ((interpolated, False), (turned, False), (interpolated, True)):
-        if report.converged.all() or (len(loads) > len(free) and not report.converged.any()):
+    poses, converged, reason = press(starts, trust_region=False)
+    for anew, trust_region in ((_between, False), (turned, False), (_nearest, True)):
+        if converged.all() or (len(loads) > len(free) and not converged.any()):
             break
-        starts = anew(poses, report.converged)
-        starts[:, columns] = poses[:, columns]
-        poses, report = press(starts, trust_region=trust_region)
-    converged, reason = report.converged.reshape(shape), report.reason.reshape(shape)
+        starts = anew(poses.copy(), converged)
+        starts[..., columns] = poses[..., columns]
+        poses, converged, reason = press(starts, trust_region)
     if every_cycle and len(lost := np.flatnonzero(~converged.any(axis=1))):
         raise ValueError(
             f"cycle {cycles[lost[0]].name}: in no frame do {len(free)} free pose parameters ({', '.join(free)}) carry "
             f"{len(loads)} loads ({', '.join(loads)}): {reason[lost[0], 0]}. Mend the loads, or free more in [pose]"
         )
-    motions = interpolated(poses, report.converged).reshape(*shape, 6)
-    for k, motion in enumerate(motions):
+    poses = _between(poses, converged)
+    for k, poses_of_cycle in enumerate(poses):
         of_cycle = {name: curves[name][k] for name in targets}
         pressed = np.any([curve != 0.0 for curve in of_cycle.values()], axis=0)  # else any pose out of contact would do
-        frame_by_frame = Motion(model, free, of_cycle, np.full(frames, tolerance_n), np.asarray(pressed))
-        motions[k] = frame_by_frame.without_leaps(motion, converged[k] & pressed)
-    return motions, ReferenceReport(tuple(cycle.name for cycle in cycles), converged, reason)
+        motion = Motion(model, free, of_cycle, np.full(frames, tolerance_n), np.asarray(pressed))
+        poses[k] = motion.without_leaps(poses_of_cycle, converged[k] & motion.usable)
+    return poses, ReferenceReport(tuple(cycle.name for cycle in cycles), converged, reason)
 
 
 def found_sensitive_pose(model: ContactModel, cycles: Sequence[Cycle]) -> tuple[str, ...]:
@@ -220,10 +223,19 @@ def _on_frames(cycles: Sequence[Cycle], frames: int) -> dict[str, Array]:
     return {name: np.array(of_cycles) for name, of_cycles in curves.items()}
 
 
-def _interpolated(poses: Array, converged: np.ndarray) -> Array:
+def _between(poses: Array, converged: np.ndarray) -> Array:
     """Poses (cycles, frames, 6) that did not converge replaced by what lies between those of their cycle that did."""
-    poses, frames = poses.copy(), np.arange(poses.shape[1])
+    frames = np.arange(poses.shape[1])
     for cycle, known in zip(poses, converged, strict=True):
         for column in range(6 if known.any() else 0):
             cycle[~known, column] = np.interp(frames[~known], frames[known], cycle[known, column])
+    return poses
+
+
+def _nearest(poses: Array, converged: np.ndarray) -> Array:
+    """Poses (cycles, frames, 6) that did not converge replaced by the nearest of their cycle that did."""
+    for cycle, known in zip(poses, converged, strict=True):
+        solved, lost = np.flatnonzero(known), np.flatnonzero(~known)
+        if len(solved):
+            cycle[lost] = cycle[solved[np.abs(lost[:, None] - solved).argmin(axis=1)]]
     return poses

@@ -143,18 +143,14 @@ class SamplingSettings:
             raise _bad("scale", self.scale, f"at most {MOST_SAMPLES} samples in a domain")
         if isinstance(self.inputs, str) or not all(isinstance(name, str) for name in self.inputs):
             raise _bad("inputs", self.inputs, "a list of pose parameters and loads")
-        pairs = {"fixed_offsets": 0.0, "reach": -1e15}
-        widths = {name: _number(f"d3_minimum_widths.{name}", width) for name, width in self.d3_minimum_widths.items()}
-        plain: dict[str, Any] = {
-            "counts": {domain: self.counts.get(domain, 0) for domain in DOMAINS},
-            "d3_minimum_widths": widths,
-            "inputs": tuple(self.inputs),
-            **{
-                key: {n: _pair(f"{key}.{n}", p, least) for n, p in getattr(self, key).items()}
-                for key, least in pairs.items()
-            },
-            **{name: grid_size(f"sampling.{name}", getattr(self, name)) for name in ("settle_grid", "teacher_grid")},
+        pairs = {
+            key: {name: _pair(f"{key}.{name}", pair, least) for name, pair in getattr(self, key).items()}
+            for key, least in (("fixed_offsets", 0.0), ("reach", -1e15))
         }
+        widths = {name: _number(f"d3_minimum_widths.{name}", width) for name, width in self.d3_minimum_widths.items()}
+        grids = {name: grid_size(f"sampling.{name}", getattr(self, name)) for name in ("settle_grid", "teacher_grid")}
+        counts, inputs = {domain: self.counts.get(domain, 0) for domain in DOMAINS}, tuple(self.inputs)
+        plain: dict[str, Any] = {"counts": counts, "inputs": inputs, "d3_minimum_widths": widths, **pairs, **grids}
         for name, value in plain.items():
             object.__setattr__(self, name, value)
         if self.inputs:

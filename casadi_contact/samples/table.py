@@ -29,13 +29,14 @@ from casadi_contact.scenes.scene import Scene
 
 _LEAST_ROWS = 10
 _HELD_BACK = 0.1  # of the poses, for validation and for the test each
+_MOST_ANGLE_RAD, _LEAST_TRAVEL_MM, _LEAST_FORCE_SHARE, _MOST_LEVER_MM = 3.5, 0.05, 0.01, 200.0
 
 
 def read_sample_table(path: str | Path, scene: Scene) -> Samples:
     """Samples from a table; of rows without a role a tenth each, at random, is for validation and for the test.
 
     Raises FileNotFoundError, and ValueError for a missing column, values that are not finite numbers or beyond 1e15,
-    columns of different length, too few rows, a role without rows, and wrong units, signs or origins (`check_table`).
+    columns of different length, too few rows, a role without rows, and wrong units, signs or origins.
     """
     path, several = Path(path), len(scene.patch_names) > 1
     ends = [f"_{patch}" if several else "" for patch in scene.patch_names]
@@ -69,7 +70,9 @@ def read_sample_table(path: str | Path, scene: Scene) -> Samples:
             f"{path} has {len(np.unique(poses, axis=0))} poses, none of them with role {', '.join(missing)}, expected "
             "hundreds, some of each role (or no column role)"
         )
-    check_table(samples, str(path))
+    _check_units(samples, str(path))
+    check_no_pull(samples, str(path))
+    check_gaps(samples, str(path))
     return samples
 
 
@@ -101,41 +104,30 @@ def _split(poses: Array) -> np.ndarray:
     return np.asarray(role[pose_of_row.ravel()])
 
 
-def check_table(
-    samples: Samples,
-    where: str,
-    *,
-    largest_angle_rad: float = 3.5,
-    least_travel_mm: float = 0.05,
-    least_force_share: float = 0.01,
-    largest_lever_mm: float = 200.0,
-) -> None:
+def _check_units(samples: Samples, where: str) -> None:
     """Raise ValueError for samples in other units, with other signs, or about another origin.
 
-    Angles are at most `largest_angle_rad`; some translation varies by `least_travel_mm` at least; the largest normal
-    load is at least `least_force_share` of the scene's reference load; forces act within `largest_lever_mm` of the
-    patch's anchor (median distance of the line of action, |T - p×F|/|F| with the anchor at p). Signs: `check_no_pull`,
-    `check_gaps`, and for patches without a direction of pressing `_check_resistance`. where: the file's name.
+    Angles are at most 3.5 rad; some translation varies by 0.05 mm at least; the largest normal load is at least 1 % of
+    the scene's reference load; forces act within 200 mm of the patch's anchor (median distance of the line of action,
+    |T - p×F|/|F| with the anchor at p). where: the file's name.
     """
     scene, poses = samples.scene, samples.poses
     largest = np.abs(poses[:, 3:]).max(axis=0)
-    if largest.max() > largest_angle_rad:
+    if largest.max() > _MOST_ANGLE_RAD:
         name = ("rx", "ry", "rz")[int(largest.argmax())]
         raise ValueError(f"{where}: {name} reaches {largest.max():g}, expected radians: convert degrees")
-    if (travel_mm := float(np.ptp(poses[:, :3], axis=0).max())) < least_travel_mm:
+    if (travel_mm := float(np.ptp(poses[:, :3], axis=0).max())) < _LEAST_TRAVEL_MM:
         raise ValueError(
-            f"{where}: tx, ty and tz vary by {travel_mm:.2g} at most, expected mm and at least {least_travel_mm:g}: "
+            f"{where}: tx, ty and tz vary by {travel_mm:.2g} at most, expected mm and at least {_LEAST_TRAVEL_MM:g}: "
             "convert m to mm (and N·m to N·mm)"
         )
     normal = normal_forces([part.normal for part in scene.parts], samples.wrenches)
     force_n = float(np.abs(normal).max(initial=0.0))
-    if 0.0 < force_n < least_force_share * scene.reference_load:
+    if 0.0 < force_n < _LEAST_FORCE_SHARE * scene.reference_load:
         raise ValueError(
             f"{where}: the largest normal load is {three_digits(force_n)} N, expected N and at least "
-            f"{least_force_share:g} of reference_load = {scene.reference_load:g} N: convert kN to N"
+            f"{_LEAST_FORCE_SHARE:g} of reference_load = {scene.reference_load:g} N: convert kN to N"
         )
-    check_no_pull(samples, where)
-    check_gaps(samples, where)
     for p, part in enumerate(scene.parts):
         force, torque = samples.wrenches[:, p, :3], samples.wrenches[:, p, 3:]
         pressed = (force != 0.0).any(axis=1)
@@ -144,10 +136,10 @@ def check_table(
         anchor = poses[pressed, :3] + rotation(poses[pressed, 3:]) @ part.anchor_mm
         about_anchor = np.linalg.norm(torque[pressed] - np.cross(anchor, force[pressed]), axis=1)
         lever_mm = float(np.median(about_anchor / np.linalg.norm(force[pressed], axis=1)))
-        if torque.any() and lever_mm > largest_lever_mm:
+        if torque.any() and lever_mm > _MOST_LEVER_MM:
             raise ValueError(
                 f"{where}: the force of {part.name} acts {lever_mm:.3g} mm from its anchor (median), expected torques "
-                f"about the fixed body's origin, in N·mm, within {largest_lever_mm:g} mm: shift or convert them"
+                f"about the fixed body's origin, in N·mm, within {_MOST_LEVER_MM:g} mm: shift or convert them"
             )
         if part.normal.component is None:
             _check_resistance(poses[pressed, 3:], anchor, force[pressed], where, part.name)
