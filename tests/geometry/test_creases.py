@@ -6,7 +6,7 @@ from casadi_contact.geometry.creases import split_at_creases
 from casadi_contact.geometry.distance_field import build_field
 from casadi_contact.geometry.mesh import checked_mesh
 from casadi_contact.geometry.smooth_surface import SmoothSurface
-from tests.support.meshes import torus_mesh
+from tests.support.meshes import revolved, torus_mesh
 
 HALF_MM = np.array([12.0, 5.0, 8.0])
 
@@ -23,21 +23,11 @@ def box_distance(points):
     return np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(axis=1), 0.0)
 
 
-def dish_mesh(rim_mm=9.0, radius_mm=11.0, low_mm=-21.0, around=96):
+def dish_mesh(rim_mm=9.0, radius_mm=11.0, low_mm=-21.0):
     """A round part with a spherical dish in its top, a sharp rim, and a wall in single triangles from top to bottom."""
-    r = np.linspace(0.0, rim_mm, 26)[1:]
-    profile = [*zip(r, -np.sqrt(radius_mm**2 - r**2), strict=True), (rim_mm, low_mm)]
-    angle = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)
-    rings = [np.stack([s * np.cos(angle), np.full(around, y), -s * np.sin(angle)], 1) for s, y in profile]
-    vertices = np.vstack([*rings, [[0.0, -radius_mm, 0.0], [0.0, low_mm, 0.0]]])
-    k, after, count = np.arange(around), (np.arange(around) + 1) % around, len(rings)
-    faces = [np.stack([np.full(around, len(vertices) - 2), k, after], 1)]
-    for ring in range(count - 1):
-        a, b = around * ring, around * (ring + 1)
-        faces += [np.stack([a + k, b + k, b + after], 1), np.stack([a + k, b + after, a + after], 1)]
-    last = around * (count - 1)
-    faces.append(np.stack([last + k, np.full(around, len(vertices) - 1), last + after], 1))
-    return checked_mesh("dish", vertices, np.concatenate(faces))
+    r = np.linspace(rim_mm, 0.0, 26)
+    profile = [(0.0, low_mm), (rim_mm, low_mm), *zip(r, -np.sqrt(radius_mm**2 - r**2), strict=True)]
+    return checked_mesh("dish", *revolved(profile, 96))
 
 
 def test_a_box_has_a_vertex_for_each_of_the_three_sides_at_its_corners_and_a_torus_those_that_it_had():

@@ -1,10 +1,12 @@
-"""Scenes: readable, checked, and the same after a round trip."""
+"""Scenes: readable, checked, and the same after a round trip; the one rule of their tolerances."""
 
+import numpy as np
 import pytest
 
 import casadi_contact as cc
 from casadi_contact.scenes.loading import ready_scenes
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.tolerance import Tolerance
 
 
 @pytest.mark.parametrize("name", ready_scenes())
@@ -17,25 +19,18 @@ def test_every_ready_scene_survives_its_own_text(name):
 
 def test_keywords_replace_single_parameters_and_change_the_digest():
     scene = cc.load_scene("sphere_on_plane", radius=20.0, law="log", fine=(30, 20))
-    assert scene.geometry["radius"] == 20.0
-    assert scene.material.law == "log"
-    assert scene.grids["fine"] == (30, 20)
+    assert (scene.geometry["radius"], scene.material.law, scene.grids["fine"]) == (20.0, "log", (30, 20))
     assert scene.digest != cc.load_scene("sphere_on_plane").digest
 
 
-def test_the_digest_names_the_loads_and_not_how_precisely_they_are_needed():
-    knee = cc.load_scene("knee")
-    finer = knee.with_tolerances(Fy_med=0.01)
-    assert finer.digest == knee.digest
-    assert finer != knee
-
-
-def test_the_digest_does_not_tell_how_much_of_a_sampling_plan_may_be_lost():
-    """In a scene with other settings of the sampling, and in one without any."""
-    for scene in (cc.load_scene("knee"), cc.load_scene("sphere_on_plane")):
-        lenient = Scene.from_tables({**scene.tables, "sampling": {**scene.sampling, "most_dropped": 0.6}})
-        other = Scene.from_tables({**scene.tables, "sampling": {**scene.sampling, "seed": 1}})
-        assert lenient.digest == scene.digest != other.digest
+@pytest.mark.parametrize("name", ["knee", "sphere_on_plane"])  # with settings of the sampling, and without any
+def test_the_digest_tells_loads_and_sampling_but_neither_tolerances_nor_how_much_may_be_lost(name):
+    scene = cc.load_scene(name)
+    finer = scene.with_tolerances(**{scene.load_names[0]: 0.01})
+    lenient = Scene.from_tables({**scene.tables, "sampling": {**scene.sampling, "most_dropped": 0.6}})
+    other = Scene.from_tables({**scene.tables, "sampling": {**scene.sampling, "seed": 1}})
+    assert finer != scene
+    assert finer.digest == lenient.digest == scene.digest != other.digest
 
 
 def test_a_scene_file_can_be_copied_edited_and_loaded(tmp_path):
@@ -48,6 +43,36 @@ def test_one_side_of_a_knee_can_have_its_own_values():
     text = cc.load_scene("knee").to_toml()
     own = "[geometry]\nmed = { frontal_radius = 21.0, condyle_offset = 24.0 }"
     knee = Scene.from_toml(text.replace("[geometry]", own))
-    assert knee.patch_geometry("med")["frontal_radius"] == 21.0
-    assert knee.patch_geometry("lat")["frontal_radius"] == 22.0
+    assert [knee.patch_geometry(side)["frontal_radius"] for side in ("med", "lat")] == [21.0, 22.0]
     assert knee.anchors_mm[:, 2].tolist() == [24.0, -22.0]
+
+
+TOLERANCE = Tolerance(("Fy", "Tx"), np.array([2.0, 50.0]))
+
+
+@pytest.mark.parametrize(
+    ("errors", "ratio"),
+    [
+        ([[2.0, 0.0], [-2.0, 0.0]], 1.0),  # the RMS is just met
+        ([[0.0, 150.0], *[[0.0, 0.0]] * 15], 1.0),  # a single error of three tolerances, RMS 0.75
+        ([[0.0, 300.0], *[[0.0, 0.0]] * 99], 2.0),
+        ([[1.0, np.nan]], np.inf),
+        (np.zeros((0, 2)), 0.0),
+    ],
+)
+def test_a_tolerance_is_met_by_the_worst_rms_and_single_error(errors, ratio):
+    assert TOLERANCE.ratio(errors) == pytest.approx(ratio)
+    assert TOLERANCE.met(errors) == (ratio <= 1.0)
+    assert TOLERANCE.times(2.0).ratio(errors) == pytest.approx(ratio / 2.0)
+
+
+def test_tolerances_of_rows_and_of_a_scenes_loads_in_the_order_of_the_names():
+    assert TOLERANCE.met_by_each([[6.0, 0.0], [6.1, 0.0], [0.0, np.nan]]).tolist() == [True, False, False]
+    scene = cc.load_scene("knee")
+    assert Tolerance.of(scene, ("Tx", "Fy_med")).allowed.tolist() == [scene.tolerances[k] for k in ("Tx", "Fy_med")]
+
+
+@pytest.mark.parametrize("given", [(0.0, 1.0), (1.0, -1.0), (np.nan, 1.0), (1.0, np.inf)])
+def test_a_tolerance_that_is_not_above_zero_is_refused(given):
+    with pytest.raises(ValueError, match="above 0"):
+        Tolerance.of_kinds(*given)

@@ -129,33 +129,28 @@ def scene_of(folder, moving, fixed, **settings):
     return cc.load_scene(folder / "scene.toml")
 
 
+def revolved(profile, around):
+    """The surface that a profile (n, 2) of (r, y) draws about y, facing to the right of its way: vertices, faces."""
+    r, y = np.asarray(profile, dtype=float).T
+    angle = 2.0 * np.pi * np.arange(around) / around
+    sides = [np.outer(r, np.cos(angle)), np.outer(y, np.ones(around)), np.outer(r, np.sin(angle))]
+    points = np.stack(sides, axis=-1).reshape(-1, 3)
+    number = np.arange(len(points)).reshape(len(r), around)
+    number[r == 0.0] = number[r == 0.0, :1]
+    a, b = number[:-1], number[1:]
+    c, d = np.roll(a, -1, axis=1), np.roll(b, -1, axis=1)
+    faces = np.concatenate([np.stack([a, b, c], axis=-1), np.stack([c, b, d], axis=-1)]).reshape(-1, 3)
+    used, faces = np.unique(faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)], return_inverse=True)
+    return points[used], faces.reshape(-1, 3)
+
+
 def shell_mesh(inner, outer, edge, angle, pole):
     """A closed cup: spheres of two radii within an angle of the pole, joined by a rim; its inside faces the centre."""
-    rings, around = max(6, int(outer * angle / edge)), max(24, int(2.0 * np.pi * outer / edge))
-    polar, azimuth = angle * np.arange(1, rings + 1) / rings, 2.0 * np.pi * np.arange(around) / around
-    cap = np.stack(
-        [
-            np.outer(np.sin(polar), np.cos(azimuth)),
-            np.outer(np.cos(polar), np.ones(around)),
-            np.outer(np.sin(polar), np.sin(azimuth)),
-        ],
-        axis=-1,
-    ).reshape(-1, 3)
-    cap = np.vstack([[[0.0, 1.0, 0.0]], cap])
-    j = np.arange(around)
-    faces = [np.stack([0 * j, 1 + j, 1 + (j + 1) % around], axis=1)]
-    for ring in range(rings - 1):
-        a, b = 1 + ring * around + j, 1 + ring * around + (j + 1) % around
-        faces += [np.stack([a, a + around, b], axis=1), np.stack([b, a + around, b + around], axis=1)]
-    faces = np.concatenate(faces)
-    last = 1 + (rings - 1) * around
-    a, b, far = last + j, last + (j + 1) % around, len(cap)
-    inside = outward(cap, faces, lambda p: -p)
-    outside = outward(cap, faces, lambda p: p) + far
-    points = np.vstack([inner * cap, outer * cap])
-    rim = np.concatenate([np.stack([a, b, a + far], axis=1), np.stack([b, b + far, a + far], axis=1)])
-    rim = outward(points, rim, lambda p: -np.tile([0.0, 1.0, 0.0], (len(p), 1)))
-    return points @ turn_to(pole).T, np.concatenate([inside, outside, rim])
+    polar = angle * np.linspace(0.0, 1.0, max(6, int(outer * angle / edge)) + 1)
+    arc = np.stack([np.sin(polar), np.cos(polar)], axis=1)
+    profile = np.vstack([inner * arc, outer * arc[::-1]])
+    points, faces = revolved(profile, max(24, int(2.0 * np.pi * outer / edge)))
+    return points @ turn_to(pole).T, faces
 
 
 def turn_to(pole):
@@ -167,8 +162,7 @@ def turn_to(pole):
 
 def ball_mesh(radius, edge):
     """A closed sphere about the origin."""
-    vertices, faces = cap_mesh(radius, edge, np.pi)
-    return vertices, faces
+    return cap_mesh(radius, edge, np.pi)
 
 
 def with_slid_vertex(vertices, faces, by_mm):
@@ -187,24 +181,10 @@ def groove(x, z):
 
 def wheel_mesh(radius, half_width, edge):
     """A closed cylinder about the z axis, with sharp edges: vertices, faces."""
-    around, across = round(2.0 * np.pi * radius / edge), max(2, round(2.0 * half_width / edge)) + 1
-    azimuth, z = 2.0 * np.pi * np.arange(around) / around, np.linspace(-half_width, half_width, across)
-    tread = np.stack(
-        [
-            np.repeat(radius * np.cos(azimuth), across),
-            np.repeat(radius * np.sin(azimuth), across),
-            np.tile(z, around),
-        ],
-        axis=1,
-    )
-    points = np.concatenate([tread, [[0.0, 0.0, -half_width], [0.0, 0.0, half_width]]])
-    i, j = (index.ravel() for index in np.meshgrid(np.arange(around), np.arange(across - 1), indexing="ij"))
-    a, b = i * across + j, (i + 1) % around * across + j
-    first = np.arange(around) * across
-    last, middles = first + across - 1, np.full((2, around), [[len(tread)], [len(tread) + 1]])
-    sides = [[middles[0], first, np.roll(first, -1)], [middles[1], last, np.roll(last, -1)]]
-    faces = np.concatenate([np.stack(three, axis=1) for three in ([a, b, a + 1], [b, b + 1, a + 1], *sides)])
-    return points, outward(points, faces, lambda middle: middle)
+    across = np.linspace(-half_width, half_width, max(2, round(2.0 * half_width / edge)) + 1)
+    profile = [(0.0, -half_width), *((radius, z) for z in across), (0.0, half_width)]
+    points, faces = revolved(profile, round(2.0 * np.pi * radius / edge))
+    return points[:, [2, 0, 1]], faces
 
 
 def post_mesh():

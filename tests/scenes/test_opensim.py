@@ -1,0 +1,242 @@
+"""OpenSim files: round trips to the bit, old headers, faults by line; their columns as curves, there and back."""
+
+import json
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from casadi_contact.cli.scene_commands import cycle
+from casadi_contact.core.conventions import POSE_NAMES
+from casadi_contact.scenes.joint_cycle import read_joint_cycle
+from casadi_contact.scenes.load_cycle import read_cycle
+from casadi_contact.scenes.loading import load_scene
+from casadi_contact.scenes.opensim import (
+    ColumnMap,
+    Table,
+    mapped_curves,
+    read_opensim_table,
+    renamed_table,
+    write_table,
+)
+from casadi_contact.scenes.pose_file import poses_from_curves, read_poses
+from casadi_contact.scenes.walking import reference_cycle
+from tests.support.shared_data import shared_file
+
+_TEXT = st.text(st.characters(min_codepoint=32, max_codepoint=126, exclude_characters="="), max_size=12).map(str.strip)
+_TEXT = _TEXT.filter(lambda text: text.lower() != "endheader")
+_LABELS = st.lists(_TEXT.filter(lambda text: text and text.lower() != "time"), unique=True, max_size=4)
+HEAD = "walk\nversion=1\nnRows=2\nnColumns=3\ninDegrees=yes\nendheader\n"
+
+
+@st.composite
+def tables(draw):
+    labels, rows = ["time", *draw(_LABELS)], draw(st.integers(0, 5))
+    numbers = st.floats(allow_nan=False, allow_infinity=False)
+    columns = {label: np.array(draw(st.lists(numbers, min_size=rows, max_size=rows))) for label in labels}
+    return Table(draw(_TEXT), columns, draw(st.sampled_from([None, True, False])))
+
+
+@given(tables())
+def test_reading_gives_back_what_was_written_to_the_bit(tmp_path_factory, table):
+    path = tmp_path_factory.mktemp("sto") / "table.sto"
+    write_table(table, path)
+    back = read_opensim_table(path)
+    assert (back.name, back.in_degrees, list(back.columns)) == (table.name, table.in_degrees, list(table.columns))
+    for label, curve in table.columns.items():
+        assert curve.tobytes() == back.columns[label].tobytes()
+
+
+def read(tmp_path, text):
+    (tmp_path / "walk.mot").write_text(text)
+    return read_opensim_table(tmp_path / "walk.mot")
+
+
+def test_spaces_between_columns_headers_of_all_versions_and_comments_are_understood(tmp_path):
+    head = "Coordinates\nversion=1\nUnits are S.I.\nnrows=2\nnColumns = 2\n\ninDegrees=no\nendheader\n"
+    table = read(tmp_path, head + "time\tknee angle\t\n  0.0\t1e-3\n0.5 \t -2\n\n")
+    assert (table.name, table.in_degrees, table.column("knee angle").tolist()) == ("Coordinates", False, [1e-3, -2.0])
+    simm = "name walk\ndatacolumns 2\ndatarows 2\nrange 0 1\nendheader\ntime\ta\n0\t1\n1\t2\n"
+    assert read(tmp_path, simm).column("a").tolist() == [1.0, 2.0]
+    spaced = read(tmp_path, "DataType=double\nversion=3\nendheader\n time  a  b \n 0 1 2\n")
+    assert (spaced.name, spaced.in_degrees, spaced.column("b").tolist()) == ("", None, [2.0])
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        (HEAD + "time\ta\tb\n0\t1\t2\n", "line 8: nrows"),
+        ("walk\ndatacolumns 3\nendheader\ntime\ta\n0\t1\n", "line 4: datacolumns"),
+        (HEAD + "time\ta\tb\n0\t1\t2\n1\t1\n", "line 9"),
+        (HEAD + "time\ta\tb\n0\t1\t1,2,3\n", "vectors"),
+        (HEAD + "time\ta\ta\n0\t1\t2\n1\t1\t2\n", "twice"),
+        (HEAD + "time\ta\tb\n0\t1\tnan\n1\t1\t2\n", "line 8, b"),
+        (HEAD + "time\ta\tb\n0\tx\t2\n1\t1\t2\n", "line 8, a"),
+        (HEAD + "a\tb\ttime\n", "first label"),
+        (HEAD, "ends after"),
+        ("walk\ninDegrees=maybe\nendheader\ntime\n", "inDegrees"),
+        ("", "endheader"),
+        ({"a": [1.0]}, "time"),
+        ({"time": [0.0], "a\tb": [1.0]}, "tabs"),
+        ({"time": [0.0], "a": [1.0, 2.0]}, "times"),
+        ({"time": [0.0], "a": [np.nan]}, "finite"),
+    ],
+)
+def test_a_fault_of_a_file_is_named_by_line_and_a_table_that_no_file_can_hold_is_refused(tmp_path, text, word):
+    with pytest.raises(ValueError, match=word):
+        read(tmp_path, text) if isinstance(text, str) else Table("walk", text)
+
+
+TABLE = Table("walk", {"time": [0.0, 1.0], "knee": [0.0, 90.0], "ty": [0.02, 0.03], "F": [1.0, 2.0]}, in_degrees=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "curve"),
+    [
+        ("knee=-rz", [0.0, -np.pi / 2.0]),  # inDegrees=yes
+        ("knee=rz:rad", [0.0, 90.0]),
+        ("ty=ty", [20.0, 30.0]),  # metres
+        ("ty=cop_ap:mm", [0.02, 0.03]),
+        ("F=-Fy_med:kN", [-1000.0, -2000.0]),
+        ("F=Tz", [1000.0, 2000.0]),
+    ],
+)
+def test_units_and_signs(text, curve):
+    np.testing.assert_allclose(ColumnMap.parse(text).curve(TABLE), curve)
+
+
+@pytest.mark.parametrize(
+    ("maps", "said"),
+    [
+        (["knee"], "COLUMN=NAME"),
+        (["knee=rz:"], "understood"),
+        (["knee=+-rz"], "understood"),
+        (["knee=flexion"], "flexion"),
+        (["knee=rz:mm"], "rad, deg"),
+        (["hip=rz"], "it has time, knee"),
+        (["knee=rz", "F=rz"], "twice"),
+    ],
+)
+def test_a_map_that_cannot_be_is_refused(maps, said):
+    with pytest.raises(ValueError, match=said):
+        mapped_curves(TABLE, [ColumnMap.parse(text) for text in maps])
+
+
+def written(folder, table, *maps, scene=None):
+    """The CSV file that the command makes of a table, or of a file."""
+    file = folder / "walk.mot"
+    if isinstance(table, Table):
+        write_table(table, file)
+    cycle(file if isinstance(table, Table) else table, list(maps), folder / "out.csv", scene)
+    return folder / "out.csv"
+
+
+def test_the_command_writes_the_cycle_that_a_file_holds(tmp_path):
+    walk = reference_cycle()
+    columns = {
+        "time": walk.time_s,
+        "knee_angle_r": np.degrees(-walk.rz),
+        "knee_rot_r": np.degrees(walk.ry),
+        "tibia_Fy_m": walk.fy_med,
+        "tibia_Fy_l": walk.fy_lat,
+        "cop_x": 1e-3 * walk.cop_ap_mm,
+        "tibia_Tx": -1e-3 * walk.cop_ml_mm * (walk.fy_med + walk.fy_lat),
+    }
+    table = Table("walk", columns, in_degrees=True)
+    maps = ("knee_angle_r=-rz:deg", "knee_rot_r=ry", "tibia_Fy_m=Fy_med:N", "tibia_Fy_l=Fy_lat", "cop_x=cop_ap:m")
+    back = read_cycle(written(tmp_path, table, *maps, "tibia_Tx=Tx:Nm"))
+    for key in ("time_s", "rz", "ry", "fy_med", "fy_lat", "cop_ap_mm", "cop_ml_mm"):
+        np.testing.assert_allclose(getattr(back, key), getattr(walk, key), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize(("names", "said"), [(("F=Fy_med", "ty=ty"), "curves"), (("knee=rz", "ty=ty"), "poses")])
+def test_a_mixture_that_is_neither_poses_nor_a_load_cycle_is_refused(tmp_path, names, said):
+    with pytest.raises(ValueError, match=said):
+        written(tmp_path, TABLE, *names)
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_a_cycle_of_another_joint_is_that_of_its_scene(tmp_path):
+    columns = {"time": np.arange(3.0), "flexion": np.array([10.0, 20.0, 30.0]), "force": np.array([0.1, 0.9, 0.4])}
+    path = written(tmp_path, Table("walk", columns, in_degrees=True), "flexion=-rz", "force=Fy:kN", scene="hip")
+    back = read_joint_cycle(path, load_scene("hip"))
+    np.testing.assert_allclose(back.pose["rz"], -np.radians([10.0, 20.0, 30.0]), rtol=1e-15)
+    np.testing.assert_allclose(back.loads["Fy"], [100.0, 900.0, 400.0], rtol=1e-15)
+
+
+def test_measured_poses_of_a_file_of_version_3_become_a_pose_file(tmp_path):
+    labels = ("knee_ant_r=tx:m", "knee_sup_r=ty:m", "knee_lat_r=tz", "knee_flex_r=rx:rad", "knee_add_r=ry")
+    poses = read_poses(written(tmp_path, shared_file("data/dm_tka/fluoroscopic_gait.sto"), *labels, "knee_rot_r=rz"))
+    assert poses.shape == (101, 6)
+    np.testing.assert_allclose(poses[0], [-7.4, 41.7, -1.0, 0.0063, 0.0037, -0.0943], atol=1e-12)
+
+
+KNEE = "/jointset/knee_r"
+LABELS = ("knee_tx_r", "knee_ty_r", "knee_tz_r", "knee_adduction_r", "knee_rotation_r", "knee_angle_r")
+MAPS = [
+    ColumnMap.parse(f"{KNEE}/{label}/value={'-' if name == 'rz' else ''}{name}")
+    for label, name in zip(LABELS, POSE_NAMES, strict=True)
+]
+TIME = np.linspace(0.0, 0.3, 4)
+POSES = np.random.default_rng(7).uniform(-0.5, 0.5, (4, 6)) * np.repeat([30.0, 1.0], 3)
+CURVES = {"time": TIME, **dict(zip(POSE_NAMES, POSES.T, strict=True))}
+BY_OPENSIM = """
+import json, sys
+import opensim
+read = opensim.TimeSeriesTable(sys.argv[1])
+columns = {label: list(read.getDependentColumn(label).to_numpy()) for label in read.getColumnLabels()}
+header = {key: read.getTableMetaDataString(key) for key in ("inDegrees",)}
+opensim.STOFileAdapter.write(read, sys.argv[2])
+print(json.dumps({"time": list(read.getIndependentColumn()), "columns": columns, "header": header}))
+"""
+
+
+def test_poses_go_to_the_states_of_a_moco_knee_and_back(tmp_path):
+    table = renamed_table(CURVES, MAPS, "states")
+    np.testing.assert_allclose(table.column(f"{KNEE}/knee_ty_r/value"), 1e-3 * POSES[:, 1])
+    np.testing.assert_allclose(table.column(f"{KNEE}/knee_angle_r/value"), -POSES[:, 5])
+    write_table(table, tmp_path / "states.sto")
+    back = mapped_curves(read_opensim_table(tmp_path / "states.sto"), MAPS)
+    np.testing.assert_allclose(poses_from_curves(back), POSES, rtol=1e-14)
+
+
+def test_torques_leave_in_nm_and_the_femur_gets_the_opposite():
+    curves = {"time": TIME, "Fy": np.full(4, -700.0), "Tx": np.full(4, 1500.0)}
+    maps = [ColumnMap.parse(text) for text in ("tibia_vy=Fy", "tibia_torque_x=Tx", "femur_torque_x=-Tx:Nm")]
+    table = renamed_table(curves, maps, "contact")
+    assert [table.column(item.column)[0] for item in maps] == [-700.0, 1.5, -1.5]
+
+
+def by_opensim(code, folder, *arguments):
+    """The last line that OpenSim's Python prints, in a process of its own."""
+    if find_spec("opensim") is None:
+        pytest.skip("opensim is not installed")
+    command = [sys.executable, "-c", code, *map(str, arguments)]
+    ran = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
+    assert ran.returncode == 0, ran.stderr
+    return ran.stdout.strip().splitlines()[-1]
+
+
+def test_opensim_reads_what_is_written_and_what_it_writes_is_read(tmp_path):
+    write_table(renamed_table(CURVES, MAPS, "states"), tmp_path / "ours.sto")
+    found = json.loads(by_opensim(BY_OPENSIM, tmp_path, tmp_path / "ours.sto", tmp_path / "theirs.sto"))
+    assert found["header"] == {"inDegrees": "no"}
+    np.testing.assert_allclose(found["time"], TIME)
+    np.testing.assert_allclose(found["columns"][f"{KNEE}/knee_tx_r/value"], 1e-3 * POSES[:, 0], rtol=1e-12)
+    back = poses_from_curves(mapped_curves(read_opensim_table(tmp_path / "theirs.sto"), MAPS))
+    np.testing.assert_allclose(back, POSES, rtol=1e-6)
+
+
+def test_the_external_loads_of_the_recipe_are_understood_by_opensim(tmp_path):
+    """The recipe's own lines, run by OpenSim's Python; read back, each force stands where it should."""
+    page = (Path(__file__).parents[2] / "docs/how-to/opensim.md").read_text("utf-8")
+    code = page.split("python - <<'END'\n")[1].split("END\n")[0]
+    code += "read = opensim.ExternalLoads('contact.xml', True)\n"
+    code += "found = map(read.get, range(read.getSize()))\n"
+    code += "print([(force.getAppliedToBodyName(), force.getForceExpressedInBodyName()) for force in found])\n"
+    assert by_opensim(code, tmp_path) == "[('tibia_r', 'tibia_r'), ('femur_r', 'tibia_r')]"
