@@ -87,8 +87,7 @@ def test_fits_that_used_up_their_budget_say_so_in_one_warning_and_in_info(projec
     assert all(seconds >= 0.0 for seconds in info.record["seconds"].values())
 
 
-def test_it_says_where_it_is_out_of_its_depth(project):
-    """Both structures are calibrated by training."""
+def test_it_says_where_it_is_out_of_its_depth_and_a_rerun_calibrates_to_the_same(project):
     samples = project.samples()
     low, high = samples.poses.min(axis=0), samples.poses.max(axis=0)
     for structure in ("patch", "two_stage"):
@@ -96,14 +95,11 @@ def test_it_says_where_it_is_out_of_its_depth(project):
         far = surrogate.validity([high + (high - low)])[0]  # networks this small are wrong at most poses, and say so
         assert far < 0.5 * surrogate.validity(samples.poses).max()
         assert 0.8 < surrogate.info().coverage["D1"]["Fy_med"] <= 1.0
-
-
-def test_a_rerun_keeps_what_is_done_and_calibrates_to_the_same(project):
-    before, samples = cc.load_surrogate(project.surrogate_path("patch")), project.samples_path.read_bytes()
+    before, content = cc.load_surrogate(project.surrogate_path("patch")), project.samples_path.read_bytes()
     sampling.sample(project)
     pipeline.train(project)
-    after, poses = cc.load_surrogate(project.surrogate_path("patch")), project.samples().poses[:50]
-    assert project.samples_path.read_bytes() == samples
+    after, poses = cc.load_surrogate(project.surrogate_path("patch")), samples.poses[:50]
+    assert project.samples_path.read_bytes() == content
     np.testing.assert_array_equal(after(poses), before(poses))
     np.testing.assert_array_equal(after.expected_error(poses), before.expected_error(poses))
 

@@ -1,31 +1,10 @@
-"""Contact models in other programs: C, MEX, FMU, PyTorch, JAX.
-
-Here stands what the bridges ask of a contact model, a surrogate or the one that `cc.foundation` chooses.
-"""
+"""Contact models in other programs: C, MEX, FMU, PyTorch, JAX; what the bridges ask of a model."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
 
-from casadi_contact.core.conventions import POSE_NAMES, Array
-
-
-class DifferentiableModel(Protocol):
-    """Loads of poses with both derivatives, as arrays."""
-
-    @property
-    def load_names(self) -> Sequence[str]:
-        """Names of the loads, in their order."""
-
-    def __call__(self, poses: Array) -> Array:
-        """Loads (n, L) of poses (n, 6)."""
-
-    def jacobian(self, poses: Array) -> tuple[Array, Array]:
-        """Loads (n, L) and their derivatives (n, L, 6)."""
-
-    def hessian(self, poses: Array, weights: Array) -> Array:
-        """Second derivatives (n, 6, 6) of Σ weights·loads for weights (n, L)."""
+from casadi_contact.core.conventions import POSE_NAMES
 
 
 def check_gives(model: object, *methods: str) -> None:

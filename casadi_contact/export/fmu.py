@@ -104,8 +104,7 @@ def model_description(model: ExportedModel, name: str, token: str, start: Sequen
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 
 
-_SYSTEMS = {"linux": "linux", "darwin": "darwin"}
-_PROCESSORS = {"x86_64": "x86_64", "AMD64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
+_PROCESSORS = {"AMD64": "x86_64", "arm64": "aarch64"}  # as FMI names them
 _BUILD = """\
 <?xml version="1.0" encoding="UTF-8"?>
 <fmiBuildDescription fmiVersion="3.0">
@@ -144,7 +143,6 @@ def export_fmu(
     sources = {f"{name}.h": header(exported, name), f"{name}.c": c_source(exported, name)}
     words["token"] = token = hashlib.sha256(f"{sources[f'{name}.c']}{words['start']}".encode()).hexdigest()
     sources["fmi3.c"] = Template(c_text("fmi3.c", TEMPLATES)).substitute(words)
-    sources["fmi3_unsupported.h"] = c_text("fmi3_unsupported.h", TEMPLATES)
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as folder:
         place = Path(folder)
@@ -170,9 +168,4 @@ def export_fmu(
 
 def _platform() -> str:
     """As FMI names it: x86_64-linux."""
-    processor, system = _PROCESSORS.get(platform.machine()), _SYSTEMS.get(sys.platform)
-    if processor is None or system is None:
-        raise OSError(
-            f"no FMU for {platform.machine()} on {sys.platform}, expected x86_64 or aarch64 on linux or darwin"
-        )
-    return f"{processor}-{system}"
+    return f"{_PROCESSORS.get(platform.machine(), platform.machine())}-{sys.platform}"

@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.export import DifferentiableModel, check_gives, check_last_axis
+from casadi_contact.export import check_gives, check_last_axis
 
 
-def contact_loads(model: DifferentiableModel) -> Callable[[jax.Array], jax.Array]:
+def contact_loads(model: Any) -> Callable[[jax.Array], jax.Array]:
     """Function poses (..., 6) [mm, rad] -> loads (..., L) [N, N·mm], for jit, vmap, grad, jacfwd, jacrev and hessian.
 
     Compiled programs call the model back on the CPU, in double precision: poses in single precision raise ValueError.

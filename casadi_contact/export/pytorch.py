@@ -9,10 +9,10 @@ import numpy as np
 import torch
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.export import DifferentiableModel, check_gives, check_last_axis
+from casadi_contact.export import check_gives, check_last_axis
 
 
-def contact_loads(model: DifferentiableModel) -> Callable[[torch.Tensor], torch.Tensor]:
+def contact_loads(model: Any) -> Callable[[torch.Tensor], torch.Tensor]:
     """Function poses (..., 6) [mm, rad] -> loads (..., L) [N, N·mm] of tensors, twice differentiable.
 
     The model computes on the CPU in double precision: other poses, and those that are not finite, raise ValueError. A
@@ -39,7 +39,7 @@ class _Loads(torch.autograd.Function):
     """F(x)"""
 
     @staticmethod
-    def forward(ctx: Any, poses: torch.Tensor, model: DifferentiableModel) -> torch.Tensor:
+    def forward(ctx: Any, poses: torch.Tensor, model: Any) -> torch.Tensor:
         ctx.model = model
         ctx.save_for_backward(poses)
         return torch.from_numpy(model(_array(poses)))
@@ -54,7 +54,7 @@ class _Adjoint(torch.autograd.Function):
     """Jᵀ(x)·w"""
 
     @staticmethod
-    def forward(ctx: Any, poses: torch.Tensor, weights: torch.Tensor, model: DifferentiableModel) -> torch.Tensor:
+    def forward(ctx: Any, poses: torch.Tensor, weights: torch.Tensor, model: Any) -> torch.Tensor:
         ctx.model = model
         ctx.save_for_backward(poses, weights)
         slopes = model.jacobian(_array(poses))[1]
@@ -70,7 +70,7 @@ class _Second(torch.autograd.Function):
 
     @staticmethod
     def forward(
-        ctx: Any, poses: torch.Tensor, weights: torch.Tensor, seeds: torch.Tensor, model: DifferentiableModel
+        ctx: Any, poses: torch.Tensor, weights: torch.Tensor, seeds: torch.Tensor, model: Any
     ) -> tuple[torch.Tensor, torch.Tensor]:
         check_gives(model, "hessian")
         x, w, v = map(_array, (poses, weights, seeds))

@@ -48,24 +48,6 @@ _OF_C = (  # and of C++, whose programs include the header
     "typeid typename typeof union unsigned using virtual void volatile wchar_t while xor xor_eq"
 )
 RESERVED_NAMES = frozenset(("jac", "hess", "null", *_OF_C.split()))
-_OF_MATH = (  # <math.h> of C99 and of POSIX
-    "acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 expm1 fabs fdim floor fma "
-    "fmax fmin fmod frexp hypot ilogb ldexp lgamma llrint llround log log10 log1p log2 logb lrint lround modf nan "
-    "nearbyint nextafter nexttoward pow remainder remquo rint round scalbln scalbn sin sinh sqrt tan tanh tgamma trunc "
-    "drem exp10 finite gamma isinf isnan j0 j1 jn scalb significand sincos y0 y1 yn"
-)
-_OF_STRING = (  # and macros of <math.h>, <stdio.h> and <stdlib.h>, which the example and an FMU include
-    "fpclassify isfinite isgreater isgreaterequal isless islessequal islessgreater isnormal isunordered lgamma_r "
-    "signbit signgam HUGE_VAL INFINITY NAN NULL basename bcmp bcopy bzero ffs index memccpy memchr memcmp memcpy "
-    "memmem memmove mempcpy memset rindex stpcpy strcasecmp strcat strchr strcmp strcoll strcpy strcspn strdup "
-    "strerror strlen strncat strncmp strncpy strndup strnlen strpbrk strrchr strsep strsignal strspn strstr strtok "
-    "strxfrm abort abs atexit atof atoi calloc div exit fclose fopen fprintf fputs free getc getchar getenv gets "
-    "labs malloc perror printf putchar puts qsort rand realloc remove rename scanf snprintf sprintf stderr stdin "
-    "stdout system"
-)
-_OF_LIBRARY = frozenset(
-    (*(f"{name}{kind}" for name in _OF_MATH.split() for kind in ("", "f", "l")), *_OF_STRING.split())
-)
 _DECLARED = re.compile(
     r"^(?:[A-Za-z_][^\n(\[=;]*[\s*]|#define\s+)(\w+)", re.MULTILINE
 )  # at file scope, as ours is written
@@ -81,10 +63,10 @@ def check_name(name: str) -> str:
 
 
 def check_unused(name: str, source: str, *, suffixes: Iterable[str] = ("",)) -> None:
-    """ValueError for a name that, with one of these suffixes, a function, an array or a macro of C source has itself,
-    or of C's library: it would be declared twice."""
-    if {f"{name}{suffix}" for suffix in suffixes} & (_OF_LIBRARY | set(_DECLARED.findall(source))):
-        raise ValueError(f"function name {name!r} is not usable, C or the C of contact models has it: choose another")
+    """ValueError for a name that, with one of these suffixes, a function, an array or a macro of C source has itself:
+    it would be declared twice."""
+    if {f"{name}{suffix}" for suffix in suffixes} & set(_DECLARED.findall(source)):
+        raise ValueError(f"function name {name!r} is not usable, the C of contact models has it: choose another")
 
 
 UNNAMED = "0"

@@ -126,16 +126,12 @@ class Confidence:
         y = self.network.value(self.inputs(poses, roots))
         return np.logaddexp(self.sharpness * (self.distance(poses) - self.edge), y[:, 0]), y[:, 1:]
 
-    def excess(self, poses: Array, roots: Array) -> Array:
-        """u (n,) of poses (n, 6) with root loads (n, P)."""
-        return self._excess_and_logs(poses, roots)[0]
-
     def validity(self, poses: Array, roots: Array) -> Array:
-        """Validity (n,) in 0..1."""
-        return np.asarray(_validity(np, self.excess(poses, roots)))
+        """Validity (n,) in 0..1 of poses (n, 6) with root loads (n, P)."""
+        return np.asarray(_validity(np, self._excess_and_logs(poses, roots)[0]))
 
     def expected_errors(self, poses: Array, roots: Array) -> Array:
-        """e (n, L) [N, N·mm]."""
+        """e (n, L) [N, N·mm] there."""
         u, logs = self._excess_and_logs(poses, roots)
         return np.exp(logs) + growth_outside(np.maximum(u + SURE, 0.0))[:, None] * self.growth
 

@@ -2,7 +2,7 @@
 
 The bytes are sealed with a digest (`files.containers`).
 
-/                attributes kind, format, structure, digest (SHA-256 of all that follows)
+/                attributes kind, format, structure
 /scene           scene as TOML text
 /record          JSON text: what trained it, errors per domain, versions, command
 /networks/NAME   attributes activation, output_scale (one number, or one per output); data sets input_shift,
@@ -12,9 +12,8 @@ The bytes are sealed with a digest (`files.containers`).
 
 from __future__ import annotations
 
-import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -43,25 +42,6 @@ class Content:
     confidence: Confidence | None = None
 
 
-def content_digest(
-    structure: str, scene: str, record: str, networks: Mapping[str, Network], confidence: Confidence | None
-) -> str:
-    """SHA-256 of all that a surrogate is made of, of scene and record as text."""
-    digest = hashlib.sha256()
-    for text in (structure, scene, record):
-        digest.update(text.encode() + b"\0")
-    named = dict(networks) if confidence is None else {**networks, "confidence/network": confidence.network}
-    for name, network in sorted(named.items()):
-        scale = np.asarray(network.output_scale, dtype=float).tolist()
-        digest.update(f"{name} {network.activation} {scale!r} {network.hidden}".encode())
-        for array in (network.input_shift, network.input_scale, *network.weights, *network.biases):
-            digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
-    for name, value in () if confidence is None else confidence.numbers().items():
-        array = np.ascontiguousarray(value, dtype="<f8")
-        digest.update(f"{name} {array.shape}".encode() + array.tobytes())
-    return digest.hexdigest()
-
-
 def write_file(path: str | Path, content: Content) -> None:
     """Put the file in the place of `path`. Raises ValueError for a record that is not JSON, OSError if unwritable."""
     path = Path(path)
@@ -71,13 +51,11 @@ def write_file(path: str | Path, content: Content) -> None:
         raise ValueError(
             f"surrogate record is not plain JSON ({error}), expected text, finite numbers and lists"
         ) from None
-    scene = content.scene.to_toml()
     with new_hdf5(path) as file:
         file.attrs["kind"] = KIND
         file.attrs["format"] = FORMAT
         file.attrs["structure"] = content.structure
-        file.attrs["digest"] = content_digest(content.structure, scene, record, content.networks, content.confidence)
-        file["scene"] = scene
+        file["scene"] = content.scene.to_toml()
         file["record"] = record
         networks = file.create_group("networks", track_order=True)
         for name, network in content.networks.items():
@@ -118,26 +96,47 @@ def read_file(path: str | Path) -> Content:
                 f"{path} has surrogate format {found}, expected {FORMAT}: build the surrogate again with this version"
             )
         try:
-            content, digest = _read_content(file), file.attrs["digest"]
-        except ValueError as error:
-            raise ValueError(f"{path} is damaged ({one_line(error)}): delete and build it, or copy it again") from None
-    if content_digest(*content) != digest:
-        raise ValueError(f"{path} is damaged (its check sum does not match): delete and build it, or copy it again")
-    structure, scene, record, networks, confidence = content
-    try:
-        return Content(structure, Scene.from_toml(scene), networks, dict(json.loads(record)), confidence)
-    except (TypeError, ValueError, RecursionError) as error:
-        raise ValueError(f"{path}: {one_line(error)}") from None
+            return Content(
+                str(file.attrs["structure"]),
+                Scene.from_toml(file["scene"][()].decode()),
+                {name: _read_network(group) for name, group in file["networks"].items()},
+                _known_form(json.loads(file["record"][()].decode())),
+                _read_confidence(file["confidence"]) if "confidence" in file else None,
+            )
+        except (TypeError, ValueError, RecursionError) as error:
+            raise ValueError(f"{path}: {one_line(error)}") from None
 
 
-def _read_content(file: h5py.File) -> tuple[str, str, str, dict[str, Network], Confidence | None]:
-    return (
-        str(file.attrs["structure"]),
-        file["scene"][()].decode(),
-        file["record"][()].decode(),
-        {name: _read_network(group) for name, group in file["networks"].items()},
-        _read_confidence(file["confidence"]) if "confidence" in file else None,
-    )
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float)
+
+
+def _is_range(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == 2 and all(map(_is_number, value))
+
+
+def _each(form: Callable[[Any], bool]) -> Callable[[Any], bool]:
+    """Of an object's values."""
+    return lambda value: isinstance(value, dict) and all(map(form, value.values()))
+
+
+_NUMBERS = ("samples", "dropped", "training_errors", "test_samples", "model_errors", "seconds")
+_FORMS: dict[str, Callable[[Any], bool]] = {  # see `surrogate.info`
+    **dict.fromkeys(_NUMBERS, _each(_is_number)),
+    **dict.fromkeys(("pose_range", "load_range"), _each(_is_range)),
+    "valid_share": _is_number,
+    "coverage": _each(_each(_is_number)),
+    "test_errors": _each(_each(lambda value: _each(_is_number)(value) and {"rms", "max"} <= value.keys())),
+    "stop_reasons": _each(lambda value: isinstance(value, str)),
+}
+
+
+def _known_form(record: Any) -> dict[str, Any]:
+    """The record; ValueError where a key that is printed has another form than this library writes."""
+    for key, value in dict(record).items():
+        if not _FORMS.get(key, lambda _: True)(value):
+            raise ValueError(f"record: {key} has another form than this version writes: build the surrogate again")
+    return dict(record)
 
 
 def _read_network(group: h5py.Group) -> Network:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 from abc import abstractmethod
 from collections.abc import Iterable, Sequence
 from typing import Any, ClassVar
 
 import casadi as ca
+import numpy as np
 
 from casadi_contact.core.compiler import CompilerError, warn_once
 from casadi_contact.networks.functions import ContactFunctions, function_with_derivatives
@@ -17,7 +19,6 @@ from casadi_contact.networks.names import c_name, name_of_parts
 from casadi_contact.networks.network import Network
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.confidence import Confidence
-from casadi_contact.surrogate.file import content_digest
 from casadi_contact.surrogate.kernel import OWN_ROOTS, SurrogateKernel
 
 _CALLED = {"never_inline": True}  # an SX expression calls them whole: CasADi has no logsumexp of SX
@@ -146,8 +147,12 @@ class SurrogateFunctions(ContactFunctions):
         so that two models never share a name."""
         if self.ready_name:
             return c_name(f"{self.ready_name} contact")
-        digest = content_digest(self.structure, self.scene.digest, "", self.networks, None)
-        return c_name(f"{self.scene.name} contact {digest[:8]}")
+        digest = hashlib.sha256(f"{self.structure} {self.scene.digest}".encode())
+        for name, net in sorted(self.networks.items()):
+            digest.update(f"{name} {net.activation} {net.hidden}".encode())
+            for array in (net.output_scale, net.input_shift, net.input_scale, *net.weights, *net.biases):
+                digest.update(np.asarray(array, dtype="<f8").tobytes())
+        return c_name(f"{self.scene.name} contact {digest.hexdigest()[:8]}")
 
     def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
         """C of the loads, and of all that the surrogate knows of them."""

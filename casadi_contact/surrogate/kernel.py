@@ -165,9 +165,8 @@ class SurrogateArrays:
 
 def compiled_arrays(kernel: SurrogateKernel, waited_for: str) -> SurrogateArrays | None:
     """The compiled kernel; None, with one warning, without a compiler. waited_for: what is announced."""
-    confidence = c_text("confidence_arrays.h", __package__) if kernel.confidence is not None else ""
     try:
-        library = shared_library("\n".join([kernel.source(), c_text("arrays.h"), confidence]), waited_for)
+        library = shared_library("\n".join([kernel.source(), c_text("arrays.h")]), waited_for)
     except CompilerError as error:
         warn_once(f"{error}; arrays of poses go through NumPy, which is slower")
         return None

@@ -28,13 +28,6 @@ def test_values_first_and_second_derivatives_are_those_of_the_surrogate(transfor
     close(transformed(jax.vmap(jax.jacrev(jax.jacrev(loads))))(POSES), bends, 12)
 
 
-def test_a_gradient_through_other_operations_is_the_chain_rule():
-    loads = contact_loads(SURROGATE)
-    value, slope, _ = graph_derivatives(SURROGATE, POSES[:1])
-    gradient = jax.grad(lambda pose: (loads(2.0 * pose) ** 2).sum())(POSES[0] / 2.0)
-    close(gradient, 4.0 * value[0] @ slope[0], 12)
-
-
 def test_single_precision_and_other_shapes_are_refused():
     loads = contact_loads(SURROGATE)
     with pytest.raises(ValueError, match=r"poses has shape \(12, 5\), expected \(..., 6\)"):

@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 from casadi_contact.scenes.loading import load_scene
-from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
-from tests.support.agreement import close
+from tests.support.agreement import close, second_derivatives
 from tests.support.compiler import needs_compiler
-from tests.support.random_surrogates import POSE_CENTRE, random_network, random_poses, random_surrogate
+from tests.support.random_surrogates import POSE_CENTRE, random_poses, random_surrogate
 
 
 @pytest.fixture(scope="module", params=["patch", "two_stage"])
@@ -16,29 +15,10 @@ def surrogate(request):
     return random_surrogate(load_scene("knee"), request.param, seed=4)
 
 
-def test_only_the_needed_networks_are_in_the_graph(surrogate):
-    one, two, all_loads = (surrogate.function(names) for names in (["Fy_med"], ["Fy_med", "Fy_lat"], None))
-    sizes = [_graph(function).n_instructions() for function in (one, two, all_loads)]
-    assert sizes[0] < sizes[1] < 0.6 * sizes[2]
-    pose = random_poses(1)[0]
-    want = dict(zip(surrogate.load_names, surrogate([pose])[0], strict=True))
-    np.testing.assert_allclose(two(pose).full().ravel(), [want["Fy_med"], want["Fy_lat"]], rtol=1e-12)
-    np.testing.assert_allclose(surrogate([pose], ["Tz", "Fx"])[0], [want["Tz"], want["Fx"]], rtol=1e-12)
-    assert surrogate.function(["Tz", "Fx"])(pose).shape == (2, 1)
-
-
-def _graph(function):
-    """What the function calls, which holds its networks."""
-    steps = [function.instruction_MX(k) for k in range(function.n_instructions())]
-    (graph,) = [step.which_function() for step in steps if step.is_call()]
-    return graph
-
-
-@pytest.mark.parametrize("parallel", [("serial",), ("thread", 2)])
-def test_map_over_frames_keeps_value_and_derivatives(surrogate, parallel):
+def test_map_over_frames_keeps_value_and_derivatives(surrogate):
     function, count = surrogate.function(), 11
     weights = ca.MX.sym("weights", 7, count)
-    mapped = function.map(count, *parallel)
+    mapped = function.map(count, "thread", 2)
     flat = ca.MX.sym("flat", 6 * count)
     lagrangian = ca.dot(weights, mapped(ca.reshape(flat, 6, count)))
     hessian = ca.Function("h", [flat, weights], [ca.hessian(lagrangian, flat)[0]])
@@ -49,8 +29,7 @@ def test_map_over_frames_keeps_value_and_derivatives(surrogate, parallel):
     values, jacobians = surrogate.jacobian(poses)
     np.testing.assert_allclose(mapped(poses.T).full().T, values, rtol=1e-11, atol=1e-11 * np.abs(values).max())
     got = jacobian(poses.ravel()).full()
-    pose, weight = ca.MX.sym("pose", 6), ca.MX.sym("weight", 7)
-    single = ca.Function("s", [pose, weight], [ca.hessian(ca.dot(weight, function(pose)), pose)[0]])
+    single = second_derivatives(function)
     second = hessian(poses.ravel(), w).full()
     for frame in range(count):
         columns = slice(6 * frame, 6 * frame + 6)
@@ -100,28 +79,3 @@ def test_saved_function_keeps_its_derivatives(surrogate, tmp_path):
     assert first.n_instructions() == second.n_instructions(), "the explicit derivatives must travel with the file"
     for a, b in zip(first(POSE_CENTRE, range(7)), second(POSE_CENTRE, range(7)), strict=True):
         np.testing.assert_array_equal(a.full(), b.full())
-
-
-def test_liftoff_is_once_continuously_differentiable():
-    """s = c·(ty - 27): N = N0·max(s, 0)²; at s = 0 everything is zero and finite, N'' jumps from 0 to 2·N0·c²."""
-    scene = load_scene("sphere_on_plane")
-    shift, scale = POSE_CENTRE, np.ones(6)
-    base = random_network(np.random.default_rng(0), shift, scale, (2,), "algebraic", 1.0)
-    first = np.zeros((2, 6))
-    first[0, 1] = -0.5
-    root = type(base)(shift, scale, (first, np.array([[1.0, 0.0]])), (np.zeros(2), np.zeros(1)))
-    surrogate = PatchSurrogate(scene, {"root_contact": root})
-    assert surrogate.load_names == ("Fy",)
-    function, pose = surrogate.function(), ca.MX.sym("pose", 6)
-    everything = ca.Function(
-        "all", [pose], [function(pose), ca.jacobian(function(pose), pose), *ca.hessian(function(pose), pose)]
-    )
-    for offset, second in ((-1e-9, -2.0 * scene.reference_load * 0.25), (1e-9, 0.0), (0.0, None)):
-        value, jacobian, hessian, _ = (part.full() for part in everything(shift + offset * np.eye(6)[1]))
-        assert np.isfinite(hessian).all()
-        assert abs(value).max() < 1e-12
-        assert abs(jacobian).max() < 1e-5
-        if second is not None:
-            np.testing.assert_allclose(hessian[1, 1], second, rtol=1e-9)
-    far = everything(shift + 50.0 * np.eye(6)[1])
-    assert all(not part.full().any() for part in far), "exactly zero in every order out of contact"

@@ -57,7 +57,7 @@ def random_surrogate(scene: Scene, structure: str, activation: str = "algebraic"
     for name, inputs in kind.network_inputs(scene).items():
         shift, scale = np.zeros(max(inputs, 6)), np.full(max(inputs, 6), 500.0)
         shift[:6], scale[:6] = POSE_CENTRE, POSE_SPREAD
-        if structure != "two_stage":
+        if structure == "patch":
             shift[:3] += scene.anchors_mm[[p in name.split("_") for p in scene.patch_names].index(True)]
             shift, scale = shift[list(scene.pose_space.free)], scale[list(scene.pose_space.free)]
             output = 1.5 if name.startswith("root") else (20.0 if "_T" in name else 0.3)

@@ -8,12 +8,11 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.core.conventions import pose_index
-from casadi_contact.samples.samples import Samples
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.surrogate.patch.regressions import patch_regressions
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from casadi_contact.surrogate.two_stage import TwoStageSurrogate
-from tests.support.random_surrogates import random_poses, random_surrogate
+from tests.support.agreement import agree, evaluated
+from tests.support.random_surrogates import invented_samples, random_poses, random_surrogate
 
 POSE = {
     "locked": {"tz": 0.4, "ry": -0.05},
@@ -57,30 +56,20 @@ def test_graph_and_kernel_agree_with_numpy_to_second_order(pair, compiled):
     locked, whole = pair
     poses, space = random_poses(5, seed=2), locked.scene.pose_space
     function = locked.load_and_root_function(compiled=compiled)
-    weights = np.random.default_rng(0).normal(size=len(locked.load_names))
-    pose = ca.MX.sym("pose", 6)
-    hessian = ca.Function("h", [pose], [ca.hessian(ca.dot(weights, function(pose)[0]), pose)[0]])
-    slope = ca.Function("j", [pose], [ca.jacobian(ca.vertcat(*function(pose)), pose)])
+    weights = np.random.default_rng(0).normal(size=(5, len(locked.load_names)))
     by_chain = space.matrix.T @ whole.hessian(space.project(poses), weights) @ space.matrix
     many = random_poses(37, seed=4)
-    batch = locked.function(compiled=compiled, batch=37)(many.T).full().T
-    np.testing.assert_allclose(batch, locked(many), rtol=1e-9, atol=1e-9)
-    for k, q in enumerate(poses):
-        loads, roots = (part.full().ravel() for part in function(q))
-        np.testing.assert_allclose(loads, locked(q), rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(roots, locked.root_loads(q)[0], rtol=1e-9)
-        wanted = np.vstack([locked.jacobian(q)[1], locked.root_loads(q)[1]])
-        np.testing.assert_allclose(slope(q).full(), wanted, rtol=1e-8, atol=1e-7)
-        np.testing.assert_allclose(hessian(q).full(), by_chain[k], rtol=1e-8, atol=1e-6)
-
-
-def test_a_locked_surrogate_goes_through_its_file(pair, tmp_path):
-    locked, _ = pair
-    locked.save(tmp_path / "locked.h5")
-    again = cc.load_surrogate(tmp_path / "locked.h5")
-    poses = random_poses(3)
-    np.testing.assert_array_equal(again(poses), locked(poses))
-    assert again.scene.pose_space.free_names == ("tx", "ty", "rz")
+    agree(locked.function(compiled=compiled, batch=37)(many.T).full().T, locked(many))
+    pose = ca.MX.sym("pose", 6)
+    loads, roots = (ca.Function("output", [pose], [output]) for output in function(pose))
+    for order, (got, want) in enumerate(
+        zip(evaluated(loads, poses, weights), (*locked.jacobian(poses), by_chain[:, None]), strict=True)
+    ):
+        agree(got, want, order)
+    for order, (got, want) in enumerate(
+        zip(evaluated(roots, poses, np.ones((5, 2))), locked.root_loads(poses), strict=False)
+    ):
+        agree(got, want, order)
 
 
 def test_two_stage_says_that_it_cannot_lock():
@@ -90,17 +79,8 @@ def test_two_stage_says_that_it_cannot_lock():
 
 
 def test_samples_off_the_locked_pose_are_refused():
-    scene, count = locked_knee(), 20
-    samples = Samples(
-        scene,
-        poses=random_poses(count),
-        wrenches=np.zeros((count, 2, 6)),
-        gaps=np.ones((count, 2)),
-        domain=np.ones(count, np.uint8),
-        role=np.zeros(count, np.uint8),
-    )
     with pytest.raises(ValueError, match="is off its locked or tied value by up to"):
-        patch_regressions(samples)
+        PatchSurrogate.regressions(replace(invented_samples(20), scene=locked_knee()))
 
 
 @pytest.mark.parametrize(

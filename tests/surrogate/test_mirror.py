@@ -61,6 +61,12 @@ def test_only_joints_of_equal_sides_are_symmetric():
     assert not Scene.from_tables({**knee.tables, "pose": {"locked": {"tz": 1.0}}}).symmetric
     assert not cc.load_scene("hip").symmetric
     assert PatchSurrogate.twins(cc.load_scene("hip")) == {}
+    for names, twins in (
+        (("Fx_med", "Fz_lat"), {}),  # Fx of one side reflects to Fx of the other, not to Fz
+        (("Fx_med", "Fx_lat"), {"root_lat": "root_med", "ratios_lat": "ratios_med"}),
+        (("Fy",), {"root_lat": "root_med"}),
+    ):
+        assert PatchSurrogate.twins(replace(knee, load_names=names)) == twins
 
 
 def test_the_side_that_is_learned_is_as_close_as_the_other_side_is_asked_to_be():

@@ -1,14 +1,16 @@
 """The patch structure: what must hold for any weights (README), and its training targets."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from casadi_contact.core.conventions import WRENCH_NAMES, local_poses
-from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.core.conventions import WRENCH_NAMES, load_selection, local_poses
+from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.surrogate.patch.networks import ratio_outputs
 from casadi_contact.surrogate.patch.regressions import root_weight
-from casadi_contact.surrogate.patch.surrogate import PatchSurrogate, local_pose_jacobian
+from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from tests.support.random_surrogates import invented_samples, random_poses, random_surrogate
 
 KNEE = load_scene("knee")
@@ -17,18 +19,6 @@ KNEE = load_scene("knee")
 @pytest.fixture(scope="module")
 def surrogate():
     return random_surrogate(KNEE, "patch", seed=2)
-
-
-def test_local_pose_is_the_anchor_seen_in_the_fixed_frame():
-    """A quarter turn about x carries the anchor (0, 0, 22) to (0, -22, 0); the Jacobian is that of the map."""
-    pose = np.array([[1.0, 27.0, 3.0, np.pi / 2, 0.0, 0.0]])
-    np.testing.assert_allclose(local_poses(pose, KNEE.anchors_mm[0])[0], [1, 5, 3, np.pi / 2, 0, 0], atol=1e-14)
-    anchor, poses, step = np.array([3.0, -5.0, 22.0]), random_poses(5), 1e-6
-    jacobian = local_pose_jacobian(poses, anchor)
-    for column in range(6):
-        shift = step * np.eye(6)[column]
-        difference = (local_poses(poses + shift, anchor) - local_poses(poses - shift, anchor)) / (2 * step)
-        np.testing.assert_allclose(jacobian[:, :, column], difference, atol=1e-7)
 
 
 def test_no_load_out_of_contact_and_nothing_pulls(surrogate):
@@ -40,43 +30,10 @@ def test_no_load_out_of_contact_and_nothing_pulls(surrogate):
     assert not wrenches[lifted].any(), "every component vanishes exactly"
     normal = -wrenches[:, :, WRENCH_NAMES.index("Fy")]
     np.testing.assert_allclose(normal, KNEE.reference_load * np.maximum(roots, 0.0) ** 2, rtol=1e-14)
+    of_loads = load_selection(surrogate.load_names, KNEE.patch_names)
+    np.testing.assert_allclose(surrogate(poses), np.einsum("lpk,npk->nl", of_loads, wrenches), rtol=1e-12, atol=1e-9)
     loads, slopes = surrogate.jacobian(np.empty((0, 6)))
     assert (loads.shape, slopes.shape) == ((0, 7), (0, 7, 6))
-
-
-def test_loads_are_sums_of_patch_wrenches(surrogate):
-    poses = random_poses(20)
-    loads, wrenches = surrogate(poses), surrogate.wrenches(poses)
-    for column, name in enumerate(KNEE.load_names):
-        component, _, patch = name.partition("_")
-        per_patch = wrenches[:, :, WRENCH_NAMES.index(component)]
-        want = per_patch[:, KNEE.patch_names.index(patch)] if patch else per_patch.sum(axis=1)
-        np.testing.assert_allclose(loads[:, column], want, rtol=1e-12, atol=1e-9)
-    np.testing.assert_allclose(surrogate(poses, ["Fx_lat"])[:, 0], wrenches[:, 1, 0], rtol=1e-14)
-
-
-def test_centre_of_pressure_stays_bounded_down_to_zero_load(surrogate):
-    """T/N is the ratio network itself, however small N is."""
-    poses = random_poses(2000, seed=4)
-    wrenches, (roots, _) = surrogate.wrenches(poses), surrogate.root_loads(poses)
-    light = (roots[:, 0] > 0.0) & (roots[:, 0] < 0.02)
-    assert light.any()
-    of_tx = ratio_outputs(KNEE)["ratios_med"].index("Tx")
-    ratio = surrogate.networks["ratios_med"].value(local_poses(poses[light], KNEE.anchors_mm[0]))[:, of_tx]
-    normal = -wrenches[light, 0, WRENCH_NAMES.index("Fy")]
-    np.testing.assert_allclose(wrenches[light, 0, WRENCH_NAMES.index("Tx")] / normal, ratio, rtol=1e-9)
-
-
-def test_jacobian_is_the_derivative(surrogate):
-    poses, step = random_poses(30, seed=6), 1e-6
-    _, jacobian = surrogate.jacobian(poses)
-    _, d_roots = surrogate.root_loads(poses)
-    for column in range(6):
-        shift = step * np.eye(6)[column]
-        difference = (surrogate(poses + shift) - surrogate(poses - shift)) / (2 * step)
-        np.testing.assert_allclose(jacobian[:, :, column], difference, rtol=1e-5, atol=1e-6 * np.abs(jacobian).max())
-        roots = [surrogate.root_loads(poses + sign * shift)[0] for sign in (1, -1)]
-        np.testing.assert_allclose(d_roots[:, :, column], (roots[0] - roots[1]) / (2 * step), rtol=1e-5, atol=1e-6)
 
 
 def test_missing_networks_limit_the_loads_and_are_named(surrogate):
@@ -162,19 +119,16 @@ def test_tolerances_add_up_to_the_loads_tolerance():
 
 
 def test_samples_that_cannot_be_fitted_are_refused():
-    def changed(**columns) -> Samples:
-        good = invented_samples(50)
-        fields = {name: getattr(good, name).copy() for name in ("poses", "wrenches", "gaps", "domain", "role")}
+    good = invented_samples(50)
+    lifted = int(np.flatnonzero((good.gaps[:, 0] > 0) & (good.role == TRAIN))[0])
+    for said, columns in {
+        "NaN or infinity in wrenches at row 7": {"wrenches": ((7, 1, 2), np.nan)},
+        "row 5: med pulls with 3 N, expected Fy <= 0": {"wrenches": ((4, 0, 1), 3.0), "role": (4, TRAIN)},
+        "no row for training": {"role": (slice(None), TEST)},
+        f"gap of patch 'med' is unknown at row {lifted}": {"gaps": ((lifted, 0), np.nan)},
+    }.items():
+        changed = {name: getattr(good, name).copy() for name in columns}
         for name, (index, value) in columns.items():
-            fields[name][index] = value
-        return Samples(KNEE, **fields)
-
-    with pytest.raises(ValueError, match="NaN or infinity in wrenches at row 7"):
-        PatchSurrogate.regressions(changed(wrenches=((7, 1, 2), np.nan)))
-    with pytest.raises(ValueError, match=r"row 5: med pulls with 3 N, expected Fy <= 0 \(1 such rows\)"):
-        PatchSurrogate.regressions(changed(wrenches=((4, 0, 1), 3.0), role=(4, TRAIN)))
-    with pytest.raises(ValueError, match="no row for training"):
-        PatchSurrogate.regressions(changed(role=(slice(None), TEST)))
-    lifted = int(np.flatnonzero((invented_samples(50).gaps[:, 0] > 0) & (invented_samples(50).role == TRAIN))[0])
-    with pytest.raises(ValueError, match=f"gap of patch 'med' is unknown at row {lifted}"):
-        PatchSurrogate.regressions(changed(gaps=((lifted, 0), np.nan)))
+            changed[name][index] = value
+        with pytest.raises(ValueError, match=said):
+            PatchSurrogate.regressions(replace(good, **changed))

@@ -49,8 +49,6 @@ static int status_of(Instance *of, int status) {
   return of->told ? WARNING : OK;
 }
 
-#include "fmi3_unsupported.h"
-
 /* ---- life */
 
 FMI const char *fmi3GetVersion(void) { return "3.0"; }
@@ -154,49 +152,38 @@ FMI int fmi3GetFloat64(void *instance, const uint32_t *references, size_t n, dou
   return status == OK ? OK : status_of(of, status - 1);
 }
 
-/* d unknown / d known, from the loads' and roots' own Jacobians; rows are output variables, columns the pose. */
+/* Products with d unknown / d known, from the loads' and roots' own Jacobians; rows are output variables, columns the
+ * pose: of the unknowns, or (adjoint) of the knowns. */
 static int derivatives(Instance *of, const uint32_t *unknowns, size_t n, const uint32_t *knowns, size_t m,
-                       double (*rows)[6]) {
-  int status = ${name}_roots(of->pose, (double[PATCHES]){0}, rows + LOADS);
+                       const double *seed, size_t seeds, double *products, size_t count, bool adjoint) {
+  double rows[LOADS + PATCHES][6];
+  const int status = status_of(of, ${name}_roots(of->pose, (double[PATCHES]){0}, rows + LOADS));
   ${name}_jacobian(of->pose, (double[LOADS]){0}, rows);
+  if (status > WARNING) return status;
+  if (seeds != (adjoint ? n : m) || count != (adjoint ? m : n)) return say(of, ERROR, "seeds or results do not fit");
   for (size_t i = 0; i < n; i++) {
-    if (unknowns[i] < FIRST_LOAD || unknowns[i] >= VALIDITY) {
-      return say(of, ERROR, "derivatives are those of the loads and root loads");
-    }
+    if (unknowns[i] < FIRST_LOAD || unknowns[i] >= VALIDITY) return say(of, ERROR, "derivatives are those of loads");
   }
   for (size_t j = 0; j < m; j++) {
     if (knowns[j] < POSE || knowns[j] >= FIRST_LOAD) return say(of, ERROR, "derivatives are by the pose");
   }
-  return status_of(of, status);
-}
-
-FMI int fmi3GetDirectionalDerivative(void *instance, const uint32_t *unknowns, size_t n, const uint32_t *knowns, size_t m,
-                                     const double *seed, size_t seeds, double *sensitivity, size_t sensitivities) {
-  Instance *of = instance;
-  double rows[LOADS + PATCHES][6];
-  const int status = derivatives(of, unknowns, n, knowns, m, rows);
-  if (status > WARNING) return status;
-  if (seeds != m || sensitivities != n) return say(of, ERROR, "a seed for each known, a sensitivity for each unknown");
-  for (size_t i = 0; i < n; i++) {
-    sensitivity[i] = 0.0;
-    for (size_t j = 0; j < m; j++) sensitivity[i] += rows[unknowns[i] - FIRST_LOAD][knowns[j] - POSE] * seed[j];
+  for (size_t k = 0; k < count; k++) {
+    products[k] = 0.0;
+    for (size_t l = 0; l < seeds; l++) {
+      const uint32_t unknown = unknowns[adjoint ? l : k], known = knowns[adjoint ? k : l];
+      products[k] += rows[unknown - FIRST_LOAD][known - POSE] * seed[l];
+    }
   }
   return status;
 }
 
-FMI int fmi3GetAdjointDerivative(void *instance, const uint32_t *unknowns, size_t n, const uint32_t *knowns, size_t m,
-                                 const double *seed, size_t seeds, double *sensitivity, size_t sensitivities) {
-  Instance *of = instance;
-  double rows[LOADS + PATCHES][6];
-  const int status = derivatives(of, unknowns, n, knowns, m, rows);
-  if (status > WARNING) return status;
-  if (seeds != n || sensitivities != m) return say(of, ERROR, "a seed for each unknown, a sensitivity for each known");
-  for (size_t j = 0; j < m; j++) {
-    sensitivity[j] = 0.0;
-    for (size_t i = 0; i < n; i++) sensitivity[j] += rows[unknowns[i] - FIRST_LOAD][knowns[j] - POSE] * seed[i];
+#define DERIVATIVE(function, adjoint) \
+  FMI int function(void *of, const uint32_t *unknowns, size_t n, const uint32_t *knowns, size_t m, const double *seed, \
+                   size_t seeds, double *products, size_t count) { \
+    return derivatives(of, unknowns, n, knowns, m, seed, seeds, products, count, adjoint); \
   }
-  return status;
-}
+DERIVATIVE(fmi3GetDirectionalDerivative, false)
+DERIVATIVE(fmi3GetAdjointDerivative, true)
 
 /* ---- model exchange: no states, no events */
 
@@ -234,3 +221,20 @@ FMI int fmi3DoStep(void *instance, double from, double step, bool final, bool *e
   *event = *terminate = *early = false;
   return OK;
 }
+
+/* ---- what this model has not: other types of variables, clocks, stored states, scheduling. No parameter but the instance
+ * is read, so that none other is declared. */
+
+#define UNSUPPORTED(function) \
+  FMI int function(void *instance, ...) { return say(instance, ERROR, #function " is not supported"); }
+#define NO_VARIABLES(type) UNSUPPORTED(fmi3Get##type) UNSUPPORTED(fmi3Set##type)
+NO_VARIABLES(Float32) NO_VARIABLES(Boolean) NO_VARIABLES(String) NO_VARIABLES(Binary) NO_VARIABLES(Clock)
+NO_VARIABLES(Int8) NO_VARIABLES(Int16) NO_VARIABLES(Int32) NO_VARIABLES(Int64)
+NO_VARIABLES(UInt8) NO_VARIABLES(UInt16) NO_VARIABLES(UInt32) NO_VARIABLES(UInt64)
+NO_VARIABLES(IntervalDecimal) NO_VARIABLES(IntervalFraction) NO_VARIABLES(ShiftDecimal) NO_VARIABLES(ShiftFraction)
+NO_VARIABLES(FMUState) UNSUPPORTED(fmi3FreeFMUState) UNSUPPORTED(fmi3SerializedFMUStateSize)
+UNSUPPORTED(fmi3SerializeFMUState) UNSUPPORTED(fmi3DeserializeFMUState) UNSUPPORTED(fmi3ActivateModelPartition)
+UNSUPPORTED(fmi3GetNumberOfVariableDependencies) UNSUPPORTED(fmi3GetVariableDependencies)
+UNSUPPORTED(fmi3GetOutputDerivatives)
+
+FMI void *fmi3InstantiateScheduledExecution(const char *name, ...) { return (void)name, (void *)0; }

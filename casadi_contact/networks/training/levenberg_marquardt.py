@@ -20,20 +20,9 @@ import scipy.linalg
 from casadi_contact.core.conventions import Array
 from casadi_contact.networks.training.mlp import Mlp, cholesky
 
-
-@dataclass(frozen=True)
-class StepSettings:
-    """How a step is made. accuracy: conjugate gradients end when a product adds less than this share of the mean gain
-    so far, or after max_products. shorten, evaluations: a step that does not reduce the loss is multiplied by
-    `shorten`, up to so many evaluations. Dampings λ: the first, the least, and that at which the fit ends."""
-
-    accuracy: float = 0.1
-    max_products: int = 60
-    shorten: float = 0.4
-    evaluations: int = 4
-    first_damping: float = 1e-2
-    min_damping: float = 1e-15
-    max_damping: float = 1e8
+_MAX_PRODUCTS = 60  # of conjugate gradients
+_SHORTEN, _EVALUATIONS = 0.4, 4  # a step that does not reduce the loss is multiplied by this, up to so many evaluations
+_FIRST_DAMPING, _MIN_DAMPING, _MAX_DAMPING = 1e-2, 1e-15, 1e8  # λ; at the last the fit ends
 
 
 @dataclass(frozen=True)
@@ -46,28 +35,17 @@ class State:
     iterations: int
 
 
-def next_damping(damping: float, growth: float, ratio: float, least: float = 1e-15) -> tuple[float, float]:
-    """λ and its growth after a step that reduced the loss by `ratio` times what the model predicted (Nielsen 1999)."""
-    if ratio > 0.0:
-        damping, growth = damping * max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3), 2.0
-    else:
-        damping, growth = damping * growth, min(2.0 * growth, 16.0)
-    return max(damping, least), growth
-
-
 class LevenbergMarquardt:
-    """Minimises ½Σr² of an `Mlp` step by step; reproducible for a seed, and from a `State` at any iteration."""
+    """Minimises ½Σr² of an `Mlp` step by step; reproducible for a seed, and from a `State` at any iteration.
+
+    accuracy: conjugate gradients end when a product adds less than this share of the mean gain so far.
+    """
 
     def __init__(
-        self,
-        mlp: Mlp,
-        parameters: Array,
-        seed: int,
-        state: State | None = None,
-        settings: StepSettings | None = None,
+        self, mlp: Mlp, parameters: Array, seed: int, state: State | None = None, accuracy: float = 0.1
     ) -> None:
-        self.mlp, self._seed, self._settings = mlp, seed, settings or StepSettings()
-        self.damping, self._growth, self._iterations = self._settings.first_damping, 2.0, 0
+        self.mlp, self._seed, self._accuracy = mlp, seed, accuracy
+        self.damping, self._growth, self._iterations = _FIRST_DAMPING, 2.0, 0
         self.exhausted = False
         self._solver_flop = 0
         if state is not None and state.iterations:
@@ -106,7 +84,7 @@ class LevenbergMarquardt:
         while True:
             factor = cholesky(gram, self.damping * self._unit)
             self._solver_flop += self.mlp.parameter_count**3 // 3
-            if factor is not None or self.damping > self._settings.max_damping:
+            if factor is not None or self.damping > _MAX_DAMPING:
                 return factor
             self.damping *= 10.0
 
@@ -117,7 +95,7 @@ class LevenbergMarquardt:
         residual = -self._gradient
         z = scipy.linalg.cho_solve(factor, residual, check_finite=False)
         direction, rz, gain = z, float(residual @ z), 0.0
-        for count in range(1, self._settings.max_products + 1):
+        for count in range(1, _MAX_PRODUCTS + 1):
             product = self.mlp.gram_product(direction) + shift * direction
             curvature = float(direction @ product)
             if not (curvature > 0.0 and rz > 0.0):
@@ -127,7 +105,7 @@ class LevenbergMarquardt:
             x = x + length * direction
             residual = residual - length * product
             gain += length * rz
-            if count > 1 and length * rz * count < self._settings.accuracy * gain:
+            if count > 1 and length * rz * count < self._accuracy * gain:
                 break
             z = scipy.linalg.cho_solve(factor, residual, check_finite=False)
             rz, before = float(residual @ z), rz
@@ -144,7 +122,7 @@ class LevenbergMarquardt:
             return False
         x, predicted = self._solve(factor)
         start, length, ratio, fell = self.loss, 1.0, -np.inf, False
-        for count in range(self._settings.evaluations):
+        for count in range(_EVALUATIONS):
             parameters, loss = self.mlp.evaluate(self._parameters + length * x)
             if count == 0 and predicted > 0.0 and np.isfinite(loss):
                 ratio = (start - loss) / predicted
@@ -153,7 +131,12 @@ class LevenbergMarquardt:
                 self._gradient = self.mlp.accept(parameters)
                 self._parameters, self.loss = parameters, loss
                 break
-            length *= self._settings.shorten
-        self.damping, self._growth = next_damping(self.damping, self._growth, ratio, self._settings.min_damping)
-        self.exhausted = self.damping > self._settings.max_damping
+            length *= _SHORTEN
+        if ratio > 0.0:
+            self.damping *= max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3)
+            self._growth = 2.0
+        else:
+            self.damping, self._growth = self.damping * self._growth, min(2.0 * self._growth, 16.0)
+        self.damping = max(self.damping, _MIN_DAMPING)
+        self.exhausted = self.damping > _MAX_DAMPING
         return fell

@@ -34,6 +34,9 @@ from casadi_contact.networks.network import Network, Regression
 from casadi_contact.networks.training.rows import Block, Factors, RowLoss, draw_rows
 from casadi_contact.networks.training.weights import layer_shapes, split
 
+_ROWS_PER_PARAMETER = 1.5  # that JᵀJ of the preconditioner is assembled from
+_OUTPUT_RIDGE = 1e-13  # of the least-squares problem of the output layer, relative
+
 
 def cholesky(gram: Array, shift: float) -> Any | None:
     """Cholesky factor of gram + shift·I, for `scipy.linalg.cho_solve`; None where that is not positive definite."""
@@ -49,9 +52,7 @@ class Mlp:
     """Residuals of one network of one output on one set of rows, and their Jacobian at the accepted parameters.
 
     `evaluate` tries parameters; `accept` makes the last tried ones current, to which products and `gram` refer.
-    single_from: number of rows from which on JᵀJ·v is computed in single precision. rows_per_parameter: rows that JᵀJ
-    of the preconditioner is assembled from. output_ridge: relative ridge of the least-squares problem of the output
-    layer.
+    single_from: number of rows from which on JᵀJ·v is computed in single precision.
     """
 
     def __init__(
@@ -61,8 +62,6 @@ class Mlp:
         chunk_rows: int = 2000,
         *,
         single_from: int = 5000,
-        rows_per_parameter: float = 1.5,
-        output_ridge: float = 1e-13,
     ) -> None:
         self.like, self.rows, self.outputs = like, len(data.targets), like.outputs
         self.shapes = layer_shapes(data.inputs.shape[1], like.hidden, self.outputs)
@@ -74,7 +73,7 @@ class Mlp:
         )
         self._unit = float(np.abs(row_weights).max(initial=0.0)) or 1.0  # of weights in single precision
         self._blocks = list(self._blocks_of(data.inputs, chunk_rows))
-        self._chunk_rows, self._rows_per_parameter, self._output_ridge = chunk_rows, rows_per_parameter, output_ridge
+        self._chunk_rows = chunk_rows
         self._outputs = self._tried_outputs = np.zeros(targets.shape)
         self._weight, self.residuals = self._rows.weight_and_residual(self._outputs)  # at the current parameters
         self._single = self.rows >= single_from
@@ -90,7 +89,7 @@ class Mlp:
     @property
     def rows_to_draw(self) -> int:
         """Rows that a preconditioner is assembled from, about."""
-        return int(self._rows_per_parameter * self.parameter_count / self.outputs)
+        return int(_ROWS_PER_PARAMETER * self.parameter_count / self.outputs)
 
     def _count(self, products: int) -> None:
         """Count products of one operation pair for each row and parameter."""
@@ -158,7 +157,7 @@ class Mlp:
             gram += weighted @ weighted.T
             right += weighted @ residuals[block.rows]
         self.flop += 2 * self.rows * width**2
-        factor = cholesky(gram, self._output_ridge * float(np.diagonal(gram).sum()))
+        factor = cholesky(gram, _OUTPUT_RIDGE * float(np.diagonal(gram).sum()))
         return None if factor is None else scipy.linalg.cho_solve(factor, right, check_finite=False)
 
     def accept(self, parameters: Array) -> Array:

@@ -163,6 +163,7 @@ def test_a_constant_target_is_fitted_at_once(value):
         ({"activation": "relu"}, "activation"),
         ({"max_gflop": np.nan}, "max_gflop"),
         ({"max_iterations": None, "max_gflop": np.inf}, "expected an end"),
+        *(({"sizes": sizes}, "sizes") for sizes in ((), ((0,),), ((8,), (6,)), ((8, 8), (20,)), ((8,), (8,)))),
     ],
 )
 def test_bad_settings_are_refused_by_name(change, message):
@@ -286,9 +287,3 @@ def test_an_error_falling_as_a_power_of_effort_is_extrapolated_and_a_rising_one_
     effort = np.arange(1.0, 51.0)
     assert extrapolated_error(effort, 8.0 / effort**0.5, end=200.0) == pytest.approx(8.0 / 200.0**0.5)
     assert extrapolated_error(effort, 1.0 + 0.01 * effort, end=100.0) == pytest.approx(1.5)
-
-
-@pytest.mark.parametrize("sizes", [(), ((0,),), ((8,), (6,)), ((8, 8), (20,)), ((8,), (8,))])
-def test_sizes_that_do_not_contain_each_other_are_refused(sizes):
-    with pytest.raises(ValueError, match="sizes"):
-        TrainingSettings(sizes=sizes)

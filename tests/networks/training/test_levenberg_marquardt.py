@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from casadi_contact.networks.training.levenberg_marquardt import LevenbergMarquardt, StepSettings
+from casadi_contact.networks.training.levenberg_marquardt import LevenbergMarquardt
 from casadi_contact.networks.training.mlp import Mlp
 from casadi_contact.networks.training.weights import flatten, initial_network, unflatten
 from tests.support.smooth_samples import smooth
 
 
-def solver(data, hidden, seed=0, like=None, activation="algebraic", settings=None, **options):
+def solver(data, hidden, seed=0, like=None, activation="algebraic", accuracy=0.1, **options):
     like = like or initial_network(data.inputs, data.targets, hidden, activation, seed)
-    return LevenbergMarquardt(Mlp(like, data, **options), flatten(like), seed, None, settings), like
+    return LevenbergMarquardt(Mlp(like, data, **options), flatten(like), seed, None, accuracy), like
 
 
 def test_linear_least_squares_takes_one_step():
@@ -43,7 +43,7 @@ def test_a_network_s_own_function_is_recovered_to_machine_precision(activation, 
 
 def test_steps_solve_the_damped_normal_equations_of_all_rows():
     """With a strict accuracy the step found with a preconditioner from a subset is that of the dense equations."""
-    lm, _ = solver(smooth(4000), (6, 5), settings=StepSettings(accuracy=1e-14))
+    lm, _ = solver(smooth(4000), (6, 5), accuracy=1e-14)
     assert lm.mlp.rows_to_draw < 0.5 * lm.mlp.rows
     jacobian = lm.mlp.jacobian(np.arange(4000))
     x, predicted = lm._solve(lm._precondition())
@@ -52,16 +52,6 @@ def test_steps_solve_the_damped_normal_equations_of_all_rows():
     np.testing.assert_allclose(x, expected, atol=1e-6 * np.abs(expected).max())
     linear = lm.mlp.residuals + jacobian @ x
     assert predicted == pytest.approx(lm.loss - 0.5 * linear @ linear, rel=1e-6)
-
-
-def test_the_loss_never_rises():
-    lm, _ = solver(smooth(), (6, 5))
-    losses = [lm.loss]
-    for _ in range(40):
-        lm.step()
-        losses.append(lm.loss)
-    assert (np.diff(losses) <= 0.0).all()
-    assert losses[-1] < 1e-3 * losses[0]
 
 
 def test_rank_deficient_problems_are_solved():

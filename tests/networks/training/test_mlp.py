@@ -104,14 +104,6 @@ def test_the_output_layer_is_the_least_squares_one(case):
     assert np.abs(mlp.accept(parameters)[-width:]).max() < 1e-7 * start
 
 
-def test_gradients_of_a_network_are_those_of_finite_differences(case):
-    network, data = case
-    x, h = data.inputs, 1e-6
-    _, gradient = network.value_and_gradient(x)
-    differences = np.stack([(network.value(x + e) - network.value(x - e)) / (2 * h) for e in h * np.eye(3)], axis=-1)
-    np.testing.assert_allclose(gradient, differences, atol=1e-7 * np.abs(gradient).max())
-
-
 def test_work_is_two_operations_for_each_row_and_weight():
     """An evaluation with its small least-squares problem, a gradient, a product with JᵀJ and JᵀJ itself, by hand."""
     data = smooth(100)

@@ -10,9 +10,7 @@ import numpy as np
 from casadi_contact.networks.graph import Expressions, Output, network_values, stack
 from casadi_contact.networks.kernel.networks import Bundle
 from casadi_contact.networks.kernel.source import Kernel, c_text
-from casadi_contact.networks.network import Regression
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.sample_rows import fitted_rows
 
 
 class DirectSurrogate(Surrogate):
@@ -29,12 +27,7 @@ class DirectSurrogate(Surrogate):
 
     @staticmethod
     def regressions(samples):
-        rows, validation = fitted_rows(samples)
-        names, ones = samples.scene.load_names, np.ones(rows.sum())
-        return [
-            Regression(name, samples.poses[rows], load, ones, validation, samples.scene.tolerances[name])
-            for name, load in zip(names, samples.loads(names)[rows].T, strict=True)
-        ]
+        return []
 
     def _loads(self, poses, loads, *, derivative):
         values, slopes = zip(*(self.networks[name].value_and_gradient(poses) for name in loads), strict=True)

@@ -1,26 +1,12 @@
-/* Arrays of poses (n x 6), for NumPy; an array that is 0 is left out. The last block is filled up with its last pose:
- * no result depends on how many poses there are, or on which thread takes them. */
+/* Arrays of poses (n x 6), for NumPy; an array that is 0 is left out. */
 #if defined(_WIN32)
 #define ARRAYS __declspec(dllexport)
 #else
 #define ARRAYS
 #endif
 
-INLINE void block_values(long long n, const double *poses, double (*loads)[LANES], double (*roots)[LANES]) {
-  double filled[6 * LANES];
-  for (int l = 0; l < LANES; l++) memcpy(filled + 6 * l, poses + 6 * (l < n ? l : n - 1), 6 * sizeof(double));
-  guarded_batch(filled, loads, roots);
-}
-
 ARRAYS void array_values(long long n, const double *poses, double *loads, double *roots) {
-  for (long long i = 0; i < n; i += LANES) {
-    double f[LOADS + 1][LANES], s[ROOTS + 1][LANES];
-    block_values(n - i, poses + 6 * i, f, s);
-    for (int l = 0; l < LANES && i + l < n; l++) {
-      for (int k = 0; loads && k < LOADS; k++) loads[LOADS * (i + l) + k] = f[k][l];
-      for (int k = 0; roots && k < ROOTS; k++) roots[ROOTS * (i + l) + k] = s[k][l];
-    }
-  }
+  values_of(n, poses, loads, roots);
 }
 
 ARRAYS void array_jacobians(long long n, const double *poses, double *loads, double *slopes) {
@@ -35,3 +21,16 @@ ARRAYS void array_hessians(long long n, const double *poses, const double *weigh
   const double none[ROOTS + 1] = {0};
   for (long long i = 0; i < n; i++) guarded_hessian(poses + 6 * i, weights + LOADS * i, none, hessians + 36 * i);
 }
+
+#ifdef CALIBRATED /* expected errors (n x LOADS) */
+ARRAYS void array_confidence(long long n, const double *poses, double *validity, double *errors) {
+  for (long long i = 0; i < n; i += LANES) {
+    double parts[LANES][ROOTS];
+    const int here = n - i < LANES ? (int)(n - i) : LANES;
+    values_of(here, poses + 6 * i, 0, parts[0]);
+    for (int l = 0; l < here; l++) {
+      validity[i + l] = confidence_at(poses + 6 * (i + l), parts[l], errors ? errors + LOADS * (i + l) : 0);
+    }
+  }
+}
+#endif

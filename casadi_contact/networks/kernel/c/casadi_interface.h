@@ -52,27 +52,14 @@ INLINE const casadi_int *second_blocks(casadi_int rows, casadi_int *pattern) {
   return pattern;
 }
 
-/* Whole blocks of poses together, the rest one by one; CasADi leaves out what it does not need. */
+/* CasADi leaves out what it does not need. */
 INLINE void value_of_all(const double *pose, double *loads, double *roots) {
-  int i = 0;
-  for (; i + LANES <= BATCH; i += LANES) {
-    double f[LOADS + 1][LANES], s[ROOTS + 1][LANES];
-    guarded_batch(pose + 6 * i, f, s);
-    for (int l = 0; l < LANES; l++) {
-      if (loads) {
-        for (int k = 0; k < LOADS; k++) loads[LOADS * (i + l) + k] = f[k][l];
-      }
-      if (roots) {
-        for (int k = 0; k < ROOTS; k++) roots[ROOTS * (i + l) + k] = s[k][l];
-      }
-    }
+  double f[LOADS + 1], s[ROOTS + 1];
+  if (BATCH > 1) {
+    values_of(BATCH, pose, loads, roots);
+    return;
   }
-  for (; i < BATCH; i++) {
-    double f[LOADS + 1], s[ROOTS + 1];
-    guarded_value(pose + 6 * i, f, s);
-    if (loads) memcpy(loads + LOADS * i, f, LOADS * sizeof(double));
-    if (roots) memcpy(roots + ROOTS * i, s, ROOTS * sizeof(double));
-  }
+  guarded_value(pose, loads ? loads : f, roots ? roots : s);
 }
 
 /* Blocks by columns, as CasADi stores them, or (transpose) d(adjoint product)/d(adjoint). */

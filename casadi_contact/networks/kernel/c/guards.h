@@ -36,3 +36,17 @@ FUNCTION void guarded_batch(const double *pose, double (*loads)[LANES], double (
     for (int k = 0; k < ROOTS; k++) roots[k][l] = NAN;
   }
 }
+
+/* Of n poses (n x 6); an array that is 0 is left out. The last block is filled up with its last pose: no result depends on
+ * how many poses there are, or on which thread takes them. */
+INLINE void values_of(long long n, const double *poses, double *loads, double *roots) {
+  for (long long i = 0; i < n; i += LANES) {
+    double block[6 * LANES], f[LOADS + 1][LANES], s[ROOTS + 1][LANES];
+    for (int l = 0; l < LANES; l++) memcpy(block + 6 * l, poses + 6 * (i + l < n ? i + l : n - 1), 6 * sizeof(double));
+    guarded_batch(block, f, s);
+    for (int l = 0; l < LANES && i + l < n; l++) {
+      for (int k = 0; loads && k < LOADS; k++) loads[LOADS * (i + l) + k] = f[k][l];
+      for (int k = 0; roots && k < ROOTS; k++) roots[ROOTS * (i + l) + k] = s[k][l];
+    }
+  }
+}
