@@ -137,7 +137,7 @@ def chart(
 
 
 def speed(scene: SceneOrSurrogate, preset: PresetName = DEFAULT_PRESET, out: Out = None) -> None:
-    """Time compiled kernels against CasADi graphs, elastic foundations and the machine's limit.
+    """Time compiled kernels against CasADi graphs and elastic foundations.
 
     Where nothing has been built in the folder, the shipped surrogates of the scene are timed.
     """

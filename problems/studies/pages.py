@@ -18,7 +18,7 @@ from typing import Annotated, Any
 
 import typer
 
-from casadi_contact.cli.tables import read_kernel_speed, times_the_limit
+from casadi_contact.cli.tables import read_kernel_speed
 from casadi_contact.contact.elements.foundation import grid_text
 from casadi_contact.core.files.writing import replacing, writable_folder
 from casadi_contact.core.terminal import run_program
@@ -245,9 +245,7 @@ def _kernel_speed_section(path: Path) -> list[str]:
             kernel = times.get(f"{what.partition(',')[0]}, kernel", times["value, kernel"])["low_us"]
             rows.append([what, _number(timing["median_us"]), _number(timing["low_us"] / kernel)])
         columns = ["what", "median [µs]", "lowest, in multiples of the kernel's"]
-        limit = f"The machine's limit is {found['limit_us']:.2f} µs: {found['limit'].partition(': ')[2]}. "
-        limit += f"The kernel takes {times_the_limit(found, 'low_us')}."
-        parts += [f"### {structure}", _table(columns, rows), limit]
+        parts += [f"### {structure}", _table(columns, rows)]
     return parts
 
 

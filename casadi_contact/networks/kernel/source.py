@@ -13,7 +13,6 @@ import numpy as np
 from casadi_contact.core.compiler import shared_library
 from casadi_contact.networks.kernel.network_functions import (
     LANES,
-    activation_loops,
     bundle_functions,
     network_functions,
 )
@@ -92,14 +91,6 @@ def _braces(table: np.ndarray) -> str:
 def roots_source(bounds: Sequence[int]) -> str:
     """C function patch_roots, and the table first_part of the root loads that a kernel gives, with their end."""
     return f"{table('first_part', np.array(bounds))}\n" + c_text("roots.h")
-
-
-def sigmoid_source(activation: str) -> str:
-    """C function sigmoids(repeats, n, z): the kernel's sigmoid loop alone, to measure the rate of this machine."""
-    definitions = "".join(f"#define {name} 8\n" for name in ("WIDEST", "WIDTH"))
-    text = f"{c_text('core.h')}\n{activation_loops(activation)}"
-    loop = f"for (int i = 0; i < repeats; i++) {activation}_0(n, z);"
-    return f"{definitions}{text}\nvoid sigmoids(int repeats, int n, double *z) {{ {loop} }}\n"
 
 
 # --- the interface of casadi.external

@@ -119,37 +119,25 @@ def write_front(path: Path, front: Front) -> None:
 
 
 def read_front(path: str | Path) -> Front:
-    """Read the file.
-
-    Raises FileNotFoundError, or ValueError naming the line that is not as `write_front` writes it.
-    """
+    """Read the file; raises FileNotFoundError, and ValueError for one that is not as `write_front` writes it."""
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path} does not exist: run casadi-contact chart first")
     checked_size(path, MOST_TEXT)
-    number = 1
     try:
         lines = path.read_text("utf-8").splitlines()
         comments = list(itertools.takewhile(lambda line: line.startswith("#"), lines))
         header = {key.strip(): value.strip() for key, _, value in (line[1:].partition(":") for line in comments)}
-        if header.pop("format", None) != FORMAT:
-            raise ValueError(f"expected '# format: {FORMAT}'")
-        for key in ("loads", "scene", "scene_digest"):
-            if not header.get(key):
-                raise ValueError(f"no line '# {key}: ...'")
-        columns, number, points = _columns(header["loads"].split()), len(comments) + 1, []
-        if number > len(lines) or lines[number - 1].split(",") != columns:
-            raise ValueError(f"expected the column names {columns[0]},...,{columns[-1]}")
-        for cells in csv.reader(lines[number:]):
-            number += 1
-            if len(cells) != len(columns):
-                raise ValueError(f"{len(cells)} cells, expected {len(columns)}")
-            points.append(_point(dict(zip(columns, cells, strict=True)), header["loads"].split()))
-    except (ValueError, csv.Error) as error:
-        raise ValueError(
-            f"{path} line {number} is not as casadi-contact chart writes it ({error}): measure again"
-        ) from None
-    return Front(header, tuple(points))
+        if header.pop("format", None) != FORMAT or not header["scene"] or not header["scene_digest"]:
+            raise ValueError(f"expected '# format: {FORMAT}', a scene and its digest")
+        loads = header["loads"].split()
+        rows = csv.reader(lines[len(comments) :])
+        if next(rows, None) != (columns := _columns(loads)):
+            raise ValueError(f"expected the columns {columns[0]},...,{columns[-1]}")
+        points = tuple(_point(dict(zip(columns, cells, strict=True)), loads) for cells in rows)
+    except (ValueError, KeyError, csv.Error) as error:
+        raise ValueError(f"{path} is not as casadi-contact chart writes it ({error}): measure again") from None
+    return Front(header, points)
 
 
 def shipped_front(scene: Scene) -> tuple[Path, Front] | None:

@@ -16,7 +16,6 @@ from casadi_contact.workflow.benchmark import kernel_speed as speed_module
 from casadi_contact.workflow.benchmark import measure as measuring
 from casadi_contact.workflow.benchmark.evaluate import unseen_walking
 from casadi_contact.workflow.benchmark.front_file import read_front, shipped_front
-from casadi_contact.workflow.benchmark.kernel_speed import MachineLimit
 from casadi_contact.workflow.benchmark.timing import Timing
 from casadi_contact.workflow.project import Project, available_motion, available_surrogates, built_in_motion
 from tests.support.own_contact import SCENE as SOCKET
@@ -107,7 +106,7 @@ def test_speed_times_the_shipped_surrogates_on_poses_of_the_built_in_cycles(proj
 
     def timed_speed(surrogate, poses):
         timed[surrogate.structure] = surrogate.scene.digest, len(poses)
-        return {"value, kernel": Timing(1.0, 1.0, 1.0)}, MachineLimit(1, 1, 1.0, 1.0)
+        return {"value, kernel": Timing(1.0, 1.0, 1.0)}
 
     monkeypatch.setattr(speed_module, "kernel_speed", timed_speed)
     monkeypatch.setattr(speed_module, "available_poses", lambda project: motion.poses.reshape(-1, 6))
