@@ -184,7 +184,7 @@ def wheel_mesh(radius, half_width, edge):
     across = np.linspace(-half_width, half_width, max(2, round(2.0 * half_width / edge)) + 1)
     profile = [(0.0, -half_width), *((radius, z) for z in across), (0.0, half_width)]
     points, faces = revolved(profile, round(2.0 * np.pi * radius / edge))
-    return points[:, [2, 0, 1]], faces
+    return points[:, [0, 2, 1]] * [1.0, 1.0, -1.0], faces
 
 
 def post_mesh():
