@@ -37,13 +37,9 @@ class Triangles:
     corners: np.ndarray
 
     @classmethod
-    def of_grid(cls, points_mm: Array, normals: Array, every: int = 1) -> Triangles:
-        """Of points (n, m, 3) in a grid with normals that say which side is outside; corners are in every so many-th
-        row and column, and in the last."""
-        n, m = points_mm.shape[:2]
-        rows, columns = (np.unique([*range(0, count, every), count - 1]) for count in (n, m))
-        at = np.arange(n * m).reshape(n, m)[np.ix_(rows, columns)]
-        quads = np.stack([at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]], -1).reshape(-1, 4)
+    def of_grid(cls, points_mm: Array, normals: Array) -> Triangles:
+        """Of points (n, m, 3) in a grid with normals that say which side is outside."""
+        quads = _quads(np.arange(points_mm[..., 0].size).reshape(1, *points_mm.shape[:2]))
         return cls.of_quads(points_mm.reshape(-1, 3), normals.reshape(-1, 3), quads)
 
     @classmethod
@@ -90,24 +86,21 @@ class Triangles:
 
 _SIDE_MM = 0.7  # about, between points
 _MOST_ALONG = 91  # of these, each way of a smooth surface
-_COARSE = 2  # of which every so many-th row is enough for the bodies in 3-D
 _SAME_DIGITS = 6  # of coordinates [mm]
 
 
 @dataclass(frozen=True, eq=False)
 class FixedSurface:
-    """One patch: triangles, larger ones between some of the same points for the bodies in 3-D, and places (m, q) of the
-    points, which its model's ``foundation_pressures`` reads (``contact/c/*_depths.h``)."""
+    """One patch: triangles, and places (m, q) of their points, which its model's ``foundation_pressures`` reads
+    (``contact/c/*_depths.h``)."""
 
     triangles: Triangles
-    coarse: Triangles
     places: Array
 
     @classmethod
     def of_grid(cls, points_mm: Array, normals: Array, places: Array) -> FixedSurface:
         """Of points (n, m, 3) in a grid and places (n, m, q)."""
-        fine, coarse = (Triangles.of_grid(points_mm, normals, every) for every in (1, _COARSE))
-        return cls(fine, coarse, places.reshape(-1, places.shape[-1]))
+        return cls(Triangles.of_grid(points_mm, normals), places.reshape(-1, places.shape[-1]))
 
 
 def fixed_surfaces(model: CompiledFoundation) -> list[FixedSurface]:
@@ -159,8 +152,7 @@ def _cell_surface(patch: CellPatch, cells: Cells) -> FixedSurface:
     number = number.reshape(len(corners), len(xi), len(eta))
     # Few digits of places compress well, and drawn points are no more exact.
     c, n = (array.reshape(-1, 3)[first].astype(np.float32).astype(float) for array in (points, normals))
-    fine, coarse = (Triangles.of_quads(c, n, _quads(of)) for of in (number, number[:, :: cut[0], :: cut[1]]))
-    return FixedSurface(fine, coarse, np.concatenate([c, n], 1))
+    return FixedSurface(Triangles.of_quads(c, n, _quads(number)), np.concatenate([c, n], 1))
 
 
 def _quads(number: np.ndarray) -> np.ndarray:
@@ -252,10 +244,12 @@ _TURNS = {"rx": "Ab-/adduction", "ry": "Axial rotation", "rz": "Flexion"}
 _RIGHT_HANDED = {"rx": ("−", "+"), "ry": ("−", "+"), "rz": ("flexed", "extended")}
 _EYE_SHARES = (0.62, 0.75, 0.25)  # towards the viewer of the map, its top, its right: where the eye is at first
 _DISTANCE = 4.4  # of the eye, in half extents of the fixed surface
+_LIFT = 0.06  # of what the eye looks at above the surface's middle, in distances
 
 
-def map_view(model: ElasticFoundation, extent_mm: float) -> dict[str, Any]:
-    """Directions to the right, up and towards the viewer of the pressure map, with their names, and the first eye.
+def map_view(model: ElasticFoundation, points_mm: Array) -> dict[str, Any]:
+    """Directions to the right, up and towards the viewer of the pressure map of fixed points (m, 3), with their names,
+    the points' bounds along them [mm], and the first eye.
 
     A surface that is pressed from above or below is shown with anterior up, any other with superior up.
     """
@@ -267,6 +261,9 @@ def map_view(model: ElasticFoundation, extent_mm: float) -> dict[str, Any]:
     name = anatomical_name if shape_named(model.scene.shape).anatomical else direction_formula
     ways = {"right": right, "left": -right, "top": up, "bottom": -up}
     eye = sum(share * way for share, way in zip(_EYE_SHARES, (toward, up, right), strict=True))
+    axes = np.stack([right, up, toward])
+    bounds = np.stack([(points_mm @ axes.T).min(axis=0), (points_mm @ axes.T).max(axis=0)], 1)
+    distance = _DISTANCE * 0.5 * float(np.linalg.norm(np.ptp(points_mm, axis=0)))
     positive = up if up[np.abs(up).argmax()] > 0.0 else -up
     return {
         "right": right.tolist(),
@@ -276,20 +273,24 @@ def map_view(model: ElasticFoundation, extent_mm: float) -> dict[str, Any]:
         "alongName": direction_formula(positive),
         "alongSign": 1 if positive is up else -1,
         "eye": (eye / np.linalg.norm(eye)).tolist(),
-        "distance": _DISTANCE * extent_mm,
+        "bounds": bounds.tolist(),
+        "target": (bounds.mean(axis=1) @ axes + _LIFT * distance * toward).tolist(),
+        "distance": distance,
     }
 
 
 def pose_words(scene_shape: str, ranges: Array) -> list[dict[str, Any]]:
-    """Name, label, unit, range and the words at both ends of each pose parameter."""
+    """Name, label, unit of its slider and its factor, range [mm, rad] and the words at both ends of each parameter."""
     anatomical = shape_named(scene_shape).anatomical
     found = []
     for name, bounds in zip(POSE_NAMES, ranges.tolist(), strict=True):
         axis = name[1]
-        if quantity(name).kind == ANGLE:
+        unit, factor = ("°", float(np.degrees(1.0))) if quantity(name).kind == ANGLE else ("mm", 1.0)
+        if factor > 1.0:
             label, ends = (_TURNS[name], _RIGHT_HANDED[name]) if anatomical else (name, ("−", "+"))
         else:
             grows, falls = ANATOMY[axis] if anatomical else ("+", "−")
             label, ends = (f"{falls.capitalize()}–{grows}", (falls, grows)) if anatomical else (name, ("", ""))
-        found.append({"name": name, "label": label, "unit": quantity(name).unit, "range": bounds, "ends": list(ends)})
+        words = {"name": name, "label": label, "unit": unit, "factor": factor}
+        found.append({**words, "range": bounds, "ends": list(ends)})
     return found

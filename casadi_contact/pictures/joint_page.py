@@ -154,14 +154,13 @@ def _arrays(
 ) -> dict[str, np.ndarray]:
     arrays: dict[str, np.ndarray] = {"kernel": np.frombuffer(page_kernel(contact, surrogate), dtype=np.uint8)}
     named = dict(zip(contact.patch_names, surfaces, strict=True))
-    behind = [surface.coarse.behind(contact.scene.material.thickness) for surface in surfaces]
+    behind = [surface.triangles.behind(contact.scene.material.thickness) for surface in surfaces]
     parts = {f"patch_{name}": surface.triangles for name, surface in named.items()}  # a patch may be named "moving"
     for name, part in {**parts, "behind": Triangles.together(behind), "moving": moving}.items():
         arrays[f"{name}_points"] = np.round(part.points_mm, 2).astype(np.float32)
         arrays[f"{name}_normals"] = np.round(part.normals, 2).astype(np.float32)
         arrays[f"{name}_corners"] = part.corners.astype(np.uint32)
     for name, surface in named.items():
-        arrays[f"patch_{name}_coarse"] = surface.coarse.corners.astype(np.uint32)
         arrays[f"patch_{name}_places"] = surface.places
     return arrays
 
@@ -174,7 +173,6 @@ def _content(
     pressed = normal_forces(scene.normal_loads, contact.wrenches(cycle.poses)).sum(axis=1)
     begun = {"stance": cycle.poses[pressed.argmax()], "swing": cycle.poses[pressed.argmin()]}
     points = np.concatenate([surface.triangles.points_mm for surface in surfaces])
-    extent = 0.5 * float(np.linalg.norm(np.ptp(points, axis=0)))
     start = contact(begun["stance"])
     return {
         "scene": scene.name,
@@ -201,7 +199,7 @@ def _content(
             "start": [float(start[scene.load_names.index(name)]) for name in target],
         },
         "cycle": {"time": cycle.time_s.tolist(), "poses": cycle.poses.tolist()},
-        "view": map_view(ElasticFoundation(scene, scene.grids.get("coarse")), extent),
+        "view": map_view(ElasticFoundation(scene, scene.grids.get("coarse")), points),
         "colours": _colours(),
     }
 

@@ -37,23 +37,19 @@ MESHES = Path(__file__).parents[2] / "problems" / "scenes" / "tka_mesh.toml"
 class Live:
     """A page of a scene in the browser, and the models that it was made of."""
 
-    def __init__(self, contact, path, tab, asked):
-        self.contact, self.path, self.tab, self.asked = contact, path, tab, asked
-        self.name = contact.scene.name
-        self.poses = np.array(POSES[self.name])
-        self.surrogate = cc.load_surrogate("knee") if self.name == "knee" else None
-        self.ask = tab.evaluate
+    def __init__(self, contact, tab):
+        self.contact, self.tab, self.ask = contact, tab, tab.evaluate
+        self.poses = np.array(POSES[contact.scene.name])
+        self.surrogate = cc.load_surrogate("knee") if contact.scene.name == "knee" else None
 
     def of_poses(self, expression, poses):
         """An array from an expression in m (the page's models) and pose, at each of the poses."""
         code = f"(poses) => poses.map((pose) => {{ const m = joint.models; return {expression}; }})"
         return np.array(self.ask(code, np.asarray(poses).tolist()), dtype=float)
 
-    def drawn(self):
+    def go(self, pose):
+        self.ask("(pose) => joint.go(pose)", list(pose))
         until(self.tab, READY)
-
-    def validity(self):
-        return self.ask("document.getElementById('validity').dataset.state")
 
 
 @pytest.fixture(scope="module")
@@ -106,8 +102,13 @@ def live(request, made):
     path, contact = made(request.param)
     with opened(path) as (tab, complaints, asked):
         until(tab, READY)
-        yield Live(contact, path, tab, asked)
+        yield Live(contact, tab)
         assert complaints == []
+        assert all(url.startswith(("file:", "blob:", "data:")) for url in asked)
+    text = path.read_text("utf-8")
+    assert len(text.encode()) < MOST_BYTES
+    assert "default-src 'none'" in text
+    assert not re.search(r"(src|href)\s*=\s*[\"']?(https?:)?//", text)
 
 
 @pytest.fixture
@@ -115,16 +116,8 @@ def knee(live):
     if live.surrogate is None:
         pytest.skip("once is enough: the knee's page has all of it")
     live.ask("joint.go(joint.content.cycle.poses[0], 0)")
-    live.drawn()
+    until(live.tab, READY)
     return live
-
-
-def test_the_page_is_small_and_asks_for_nothing_from_elsewhere(live):
-    text = live.path.read_text("utf-8")
-    assert len(text.encode()) < MOST_BYTES
-    assert "default-src 'none'" in text
-    assert not re.search(r"(src|href)\s*=\s*[\"']?(https?:)?//", text)
-    assert all(url.startswith(("file:", "blob:", "data:")) for url in live.asked)
 
 
 def test_loads_root_loads_and_confidence_in_the_page_are_those_of_python(live):
@@ -166,7 +159,7 @@ def test_a_slider_moves_the_loads(live):
     before = live.ask("joint.pose[1]")
     live.ask("document.getElementById('ty').value = joint.pose[1] - 0.05")
     live.ask("document.getElementById('ty').dispatchEvent(new Event('change'))")
-    live.drawn()
+    until(live.tab, READY)
     pose = np.array(live.ask("joint.pose"))
     assert pose[1] == pytest.approx(before - 0.05)
     np.testing.assert_allclose(live.ask("Array.from(joint.state.contact)"), live.contact(pose), rtol=1e-9, atol=1e-8)
@@ -176,11 +169,11 @@ def test_settling_in_the_page_ends_where_python_s_does(live):
     scene = live.contact.scene
     names, begun = live.ask("[joint.content.settle.loads, joint.content.settle.start]")
     wanted = {name: 0.8 * value for name, value in zip(names, begun, strict=True)}
-    live.ask("(pose) => joint.go(pose)", live.poses[2].tolist())
+    live.go(live.poses[2].tolist())
     for name, value in wanted.items():
         live.tab.fill(f"#target-{name}", repr(value))
     live.tab.click("#settle button")
-    live.drawn()
+    until(live.tab, READY)
     assert live.tab.inner_text("#settled").startswith("settled in ")
     model = live.surrogate or live.contact
     poses, report = cc.settle(model, live.poses[2:], scene.sensitive_pose, wanted)
@@ -208,12 +201,6 @@ def test_the_scrubber_plays_stops_and_is_at_the_frame_that_a_button_leads_to(kne
         assert int(knee.tab.input_value("#frame")) == frame
 
 
-def test_what_was_drawn_coarsely_while_it_moved_is_drawn_in_full_at_rest(knee):
-    wide = "joint.bodies.gl.canvas.width / joint.bodies.gl.canvas.clientWidth"
-    assert knee.ask(f"(joint.bodies.draw(), {wide})") == 1.0
-    until(knee.tab, f"{wide} === 2")
-
-
 def test_the_map_paints_the_area_in_contact(knee):
     """Of a flat dish seen from above, pixel by pixel."""
     code = """() => {
@@ -228,12 +215,11 @@ def test_the_map_paints_the_area_in_contact(knee):
 
 
 def test_the_light_warns_outside_what_was_learned_and_a_lifted_side_shows_its_gap(knee):
-    assert knee.validity() == "good"
-    knee.ask("joint.go(joint.pose.with(0, 60))")
-    knee.drawn()
-    assert knee.validity() == "outside"
-    knee.ask("(pose) => joint.go(pose)", knee.poses[2].tolist())
-    knee.drawn()
+    state = "document.getElementById('validity').dataset.state"
+    assert knee.ask(state) == "good"
+    knee.go([60.0, *knee.ask("joint.pose")[1:]])
+    assert knee.ask(state) == "outside"
+    knee.go(knee.poses[2].tolist())
     gaps = -knee.contact.root_loads(knee.poses[2])[0] / knee.contact.scene.gap_slope
     assert (gaps > 1.0).all()
     assert knee.tab.inner_text("#gaps").split() == ["medial", f"{gaps[0]:.2f}", "mm", "lateral", f"{gaps[1]:.2f}", "mm"]

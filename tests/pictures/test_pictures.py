@@ -8,8 +8,9 @@ from typer.testing import CliRunner
 
 import casadi_contact as cc
 from casadi_contact.cli.main import app
-from casadi_contact.pictures.contact_picture import draw_contact, draw_fit, loads_text, pressures_text, surface_fits
+from casadi_contact.pictures.contact_picture import draw_contact, loads_text, pressures_text, surface_fits
 from casadi_contact.pictures.page import new_page, save_page
+from tests.support.meshes import cap_mesh, mesh_scene_text, sheet_mesh, write_obj
 
 POSE = np.array([0.5, 27.2, 0.1, 0.0, -0.05, -0.3])
 PNG = b"\x89PNG"
@@ -47,44 +48,29 @@ def test_the_loads_of_a_picture_are_the_models(model):
     assert loads_text(model, POSE, ("Fy_lat", "Tz")) == f"Fy_lat {loads['Fy_lat']:.0f} N, Tz {loads['Tz']:.0f} N·mm"
 
 
-def mesh_scene(folder):
-    pytest.importorskip("igl", reason="meshes need the extra: pip install casadi_contact[mesh]")
-    from tests.support.meshes import cap_mesh, mesh_scene_text, sheet_mesh, write_obj
-
-    write_obj(folder / "cap.obj", *cap_mesh(20.0, 1.2, 0.5))
-    write_obj(folder / "sheet.obj", *sheet_mesh(20.0, 1.0))
-    (folder / "scene.toml").write_text(mesh_scene_text("cap.obj", "sheet.obj"))
-    return folder / "scene.toml"
-
-
 def test_of_meshes_the_fit_is_drawn_as_well_and_of_others_it_is_not(tmp_path, model):
-    result = CliRunner().invoke(app, ["show", str(mesh_scene(tmp_path)), "--out", str(tmp_path / "meshes.png")])
+    write_obj(tmp_path / "cap.obj", *cap_mesh(20.0, 1.2, 0.5))
+    write_obj(tmp_path / "sheet.obj", *sheet_mesh(20.0, 1.0))
+    (tmp_path / "scene.toml").write_text(mesh_scene_text("cap.obj", "sheet.obj"))
+    result = CliRunner().invoke(app, ["show", str(tmp_path / "scene.toml"), "--out", str(tmp_path / "meshes.png")])
     assert result.exit_code == 0, result.output
     for name in ("meshes.png", "meshes_fit.png"):
         assert (tmp_path / name).read_bytes()[:4] == PNG
     assert "mm RMS" in result.output
     assert "meshes_fit.png" in result.output
     assert surface_fits(model) == []
-    with pytest.raises(ValueError, match="expected a scene of the shape mesh"):
-        draw_fit(model, tmp_path / "knee_fit.png")
 
 
-def test_the_command_writes_a_picture_and_says_what_is_wrong(tmp_path):
+def test_the_command_writes_a_picture_and_says_its_loads(tmp_path):
     out = tmp_path / "ball.png"
     result = CliRunner().invoke(app, ["show", "sphere_on_plane", "--out", str(out)])
     assert result.exit_code == 0, result.output
     assert [path.name for path in tmp_path.iterdir()] == ["ball.png"]
     assert re.search(r"picture at Fx 0 N, Fy -\d+ N, .*Tz 0 N·mm in", result.output.replace("\n", " "))
     assert out.read_bytes()[:4] == PNG
-    result = CliRunner().invoke(app, ["show", "sphere_on_plane", "--pose", "1,2,x", "--out", str(out)])
-    assert "expected six numbers" in str(result.exception)
 
 
-@pytest.mark.parametrize(("name", "begins"), [("p.png", b"\x89PNG"), ("p.svg", b"<?xml"), ("p", b"\x89PNG")])
+@pytest.mark.parametrize(("name", "begins"), [("p.svg", b"<?xml"), ("p", PNG)])
 def test_a_page_is_written_in_the_format_of_its_ending(tmp_path, name, begins):
     save_page(new_page(3.0, 2.0), tmp_path / name, dots_per_inch=50)
-    found = (tmp_path / name).read_bytes()
-    assert found.startswith(begins)
-    if begins == PNG:
-        assert (int.from_bytes(found[16:20], "big"), int.from_bytes(found[20:24], "big")) == (150, 100)
-    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert (tmp_path / name).read_bytes().startswith(begins)

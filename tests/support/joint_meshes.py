@@ -1,7 +1,6 @@
 """Meshes of joints made from formulas, and their analysis by a proposal."""
 
 import numpy as np
-import trimesh
 
 from casadi_contact.geometry.mesh import checked_mesh
 from casadi_contact.workflow.proposal.frame import frame_of
@@ -27,22 +26,6 @@ def button_on_groove(height=22.0, aside=0.0):
     return checked_mesh("button", button + np.array([0.0, height, aside]), faces), checked_mesh("groove", *valley)
 
 
-def medial_pivot():
-    """A knee whose medial condyle fits closely into a deep socket and whose lateral one rests on an all but flat
-    plateau: on the socket comes near ten times as much."""
-    (medial, faces), (lateral, more) = cap_mesh(22.0, 2.0, 1.3), cap_mesh(21.0, 2.0, 1.3)
-    out = np.array([0.0, 0.0, 22.0])
-    condyles = np.vstack([medial + out, lateral - out]), np.vstack([faces, more + len(medial)])
-
-    def insert(x, z):
-        socket = 0.7 - np.sqrt(np.maximum(23.0**2 - x**2 - (z - 22.0) ** 2, 1.0))
-        plateau = -21.3 + (z + 22.0) ** 2 / 120.0 + x**2 / 400.0
-        share = 1.0 / (1.0 + np.exp(-1.5 * z))
-        return share * np.minimum(socket, -14.3) + (1.0 - share) * np.minimum(plateau, -14.0)
-
-    return checked_mesh("condyles", *condyles), checked_mesh("insert", *sheet_mesh(84.0, 1.0, insert))
-
-
 def condyles_in_dishes(radius=20.0, dish=32.0, side=22.0):
     """Two balls as a femur's condyles, the middle of both at the origin, just above dishes that are wider."""
     (ball, faces), out = cap_mesh(radius, 1.5, 0.8), np.array([0.0, 0.0, side])
@@ -53,12 +36,3 @@ def condyles_in_dishes(radius=20.0, dish=32.0, side=22.0):
 
     condyles = np.vstack([ball - out, ball + out]), np.vstack([faces, faces + len(ball)])
     return condyles, sheet_mesh(76.0, 2.0, dishes)
-
-
-def ball_on_box(triangles_mm=None):
-    """As CAD exports a box: twelve triangles, unless they are divided."""
-    ball, faces = ball_mesh(15.0, 2.0)
-    box = trimesh.creation.box((60.0, 10.0, 60.0))
-    if triangles_mm:
-        box = box.subdivide_to_size(triangles_mm)
-    return checked_mesh("ball", ball + np.array([0.0, 20.0, 0.0]), faces), checked_mesh("box", box.vertices, box.faces)

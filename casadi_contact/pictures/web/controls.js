@@ -1,6 +1,6 @@
 /** Sliders of the pose, presets, and typed loads to settle under. */
 
-import { readable, shown, stored } from "./format.js";
+import { readable } from "./format.js";
 
 const element = (tag, properties = {}, ...children) => {
   const made = Object.assign(document.createElement(tag), properties);
@@ -12,32 +12,31 @@ const element = (tag, properties = {}, ...children) => {
 export function sliders(place, content, changed) {
   let pose = [];
   const rows = content.pose.map((parameter, k) => {
-    const [low, high] = parameter.range.map((bound) => shown(parameter, bound));
+    const [low, high] = parameter.range.map((bound) => parameter.factor * bound);
     const step = (high - low) / 1000;
     const slide = element("input", { type: "range", min: low, max: high, step, ariaLabel: parameter.name });
     const number = element("input", { type: "number", min: low, max: high, step: "any", id: parameter.name });
     const take = (text) => {
       const value = Number(text);
       if (text === "" || !Number.isFinite(value)) return;
-      pose = pose.with(k, stored(parameter, Math.min(Math.max(value, low), high)));
+      pose = pose.with(k, Math.min(Math.max(value, low), high) / parameter.factor);
       changed(pose);
     };
     slide.addEventListener("input", () => take(slide.value));
     number.addEventListener("change", () => take(number.value));
-    const unit = parameter.unit === "rad" ? "°" : parameter.unit;
     const ends = element("div", { className: "ends" }, ...parameter.ends.map((end, i) =>
       element("span", { textContent: i ? `${end} ${readable(high)}` : `${readable(low)} ${end}` })));
     place.append(element("div", { className: "slider" },
       element("label", { htmlFor: parameter.name }, parameter.label, element("small", { textContent: ` ${parameter.name}` })), number,
-      element("span", { className: "unit", textContent: unit }), slide, ends));
+      element("span", { className: "unit", textContent: parameter.unit }), slide, ends));
     return { parameter, slide, number };
   });
   return (next) => {
     pose = Array.from(next);
     rows.forEach(({ parameter, slide, number }, k) => {
-      const value = shown(parameter, pose[k]);
+      const value = parameter.factor * pose[k];
       slide.value = value;
-      if (document.activeElement !== number) number.value = value.toFixed(parameter.unit === "rad" ? 2 : 3);
+      if (document.activeElement !== number) number.value = value.toFixed(3);
     });
   };
 }

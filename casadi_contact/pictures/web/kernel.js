@@ -28,53 +28,41 @@ class Memory {
 /** One exported model: NAME_loads and its like (see the header of an exported kernel). */
 class Model {
   constructor(exports, memory, name, loads, patches) {
-    this.call = (what, ...offsets) => exports[`${name}_${what}`](...offsets);
-    this.memory = memory;
-    this.sizes = { loads, patches };
+    Object.assign(this, { exports, memory, name, count: loads, patches });
     this.pose = memory.place(6);
     this.values = memory.place(Math.max(loads, patches));
     this.slopes = memory.place(6 * Math.max(loads, patches));
   }
 
-  set(pose) {
+  call(what, pose, ...offsets) {
     this.memory.at(this.pose, 6).set(pose);
+    this.exports[what](this.pose, ...offsets);
   }
 
-  result(count) {
-    return {
-      values: this.memory.at(this.values, count).slice(),
-      slopes: this.memory.at(this.slopes, 6 * count).slice(),
-    };
+  /** Values of one of its functions and their derivatives by the pose, row after row. */
+  both(what, pose, count) {
+    this.call(`${this.name}_${what}`, pose, this.values, this.slopes);
+    return { values: this.memory.at(this.values, count).slice(), slopes: this.memory.at(this.slopes, 6 * count).slice() };
   }
 
-  /** Loads and their derivatives by the pose, row after row. */
   jacobian(pose) {
-    this.set(pose);
-    this.call("jacobian", this.pose, this.values, this.slopes);
-    return this.result(this.sizes.loads);
-  }
-
-  loads(pose) {
-    this.set(pose);
-    this.call("loads", this.pose, this.values);
-    return this.memory.at(this.values, this.sizes.loads).slice();
+    return this.both("jacobian", pose, this.count);
   }
 
   /** Signed root load of each patch and its derivatives. */
   roots(pose) {
-    this.set(pose);
-    this.call("roots", this.pose, this.values, this.slopes);
-    return this.result(this.sizes.patches);
+    return this.both("roots", pose, this.patches);
+  }
+
+  loads(pose) {
+    this.call(`${this.name}_loads`, pose, this.values);
+    return this.memory.at(this.values, this.count).slice();
   }
 
   /** Validity and the expected error of each load; NaN for a model without. */
   confidence(pose) {
-    this.set(pose);
-    this.call("confidence", this.pose, this.slopes, this.values);
-    return {
-      validity: this.memory.at(this.slopes, 1)[0],
-      errors: this.memory.at(this.values, this.sizes.loads).slice(),
-    };
+    this.call(`${this.name}_confidence`, pose, this.slopes, this.values);
+    return { validity: this.memory.at(this.slopes, 1)[0], errors: this.memory.at(this.values, this.count).slice() };
   }
 }
 
@@ -82,27 +70,24 @@ class Model {
 class ContactModel extends Model {
   constructor(exports, memory, loads, surfaces) {
     super(exports, memory, "contact", loads, surfaces.length);
-    this.exports = exports;
     this.surfaces = surfaces.map(({ places, points }) => {
       const [offset, count] = [memory.place(places.length), points.length / 3];
-      return { count, places: offset, given: places, pressures: memory.place(count) };
+      memory.at(offset, places.length).set(places);
+      return { count, places: offset, pressures: memory.place(count) };
     });
     this.outputs = memory.place(PRESSURES * surfaces.length);
-    for (const surface of this.surfaces) memory.at(surface.places, surface.given.length).set(surface.given);
   }
 
   /** Pressure [MPa] at the points of a patch. */
   pressures(pose, patch) {
     const { places, count, pressures } = this.surfaces[patch];
-    this.set(pose);
-    this.exports.foundation_pressures(this.pose, patch, count, places, pressures);
+    this.call("foundation_pressures", pose, patch, count, places, pressures);
     return this.memory.at(pressures, count).slice();
   }
 
   /** Area [mm²], force [N], peak pressure [MPa] and centre of pressure [mm] (null out of contact) of each patch. */
   contact(pose) {
-    this.set(pose);
-    this.call("pressures", this.pose, this.outputs);
+    this.call("contact_pressures", pose, this.outputs);
     return this.surfaces.map((_, patch) => {
       const [area, mean, peak, ...centre] = this.memory.at(this.outputs + PRESSURES * DOUBLE * patch, 6);
       return { area, force: area * mean, peak, centre: mean > 0 ? centre : null };
@@ -112,8 +97,7 @@ class ContactModel extends Model {
 
 /** The models of a page's module; surrogate is null where there is none. */
 export async function loadModels(bytes, { loads, surrogateLoads, surfaces }) {
-  const { instance } = await WebAssembly.instantiate(bytes, {});
-  const exports = instance.exports;
+  const { exports } = (await WebAssembly.instantiate(bytes, {})).instance;
   exports._initialize?.();
   const memory = new Memory(exports);
   return {
@@ -129,7 +113,5 @@ export async function unpack(index, text) {
   const packed = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
   const bytes = await new Response(stream).arrayBuffer();
-  return Object.fromEntries(
-    index.map(({ name, kind, offset, count }) => [name, new KINDS[kind](bytes, offset, count)]),
-  );
+  return Object.fromEntries(index.map(({ name, kind, offset, count }) => [name, new KINDS[kind](bytes, offset, count)]));
 }

@@ -15,6 +15,11 @@ export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 export const size = (a) => Math.hypot(...a);
 export const scaled = (a, factor) => a.map((part) => part * factor);
 
+/** Coordinates n·p of points, one after the other. */
+export function heights([x, y, z], points) {
+  return Float64Array.from({ length: points.length / 3 }, (_, i) => x * points[3 * i] + y * points[3 * i + 1] + z * points[3 * i + 2]);
+}
+
 /** Poses that a joint can take, M q + c, with held: {matrix, offset}, null where all are free: onto(pose), and
  * along(slopes), derivatives by the free parameters from those by the pose. */
 export function poseSpace(held) {

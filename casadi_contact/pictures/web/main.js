@@ -7,7 +7,7 @@ import { dot } from "./linear.js";
 import { PressureMap } from "./map.js";
 import { LoadsPanel } from "./panel.js";
 import { csvOf, download, optiOf, stoOf } from "./save.js";
-import { bodiesOn } from "./scene.js";
+import { Bodies } from "./scene.js";
 import { Section } from "./section.js";
 import { settle } from "./settle.js";
 import { Timeline } from "./timeline.js";
@@ -55,8 +55,9 @@ class Page {
     this.frameLoads = this.frames.map(({ contact, surrogate }) => Array.from(surrogate ?? contact));
     this.trail = content.patches.map((_, patch) => this.frames.map(({ contacts }) => contacts[patch].centre));
     this.peak = Math.max(1, ...this.frames.flatMap(({ contacts }) => contacts.map(({ peak: of }) => of)));
-    this.bodies = bodiesOn(byId("scene"), content, surfaces, behind, moving);
-    if (!this.bodies) byId("scene").parentElement.append(trouble("The bodies are not drawn: got no WebGL 2, expected a browser that allows it; the numbers hold all the same, and another browser, or hardware acceleration in this one's settings, draws them."));
+    const gl = byId("scene").getContext("webgl2");
+    if (gl) this.bodies = new Bodies(gl, content, surfaces, behind, moving);
+    else byId("scene").parentElement.append(trouble("The bodies are not drawn: got no WebGL 2, expected a browser that allows it; the numbers hold all the same, and another browser, or hardware acceleration in this one's settings, draws them."));
     this.map = new PressureMap(byId("map"), content, surfaces);
     this.section = new Section(byId("section"), content, surfaces, behind, moving);
     const curves = content.sensitive.map((name) => {
@@ -91,11 +92,7 @@ class Page {
     const { contacts } = this.state;
     const pressures = contacts.map((_, patch) => this.models.contact.pressures(this.pose, patch));
     const largest = Math.max(this.peak, ...contacts.map(({ peak }) => peak));
-    if (this.bodies) {
-      this.bodies.colour(pressures, largest);
-      this.bodies.place(this.pose);
-      this.bodies.draw();
-    }
+    this.bodies?.show(this.pose, pressures, largest);
     this.moveSliders(this.pose);
     this.map.draw(pressures, largest, contacts, this.trail);
     const at = this.planeAt(contacts);
@@ -113,7 +110,7 @@ class Page {
   /** Where the section lies along the map's upward direction: at the centre of all pressure, or in the middle. */
   planeAt(contacts) {
     const total = contacts.reduce((sum, { force }) => sum + force, 0);
-    if (!(total > 0)) return 0.5 * (this.map.bounds[1][0] + this.map.bounds[1][1]);
+    if (!(total > 0)) return dot(this.content.view.up, this.content.view.target);
     return contacts.reduce((sum, { force, centre }) => sum + (centre ? force * dot(this.content.view.up, centre) : 0), 0) / total;
   }
 
@@ -172,7 +169,6 @@ async function begin() {
   });
   const surfaces = content.patches.map(({ name }) => ({
     ...triangles(`patch_${name}`),
-    coarse: arrays[`patch_${name}_coarse`],
     places: arrays[`patch_${name}_places`],
   }));
   const models = await loadModels(arrays.kernel, {

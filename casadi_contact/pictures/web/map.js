@@ -1,7 +1,7 @@
 /** The pressure on the fixed surface seen from where the moving body lies, with the trail of the centre of pressure. */
 
 import { ACCENT, BONE, FAINT, INK, LINE, cleared, css } from "./canvas.js";
-import { dot } from "./linear.js";
+import { dot, heights } from "./linear.js";
 
 const SCALE_WIDTH = 10;
 
@@ -11,17 +11,7 @@ export class PressureMap {
     this.content = content;
     this.colours = content.colours.map(css);
     const { right, up } = content.view;
-    this.surfaces = surfaces.map(({ points, corners }) => {
-      const flat = new Float64Array((2 * points.length) / 3);
-      for (let i = 0; i < points.length / 3; i++) {
-        const point = points.subarray(3 * i, 3 * i + 3);
-        flat[2 * i] = dot(right, point);
-        flat[2 * i + 1] = dot(up, point);
-      }
-      return { flat, corners };
-    });
-    const of = (k) => this.surfaces.flatMap(({ flat }) => Array.from(flat).filter((_, i) => i % 2 === k));
-    this.bounds = [0, 1].map((k) => of(k).reduce(([a, b], x) => [Math.min(a, x), Math.max(b, x)], [Infinity, -Infinity]));
+    this.surfaces = surfaces.map(({ points, corners }) => ({ corners, x: heights(right, points), y: heights(up, points) }));
   }
 
   /** pressures: of each patch; contacts: of each patch, with centre; trail: points of earlier centres by patch. */
@@ -62,7 +52,7 @@ export class PressureMap {
 
   /** Where a point (right, up) [mm] lies on the canvas. */
   placed(width, height) {
-    const [[left, end], [low, high]] = this.bounds;
+    const [[left, end], [low, high]] = this.content.view.bounds;
     const factor = Math.min((width - 150) / (end - left), (height - 44) / (high - low));
     const centre = 0.5 * (width - 46);
     return ([x, y]) => [centre + factor * (x - 0.5 * (left + end)), 0.5 * height - factor * (y - 0.5 * (low + high))];
@@ -116,10 +106,10 @@ export class PressureMap {
 }
 
 /** Triangles of a flat surface in one colour. */
-function fill(context, place, { flat }, corners, colour) {
+function fill(context, place, { x, y }, corners, colour) {
   Object.assign(context, { fillStyle: colour, strokeStyle: colour, lineWidth: 0.5 });
   context.beginPath();
-  for (let k = 0; k < corners.length; k++) context[k % 3 ? "lineTo" : "moveTo"](...place([flat[2 * corners[k]], flat[2 * corners[k] + 1]]));
+  corners.forEach((i, k) => context[k % 3 ? "lineTo" : "moveTo"](...place([x[i], y[i]])));
   context.fill();
   context.stroke(); // no seams between them
 }

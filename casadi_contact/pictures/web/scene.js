@@ -1,6 +1,6 @@
 /** The two bodies in 3-D: the fixed one coloured by pressure, the moving one as glass. Drawn by twgl. */
 
-import { BONE, sizeOf } from "./canvas.js";
+import { BONE, sharpened } from "./canvas.js";
 import { rotation } from "./linear.js";
 
 const vertexShader = (colours) => `#version 300 es
@@ -26,29 +26,18 @@ void main() {
 }`;
 const STEEL = [0.62, 0.68, 0.74];
 const GLASS = 0.3;
-const [MOVING, STILL] = [1, 2]; // samples to a dot of the screen, each way: more than one smooth the edges
-const REST_MS = 200;
 
-/** The view of the bodies on a canvas; null where the browser has no WebGL 2. */
-export function bodiesOn(canvas, content, fixed, behind, moving) {
-  const gl = canvas.getContext("webgl2", { antialias: false, alpha: true });
-  return gl ? new Bodies(gl, content, fixed, behind, moving) : null;
-}
-
-class Bodies {
+export class Bodies {
   constructor(gl, content, fixed, behind, moving) {
     this.gl = gl;
     this.program = twgl.createProgramInfo(gl, [vertexShader(content.colours.length), FRAGMENT]);
     this.always = { colours: content.colours.flat(), still: twgl.m4.identity() };
     this.fixed = fixed.map((surface) => this.buffers(surface, new Float32Array(surface.points.length / 3)));
-    // Larger triangles between some of the same points, for when things move.
-    this.coarse = fixed.map(({ coarse }, k) => twgl.createBufferInfoFromArrays(gl, { indices: coarse }, this.fixed[k]));
     this.behind = this.buffers(behind);
     this.moving = this.buffers(moving);
-    const lift = 0.06 * content.view.distance;
-    this.target = middle(fixed.map((surface) => surface.points)).map((part, k) => part + lift * content.view.toward[k]);
-    this.distance = content.view.distance;
-    [this.yaw, this.pitch] = anglesOf(content.view.eye);
+    Object.assign(this, { target: content.view.target, distance: content.view.distance });
+    const [x, y, z] = content.view.eye;
+    [this.yaw, this.pitch] = [Math.atan2(x, z), Math.asin(Math.min(Math.max(y, -0.99), 0.99))];
     this.turnedBy(gl.canvas);
   }
 
@@ -77,31 +66,21 @@ class Bodies {
   }
 
   /** Pressures of each patch; largest: where the colours end. */
-  colour(pressures, largest) {
-    this.largest = largest;
+  show(pose, pressures, largest) {
     pressures.forEach((values, patch) => {
       twgl.setAttribInfoBufferFromArray(this.gl, this.fixed[patch].attribs.pressure, Float32Array.from(values));
     });
-  }
-
-  place(pose) {
     const R = rotation(pose);
     const column = (k) => [R[0][k], R[1][k], R[2][k], 0];
     this.world = [...column(0), ...column(1), ...column(2), ...pose.slice(0, 3), 1];
+    this.largest = largest;
+    this.draw();
   }
 
-  /** Now, and more finely once all is at rest. */
   draw() {
-    clearTimeout(this.rest);
-    this.drawWith(MOVING);
-    this.rest = setTimeout(() => this.drawWith(), REST_MS);
-  }
-
-  drawWith(samples = STILL) {
     const { gl } = this;
-    const { canvas } = gl;
-    const [width, height] = sizeOf(canvas).map((side) => Math.round(side * samples * (window.devicePixelRatio || 1)));
-    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+    sharpened(gl.canvas);
+    const { width, height } = gl.canvas;
     gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
@@ -118,38 +97,22 @@ class Bodies {
     const view_projection = twgl.m4.multiply(lens, twgl.m4.inverse(camera));
     const { colours, still } = this.always;
     twgl.setUniforms(this.program, { colours, largest: this.largest, view_projection, eye, light });
-    for (const body of [...(samples === MOVING ? this.coarse : this.fixed), this.behind]) {
-      this.show(body, { world: still, bare: BONE, opacity: 1 });
-    }
+    for (const body of [...this.fixed, this.behind]) this.body(body, { world: still, bare: BONE, opacity: 1 });
     gl.enable(gl.BLEND);
     gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     gl.depthMask(false);
     for (const side of [gl.FRONT, gl.BACK]) {
       gl.cullFace(side);
-      this.show(this.moving, { world: this.world, bare: STEEL, opacity: GLASS });
+      this.body(this.moving, { world: this.world, bare: STEEL, opacity: GLASS });
     }
     gl.depthMask(true);
     gl.disable(gl.BLEND);
     gl.flush(); // it draws while the page goes on
   }
 
-  show(buffers, uniforms) {
+  body(buffers, uniforms) {
     twgl.setBuffersAndAttributes(this.gl, this.program, buffers);
     twgl.setUniforms(this.program, uniforms);
     twgl.drawBufferInfo(this.gl, buffers);
   }
 }
-
-function middle(clouds) {
-  const low = [Infinity, Infinity, Infinity];
-  const high = [-Infinity, -Infinity, -Infinity];
-  for (const points of clouds) {
-    points.forEach((value, i) => {
-      low[i % 3] = Math.min(low[i % 3], value);
-      high[i % 3] = Math.max(high[i % 3], value);
-    });
-  }
-  return low.map((value, k) => 0.5 * (value + high[k]));
-}
-
-const anglesOf = ([x, y, z]) => [Math.atan2(x, z), Math.asin(Math.min(Math.max(y, -0.99), 0.99))];

@@ -1,16 +1,9 @@
 /** A section through both bodies: what a plane cuts out of their triangles. */
 
 import { ACCENT, FAINT, INK, cleared } from "./canvas.js";
-import { dot, rotation } from "./linear.js";
+import { dot, heights, rotation } from "./linear.js";
 
 const MARGIN_MM = 8;
-
-/** Height n·p of each point. */
-function heights({ points }, [x, y, z]) {
-  const found = new Float64Array(points.length / 3);
-  for (let i = 0, k = 0; i < found.length; i++, k += 3) found[i] = x * points[k] + y * points[k + 1] + z * points[k + 2];
-  return found;
-}
 
 /** Segments [[x, y], [x, y]] in which triangles meet the plane at a height; axes: the two directions to draw along. */
 export function cut({ points, corners }, heightOf, height, axes) {
@@ -34,14 +27,7 @@ export function cut({ points, corners }, heightOf, height, axes) {
 export class Section {
   constructor(canvas, content, fixed, behind, moving) {
     Object.assign(this, { canvas, view: content.view, moving });
-    const { up, right, toward } = this.view;
-    this.fixed = [...fixed, behind].map((part) => ({ part, heights: heights(part, up) }));
-    this.bounds = [right, toward].map((axis) =>
-      fixed.reduce(([low, high], part) => {
-        const along = heights(part, axis);
-        return [along.reduce((a, b) => Math.min(a, b), low), along.reduce((a, b) => Math.max(a, b), high)];
-      }, [Infinity, -Infinity]),
-    );
+    this.fixed = [...fixed, behind].map((part) => ({ part, of: heights(this.view.up, part.points) }));
   }
 
   /** The plane across the patches at `at` [mm] along the map's upward direction. */
@@ -52,20 +38,20 @@ export class Section {
     const R = rotation(pose);
     const inBody = (axis) => [0, 1, 2].map((k) => R[0][k] * axis[0] + R[1][k] * axis[1] + R[2][k] * axis[2]);
     const shift = [right, toward].map((axis) => dot(axis, pose));
-    const body = cut(this.moving, heights(this.moving, inBody(up)), at - dot(up, pose), [right, toward].map(inBody));
+    const body = cut(this.moving, heights(inBody(up), this.moving.points), at - dot(up, pose), [right, toward].map(inBody));
     const moved = body.map((ends) => ends.map(([x, y]) => [x + shift[0], y + shift[1]]));
     context.save();
     context.beginPath();
     context.rect(0, 18, width, height - 22);
     context.clip();
-    lines(context, place, this.fixed.flatMap(({ part, heights: of }) => cut(part, of, at, [right, toward])), INK, 1.6);
+    lines(context, place, this.fixed.flatMap(({ part, of }) => cut(part, of, at, [right, toward])), INK, 1.6);
     lines(context, place, moved, ACCENT, 1.6);
     context.restore();
     this.names(context, width);
   }
 
   placed(width, height) {
-    const [[left, end], [low, high]] = this.bounds;
+    const [[left, end], , [low, high]] = this.view.bounds;
     const factor = Math.min((width - 40) / (end - left), (height - 36) / (high - low + 4 * MARGIN_MM));
     return ([x, y]) => [0.5 * width + factor * (x - 0.5 * (left + end)), 0.56 * height - factor * (y - 0.5 * (low + high))];
   }

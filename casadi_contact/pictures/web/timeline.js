@@ -1,12 +1,11 @@
 /** The loads over the cycle, and a scrubber through it. */
 
-import { FAINT, LINE, cleared, sizeOf } from "./canvas.js";
+import { FAINT, LINE, cleared, line } from "./canvas.js";
 import { readable } from "./format.js";
 
 const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"];
 const [LEFT, RIGHT] = [58, 8];
 const FRAMES_PER_SECOND = 30;
-const EARLY_MS = 4; // what is due in less than half a frame of any screen is due now
 
 export class Timeline {
   /** curves: [{name, values}] over the frames; moved(frame) when the scrubber moves. */
@@ -24,13 +23,8 @@ export class Timeline {
       label.style.color = COLOURS[k % COLOURS.length];
       return label;
     }));
-    this.scrubber.addEventListener("input", () => this.go(Number(this.scrubber.value)));
+    this.scrubber.addEventListener("input", () => moved(Number(this.scrubber.value)));
     this.button.addEventListener("click", () => (this.playing ? this.pause() : this.play()));
-  }
-
-  go(frame) {
-    this.show(frame);
-    this.moved(frame);
   }
 
   show(frame) {
@@ -40,19 +34,11 @@ export class Timeline {
 
   play() {
     this.button.textContent = "❚❚";
-    let due = performance.now();
-    const step = (now) => {
-      if (now >= due - EARLY_MS) {
-        due = Math.max(due + 1000 / FRAMES_PER_SECOND, now);
-        this.go((this.frame + 1) % this.count);
-      }
-      this.playing = requestAnimationFrame(step);
-    };
-    this.playing = requestAnimationFrame(step);
+    this.playing = setInterval(() => this.moved((this.frame + 1) % this.count), 1000 / FRAMES_PER_SECOND);
   }
 
   pause() {
-    cancelAnimationFrame(this.playing);
+    clearInterval(this.playing);
     this.playing = null;
     this.button.textContent = "▶";
   }
@@ -60,7 +46,7 @@ export class Timeline {
   /** current: false where the pose is no longer that of the frame. */
   draw(current) {
     if (this.count < 2) return;
-    const [width] = sizeOf(this.canvas);
+    const width = this.canvas.clientWidth;
     if (width !== this.width) this.drawCurves();
     this.width = width;
     const x = LEFT + ((width - LEFT - RIGHT) * this.frame) / (this.count - 1);
@@ -85,10 +71,4 @@ export class Timeline {
       line(context, of.map((value, frame) => [x(frame), y(value)]));
     });
   }
-}
-
-function line(context, points) {
-  context.beginPath();
-  points.forEach(([x, y], i) => context[i ? "lineTo" : "moveTo"](x, y));
-  context.stroke();
 }

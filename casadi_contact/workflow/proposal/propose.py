@@ -12,7 +12,7 @@ import numpy as np
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.settle import settle
 from casadi_contact.core.conventions import Array, Update
-from casadi_contact.core.quantities import FORCE, TORQUE, of_kind, quantity, three_digits
+from casadi_contact.core.quantities import FORCE, TORQUE, of_kind, quantity
 from casadi_contact.geometry.distance_field import SPACING_MM, field_fits
 from casadi_contact.geometry.mesh import MM_PER_UNIT, load_mesh
 from casadi_contact.geometry.projection import DOWN
@@ -124,18 +124,19 @@ def propose(
         findings.append(f"a distance field of {min(spacing.values()):g} mm, as thin bodies need")
     scene = Scene.from_tables(tables)
     model = ElasticFoundation(scene)
-    pose, reason = rest_pose(model, joint, direction)
-    if reason:
-        load = three_digits(REST_SHARE * scene.reference_load)
-        questions.append(f"a pose at rest under {load} N a patch: {reason}")
-        pose = scene.start_pose
-    tables["geometry"]["start_pose"] = [round(float(v), 4) for v in pose]
-    tables["loads"]["gap_slope"] = gap_slope(model, pose, direction)
+    pose, found = rest_pose(model, joint, direction)
+    if found:
+        tables["geometry"]["start_pose"] = pose.round(4).tolist()
+    tables["loads"]["gap_slope"] = gap_slope(model, pose if found else scene.start_pose, direction)
     tables["sampling"] = _sampling(joint, geometry.pair.scale)
     tables |= made_up_motion(scene, joint)
 
     begin("reference motion")
     poses, report = _reference(tables, test_cycles)
+    if not found:  # a frame of the motion has a pose that carries loads
+        pose = poses[0]
+        tables["geometry"]["start_pose"] = pose.round(4).tolist()
+        tables["loads"]["gap_slope"] = gap_slope(model, pose, direction)
     tables["tolerances"] = _tolerances(model, poses)
     begin("element grids")
     tables["grids"], off = converged_grids(Scene.from_tables(tables), poses[:: max(1, len(poses) // test_poses)])
@@ -280,9 +281,9 @@ def rest_pose(
     joint: Joint,
     direction: Sequence[float],
     lifted_mm: Sequence[float] = (0.0, 0.5, 1.0, 2.0),
-) -> tuple[Array, str]:
-    """The pose (6,) near the start pose in which every patch carries 0.3 of the scene's reference load, and in words
-    why there is none, "" if there is.
+) -> tuple[Array, bool]:
+    """The pose (6,) near the start pose in which every patch carries 0.3 of the scene's reference load, and whether it
+    was found.
 
     It is also sought from poses lifted against the direction of pressing, because bodies of one scan may overlap.
     """
@@ -293,7 +294,7 @@ def rest_pose(
         model, starts, scene.sensitive_pose, rest_loads(scene, joint, REST_SHARE * scene.reference_load)
     )
     first = int(report.converged.argmax())
-    return poses[first], str(report.reason[first])
+    return poses[first], bool(report.converged[first])
 
 
 def rest_loads(scene: Scene, joint: Joint, size_n: float) -> dict[str, float]:

@@ -4,19 +4,11 @@ import numpy as np
 import pytest
 
 from casadi_contact.geometry.mesh import checked_mesh, load_mesh
-from casadi_contact.workflow.proposal.joint_geometry import find_patches, joint_geometry
-from casadi_contact.workflow.proposal.pair import Pair, contact_placement
+from casadi_contact.workflow.proposal.joint_geometry import joint_geometry
 from casadi_contact.workflow.proposal.propose import _shell
-from tests.support.joint_meshes import POLE, analysed, ball_in_cup, button_on_groove, medial_pivot
+from tests.support.joint_meshes import POLE, analysed, button_on_groove
 from tests.support.meshes import ball_mesh, cap_mesh, sheet_mesh, shell_mesh, slab_mesh, unit
 from tests.support.shared_data import shared_file
-
-
-def test_a_ball_is_round_where_it_touches_and_a_cup_on_a_ball_is_hollow():
-    ball, cup = ball_in_cup()
-    for moving, fixed, is_round in ((ball, cup, True), (cup, ball, False)):
-        pair = Pair.of(moving, fixed)
-        assert find_patches(pair, contact_placement(pair)).round == is_round
 
 
 @pytest.mark.parametrize("height", [22.0, 60.0])
@@ -108,14 +100,3 @@ def test_real_knees_have_two_patches_and_flex_backwards(moving, fixed, axes, tog
     assert abs(patches.cuts_mm[0]) < 3.0
     anchors = frame.points(patches.anchors_mm, "moving")
     assert np.abs(np.abs(anchors[:, 2]) - 22.0).max() < 5.0  # condyles, medial and lateral
-
-
-def test_a_small_place_beside_a_close_socket_is_told_and_parted_where_a_knee_is_asked_for():
-    """A medial pivot knee."""
-    meshes = dict(zip(("moving", "fixed"), medial_pivot(), strict=True))
-    alone, knee = joint_geometry(meshes), joint_geometry(meshes, "knee")
-    assert alone.joint.patches == ("contact",)
-    assert knee.joint.patches == ("med", "lat")
-    assert knee.patches.axis == 2
-    np.testing.assert_allclose(knee.patches.cuts_mm, [-3.0], atol=5.0)
-    np.testing.assert_allclose(np.sort(knee.patches.anchors_mm[:, 2]), [-22.0, 22.0], atol=1.5)

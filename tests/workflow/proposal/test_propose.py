@@ -16,8 +16,7 @@ from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.joint_cycle import scene_cycles
 from casadi_contact.scenes.shapes.mesh_bodies import body_mesh, shell_thickness
 from casadi_contact.workflow.proposal import propose as proposing
-from casadi_contact.workflow.proposal.joint_geometry import Joint
-from casadi_contact.workflow.proposal.propose import rest_loads, thin_spacing
+from casadi_contact.workflow.proposal.propose import thin_spacing
 from casadi_contact.workflow.proposal.tables import scene_text
 from tests.support.meshes import (
     ball_mesh,
@@ -68,10 +67,14 @@ def test_a_ball_in_a_cup(folder):
     assert off.max() < 2.0  # the grids are fine enough
 
 
-def test_a_joint_in_axes_that_are_given_is_pressed_as_it_lies_in_them(folder):
-    """A socket above its ball, as a temporomandibular joint's: pressed up, which is a load of +Fy on the socket."""
+def test_a_joint_in_axes_that_are_given_is_pressed_as_it_lies_in_them(folder, monkeypatch):
+    """A socket above its ball, as a temporomandibular joint's: pressed up, which is a load of +Fy on the socket.
+
+    Where no pose at rest is found, the scene starts in one of its motion."""
+    monkeypatch.setattr(proposing, "rest_pose", lambda model, *_: (np.zeros(6), False))
+    socket, faces = slab_mesh(*sheet_mesh(18.0, 1.5, lambda x, z: (x**2 + z**2) / 30.0), 4.0)
     write_obj(folder / "condyle.obj", *ball_mesh(6.0, 1.0))
-    write_obj(folder / "fossa.obj", *hung(slab_mesh(*sheet_mesh(18.0, 1.5, lambda x, z: (x**2 + z**2) / 30.0), 4.0)))
+    write_obj(folder / "fossa.obj", np.array([0.0, 6.0, 0.0]) - socket * [1.0, 1.0, -1.0], faces)
     output, scene = proposed(folder, "condyle", "fossa", "--axes", "x,y,z")
     assert "202 of 202 reference frames settle" in output
     assert scene.geometry["axes"] == ["x", "y", "z"]
@@ -79,12 +82,7 @@ def test_a_joint_in_axes_that_are_given_is_pressed_as_it_lies_in_them(folder):
     fy = scene.load_names.index("Fy")
     assert cc.ElasticFoundation(scene)(scene.start_pose)[fy] > 0.0
     assert scene.sensitive_loads == ("Fy",)
-
-
-def hung(body):
-    """A body over the origin turned to lie above a ball of 6 mm that is there."""
-    vertices, faces = body
-    return np.array([0.0, 6.0, 0.0]) - vertices * [1.0, 1.0, -1.0], faces
+    assert "at rest" not in output
 
 
 def test_a_button_in_a_groove(folder):
@@ -107,16 +105,7 @@ def refused(*arguments):
     return str(result.exception)
 
 
-def test_a_scene_file_that_is_there_is_kept(folder):
-    """It may have been edited by hand."""
-    kept = folder / "mine.toml"
-    kept.write_text("# mine")
-    output = refused(folder / "ball.obj", folder / "cup.obj", "--out", kept)
-    assert "mine.toml would be replaced: give another --out, or --force" in output
-    assert kept.read_text() == "# mine"
-
-
-def test_bad_names_and_units_are_refused_before_any_work_and_unlikely_ones_are_asked_about(folder):
+def test_bad_names_and_units_and_files_that_are_there_are_refused_before_any_work(folder):
     (folder / "01_cup.obj").write_bytes((folder / "cup.obj").read_bytes())
     assert "--out" in refused(folder / "ball.obj", folder / "01_cup.obj")
     files = (folder / "ball.obj", folder / "cup.obj", "--out", folder / "other.toml")
@@ -124,6 +113,10 @@ def test_bad_names_and_units_are_refused_before_any_work_and_unlikely_ones_are_a
     assert "mm across" in refused(*files, "--units", "m")
     for name, (vertices, faces) in (("ball", ball_mesh(16.0, 2.5)), ("cup", shell_mesh(16.4, 22.0, 2.0, 1.3, POLE))):
         write_obj(folder / f"{name}_cm.obj", 0.1 * vertices, faces)
+    kept = folder / "mine.toml"
+    kept.write_text("# mine")
+    assert "mine.toml would be replaced" in refused(folder / "ball.obj", folder / "cup.obj", "--out", kept)
+    assert kept.read_text() == "# mine"
     output = refused(folder / "ball_cm.obj", folder / "cup_cm.obj", "--out", folder / "cm.toml")
     assert re.search(r"is 4\.15 mm across in mm, 41\.5 mm across in cm, 105 mm across in inch.*--units", output)
 
@@ -157,8 +150,3 @@ def test_a_ball_on_a_thin_plate_carries_its_closed_form(tmp_path, monkeypatch):
     assert -cc.ElasticFoundation(scene).wrenches(pressed)[0, 1] == pytest.approx(EXACT_N, rel=0.015)
     monkeypatch.setattr(proposing, "field_fits", lambda mesh, spacing_mm: spacing_mm > 0.2)
     assert thin_spacing(meshes, thickness, 0.75)["fixed"] == pytest.approx(0.3)
-
-
-def test_a_force_that_turns_presses_down_unless_the_scene_names_a_direction():
-    loads = rest_loads(cc.load_scene("hip"), Joint("other", ("contact",), ""), 100.0)
-    assert loads == {"Fx": 0.0, "Fy": -100.0, "Fz": 0.0}
