@@ -27,7 +27,6 @@ from casadi_contact.core.quantities import FORCE, quantity
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.assembly import Assembly, Settling
 from casadi_contact.optimisation.muscle_contact import MuscleContact
-from casadi_contact.optimisation.muscle_walk import example_walk
 from casadi_contact.optimisation.pose_estimation import PoseEstimation
 from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.optimisation.verification import verify
@@ -35,6 +34,7 @@ from casadi_contact.pictures.page import new_page, save_page
 from casadi_contact.scenes.columns import TextColumns, check_radians, check_rising, write_columns
 from casadi_contact.scenes.load_cycle import OverTime
 from casadi_contact.scenes.walking import reference_cycle
+from problems.example_walk import example_walk
 
 CENTRES = ("cop_ap", "cop_ml", "cop_x", "cop_y", "cop_z")
 

@@ -21,11 +21,11 @@ from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import POSE_NAMES, Array
 from casadi_contact.core.machine import write_summary
-from casadi_contact.core.quantities import quantity
+from casadi_contact.core.quantities import FORCE, LENGTH, TORQUE, quantity
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.pose_continuation import continue_on, motion_of
 from casadi_contact.optimisation.pose_estimation import PoseEstimation, PoseResult
-from casadi_contact.optimisation.pose_targets import check_targets
+from casadi_contact.optimisation.pose_targets import PoseTargets
 from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.optimisation.verification import Verification, verify
 from casadi_contact.pictures.page import FAILED, FOUNDATION, SURROGATE, TARGET, frame, new_page, save_page
@@ -119,6 +119,34 @@ def rms_and_max(errors: Array) -> tuple[float, float]:
     """Root mean square and largest size of errors (n,), of those that are numbers."""
     known = errors[np.isfinite(errors)]
     return (float(np.sqrt(np.mean(known**2))), float(np.abs(known).max())) if len(known) else (np.nan, np.nan)
+
+
+def check_targets(targets: PoseTargets) -> list[str]:
+    """Warnings about units and signs of a cycle; none where they look like a joint's.
+
+    Forces outside 0.01 to 20 times the scene's reference load, torques of forces on levers below 0.05 mm, centres of
+    pressure within 0.5 mm of the origin throughout, and of a knee a centre of pressure on the wrong side.
+    """
+    values, warnings = targets.values, []
+    force_n, torque_nmm, centre_mm = (
+        max((float(np.abs(v).max()) for n, v in values.items() if quantity(n).kind == kind), default=0.0)
+        for kind in (FORCE, TORQUE, LENGTH)
+    )
+    if force_n > 0.0 and not 0.01 <= force_n / targets.scene.reference_load <= 20.0:
+        warnings.append(f"the largest force is {force_n:.3g} N, expected a joint's: is its unit kN, or body weight?")
+    if 1e-6 * force_n < torque_nmm < 0.05 * force_n:
+        warnings.append(f"the largest torque is {torque_nmm:.3g} N·mm, expected more: is its unit N·m?")
+    if 0.0 < centre_mm < 0.5:
+        warnings.append(f"centres of pressure reach {centre_mm:.2g} mm, expected some mm: is their unit m?")
+    if {"Fy_med", "Fy_lat", "cop_ml"} <= set(values):
+        forces, places = np.column_stack([values["Fy_med"], values["Fy_lat"]]), targets.scene.anchors_mm[:, 2]
+        from_middle = places - places.mean()
+        if (forces @ from_middle) @ (forces.sum(axis=1) * (values["cop_ml"] - places.mean())) < 0.0:
+            warnings.append(
+                "cop_ml lies on the side of the smaller force, expected that of the larger: check its sign, whether "
+                "the sides are exchanged, and whether this is a left knee"
+            )
+    return warnings
 
 
 def write_frames(

@@ -89,14 +89,14 @@ class ContactFrames:
             raise ValueError(f"unknown load {name!r}, expected one of {', '.join(self.load_names)}")
         return self.loads[self.load_names.index(name), :]
 
-    def misfit(self, targets: Mapping[str, Any], *, cop_lever_mm: float = 10.0) -> ca.MX:
+    def misfit(self, targets: Mapping[str, Any]) -> ca.MX:
         """Residuals (m, n) [N] of target loads, a row for each target: 0 where the contact carries it.
 
         targets: by name a number, (n,) values or an expression (1, n): loads of ``load_names``, or centres of pressure,
         cop_ap_mm = Tz/Fy and cop_ml_mm = -Tx/Fy (`centre_of_pressure`). The rows are
 
             2·√(N0·N*)·(s - s*), s* = √(N*/N0)    normal load of a patch, or of patches that one parameter sets together
-            (T ∓ c·F)/cop_lever                    centre of pressure c
+            (T ∓ c·F)/10 mm                        centre of pressure c
             F - F*, (T - T*)/25 mm                 other forces and torques
 
         Near the solution the first is the error in N; out of contact it has a derivative, which a load has not. Where a
@@ -118,7 +118,7 @@ class ContactFrames:
         for name, value in targets.items():
             if (centre := centre_of_pressure(name, normals)) is not None:
                 moment = self._row(name, value) * self._total(centre.force)
-                rows[name] = (self._total(centre.torque) - centre.sign * moment) / cop_lever_mm
+                rows[name] = (self._total(centre.torque) - centre.sign * moment) / 10.0
             elif name not in rows:
                 rows[name] = (self.load(name) - self._row(name, value)) / newton_scales([name], LEVER_MM)[0]
         return ca.vertcat(*(rows[name] for name in targets))
@@ -204,20 +204,14 @@ class ContactFrames:
             along = [part / ca.fmax(size, 1e-9) for part in target]
             # The opposite force -F* has the same size and nothing across v. |F| - F·v is zero for F* alone. Targets
             # below least/8 are left out: the floor of √(N*/N0) above would add solutions.
-            force = sum(part * self.load(name) for part, name in zip(along, normal.loads, strict=True))
-            turned = n0 * ca.fmax(got, 0.0) ** 2 - force
-            rows[normal.loads[0]] -= (size > least / 8.0) * turned
-            rows |= self._across(normal, along)
+            (fx, fy, fz), (x, y, z) = (self.load(name) for name in normal.loads), along
+            pressed = x * fx + y * fy + z * fz
+            rows[normal.loads[0]] -= (size > least / 8.0) * (n0 * ca.fmax(got, 0.0) ** 2 - pressed)
+            # Across v: the columns of the Householder reflection that maps the first axis onto ±v.
+            turn = ca.if_else(x >= 0.0, 1.0, -1.0)
+            share = (pressed + turn * fx) / (1.0 + turn * x)
+            rows |= {normal.loads[1]: fy - y * share, normal.loads[2]: fz - z * share}
         return rows
-
-    def _across(self, normal: NormalLoad, along: list[Any]) -> dict[str, ca.MX]:
-        """Two components of the force across the target's direction v = (x, y, z): the columns of the Householder
-        reflection that maps the first axis onto ±v."""
-        force = [self.load(name) for name in normal.loads]
-        x, y, z = along
-        turn = ca.if_else(x >= 0.0, 1.0, -1.0)
-        share = (x * force[0] + y * force[1] + z * force[2] + turn * force[0]) / (1.0 + turn * x)
-        return {normal.loads[1]: force[1] - y * share, normal.loads[2]: force[2] - z * share}
 
 
 def total_root(roots: ca.MX) -> ca.MX:

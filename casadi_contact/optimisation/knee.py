@@ -25,6 +25,7 @@ from casadi_contact.scenes.scene import Scene
 
 SIDES = ("Fy_med", "Fy_lat")
 KNEE_LOADS = (*SIDES, "Fx", "Fz", "Tx", "Ty", "Tz")
+PRESSED_N = 500.0  # of each side, where a pose without shear is sought
 
 
 def check_knee(what: str, scene: Scene, load_names: Sequence[str], needed: Sequence[str] = KNEE_LOADS) -> None:
@@ -83,16 +84,14 @@ def contact_expression(pose: ca.MX, loads: ca.MX) -> dict[str, ca.MX]:
     return dict(zip(COORDINATES, ca.vertsplit(-on_tibia), strict=True))
 
 
-def shear_free_poses(
-    model: SymbolicContact, ry: Array, rz: Array, *, load_n: float = 500.0, followed: int = 5
-) -> Array:
-    """Poses (n, 6) at given rotations (n,), (n,) [rad] where vertical forces load_n on both sides cause no shear,
+def shear_free_poses(model: SymbolicContact, ry: Array, rz: Array) -> Array:
+    """Poses (n, 6) at given rotations (n,), (n,) [rad] where vertical forces of 500 N on both sides cause no shear,
     Fx = Fz = 0. That fixes the pose parameters that nothing else does.
 
     A convex tibia has several such poses. Frames that find none from the middle pose, or another than their neighbours
-    (`leaps`), are followed outwards from up to `followed` frames in turn, and the motion with the fewest faults is
+    (`leaps`), are followed outwards from up to five frames in turn, and the motion with the fewest faults is
     taken. Where there is none the femur stands where shear is least, with a RuntimeWarning.
-    Raises ValueError where rotations lie outside what the surrogate learned, the least shear exceeds a tenth of load_n,
+    Raises ValueError where rotations lie outside what the surrogate learned, the least shear exceeds 50 N,
     or the scene locks or ties pose parameters.
     """
     model.scene.pose_space.check_unconstrained("a pose without shear")
@@ -106,23 +105,23 @@ def shear_free_poses(
                 f"{name} reaches from {angle.min():.3g} to {angle.max():.3g} rad, the surrogate learned "
                 f"{low[column]:.3g} to {high[column]:.3g}: train one around your own cycles"
             )
-    alone, without = _without_shear(model, poses, load_n)
+    alone, without = _without_shear(model, poses)
     best, shear = alone, without
     firsts = np.flatnonzero(without == 0.0)
-    for first in firsts[:: max(1, len(firsts) // followed)].tolist():
+    for first in firsts[:: max(1, len(firsts) // 5)].tolist():
         if _faults(best, shear) == (0, 0, 0):
             break
-        tried = _outwards(model, poses, alone[first], first, load_n)
+        tried = _outwards(model, poses, alone[first], first)
         if _faults(*tried) < _faults(best, shear):
             best, shear = tried
     for rows, limit in (
-        (np.isinf(shear), f"more than {0.1 * load_n:g} N"),
+        (np.isinf(shear), f"more than {0.1 * PRESSED_N:g} N"),
         (shear > 0.0, f"up to {shear.max():.2g} N"),
     ):
         if rows.any():
             said = (
-                f"no place of the femur without shear under {load_n:g} N on each side in {rows.sum()} of {len(rows)} "
-                f"frames, first in frame {rows.argmax()}: {limit} is left"
+                f"no place of the femur without shear under {PRESSED_N:g} N on each side in {rows.sum()} of "
+                f"{len(rows)} frames, first in frame {rows.argmax()}: {limit} is left"
             )
             if np.isinf(shear).any():
                 raise ValueError(f"{said}, expected 0: are flexion and rotation those of this knee?")
@@ -135,21 +134,21 @@ def _faults(poses: Array, shear: Array) -> tuple[int, int, int]:
     return int(np.isinf(shear).sum()), int((shear > 0.0).sum()), int(leaps(poses)[:, :4].sum())
 
 
-def _without_shear(model: SymbolicContact, poses: Array, load_n: float) -> tuple[Array, Array]:
+def _without_shear(model: SymbolicContact, poses: Array) -> tuple[Array, Array]:
     """Poses (n, 6) settled without shear, and the shear left (n,) [N]: 0 where settled, infinite where the sides do not
-    carry load_n or more than a tenth of it is left."""
-    sides = dict.fromkeys(model.scene.sensitive_loads, -load_n)
+    carry 500 N or more than a tenth of it is left."""
+    sides = dict.fromkeys(model.scene.sensitive_loads, -PRESSED_N)
     poses, _ = settle(model, poses, ("ty", "rx"), sides, tolerance=1.0)
     targets = {**sides, "Fx": 0.0, "Fz": 0.0}
     poses, report = settle(model, poses, ("tx", "ty", "tz", "rx"), targets, tolerance=0.1)
     loads = dict(zip(model.load_names, model(poses).T, strict=True))
     shear = np.hypot(loads["Fx"], loads["Fz"])
-    carried = np.all([np.abs(loads[name] - force) < 0.1 * load_n for name, force in sides.items()], axis=0)
-    left = np.where(carried & (shear <= 0.1 * load_n), shear, np.inf)
+    carried = np.all([np.abs(loads[name] - force) < 0.1 * PRESSED_N for name, force in sides.items()], axis=0)
+    left = np.where(carried & (shear <= 0.1 * PRESSED_N), shear, np.inf)
     return poses, np.where(report.converged, 0.0, left)
 
 
-def _outwards(model: SymbolicContact, poses: Array, pose: Array, first: int, load_n: float) -> tuple[Array, Array]:
+def _outwards(model: SymbolicContact, poses: Array, pose: Array, first: int) -> tuple[Array, Array]:
     """`_without_shear` frame by frame, each from its neighbour's pose, outwards from the pose (6,) of the first frame;
     it ends at a frame without a pose."""
     poses, shear = poses.copy(), np.full(len(poses), np.inf)
@@ -157,7 +156,7 @@ def _outwards(model: SymbolicContact, poses: Array, pose: Array, first: int, loa
     for frames, step in ((range(first + 1, len(poses)), -1), (range(first - 1, -1, -1), 1)):
         for frame in frames:
             poses[frame, :4] = poses[frame + step, :4]
-            poses[[frame]], shear[[frame]] = _without_shear(model, poses[[frame]], load_n)
+            poses[[frame]], shear[[frame]] = _without_shear(model, poses[[frame]])
             if np.isinf(shear[frame]):
                 return poses, shear
     return poses, shear

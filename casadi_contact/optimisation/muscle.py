@@ -82,16 +82,16 @@ class MuscleParameters:
                 raise ValueError(f"{key} of {self.names[worst]} is {values[worst]:g}, expected {expected}")
             object.__setattr__(self, key, values)
 
-    def fitted_to(self, lengths_m: Array, longest_fibre: float = LONGEST_FIBRE) -> MuscleParameters:
+    def fitted_to(self, lengths_m: Array) -> MuscleParameters:
         """Fibres and tendons of an average person scaled to one of another size, from musculotendon lengths (n, m) of
         all cycles that are at hand:
 
-        1. One factor for each muscle, so that its longest length stretches the fibre to longest_fibre of its optimum.
+        1. One factor for each muscle, so that its longest length stretches the fibre to `LONGEST_FIBRE` of its optimum.
         2. Where that leaves the tendon slack at its shortest length, fibre and tendon have a factor each: the longest
-           length stretches the fibre to longest_fibre, the shortest just straightens the tendon.
+           length stretches the fibre as far, the shortest just straightens the tendon.
         """
         shortest, longest = lengths_m.min(axis=0), lengths_m.max(axis=0)
-        stretched = np.sqrt(longest_fibre**2 - np.sin(self.pennation_rad) ** 2)  # along the tendon, of optimal length
+        stretched = np.sqrt(LONGEST_FIBRE**2 - np.sin(self.pennation_rad) ** 2)  # along the tendon, of optimal length
         factor = longest / (self.tendon_slack_length_m + self.optimal_fibre_length_m * stretched)
         fibre, tendon = factor * self.optimal_fibre_length_m, factor * self.tendon_slack_length_m
         slack = tendon > shortest
@@ -113,19 +113,12 @@ class ForceCapacity:
     slack: np.ndarray
 
 
-def force_capacity(
-    muscles: MuscleParameters, lengths_m: Array, velocities_m_per_s: Array, model: str = "hill"
-) -> ForceCapacity:
+def force_capacity(muscles: MuscleParameters, lengths_m: Array, velocities_m_per_s: Array) -> ForceCapacity:
     """What each muscle can give at each frame, for musculotendon lengths and velocities (n, m).
 
-    model "isometric": F = F0·a whatever the length. A tendon longer than its musculotendon is slack, which gives no
-    force and a RuntimeWarning. Raises ValueError for a muscle that is slack in every frame.
+    A tendon longer than its musculotendon is slack, which gives no force and a RuntimeWarning. Raises ValueError for a
+    muscle that is slack in every frame.
     """
-    if model == "isometric":
-        whole, zero = np.broadcast_to(muscles.max_isometric_force_n, lengths_m.shape), np.zeros(lengths_m.shape)
-        return ForceCapacity(whole, zero, np.ones(lengths_m.shape), zero > 0.0)
-    if model != "hill":
-        raise ValueError(f"muscle model is {model!r}, expected hill or isometric")
     slack = lengths_m < muscles.tendon_slack_length_m
     for name, frames in zip(muscles.names, slack.T, strict=True):
         if frames.all():

@@ -61,9 +61,8 @@ class MuscleSettings:
     exponent p >= 2 of activations in the cost; margin_mm: Δ of closed sides, 20 mm being two standard deviations of
     where the load passes the knee from step to step; shank_m: knee to ankle; calf_arm_m: of the Achilles tendon about
     the ankle; soleus_n: its greatest force along the tendon (Arnold et al., Ann Biomed Eng 38 (2010) 269-279);
-    fit_lengths: scale generic fibres and tendons to the walk's lengths (`MuscleParameters.fitted_to`); muscle_model:
-    hill or isometric; balanced: coordinates of `COORDINATES`; free: ty, rx, and by choice tx and tz; reserve_sizes:
-    reserves [N, N·m] that cost as much as one full activation; tolerance_n: of a balanced coordinate.
+    balanced: coordinates of `COORDINATES`; free: ty, rx, and by choice tx and tz; reserve_sizes: reserves [N, N·m] that
+    cost as much as one full activation; tolerance_n: of a balanced coordinate.
     """
 
     exponent: float = 3.0
@@ -74,8 +73,6 @@ class MuscleSettings:
     shank_m: float = 0.41
     calf_arm_m: float = 0.045
     soleus_n: float = 3585.9 * float(np.cos(np.deg2rad(28.3)))
-    fit_lengths: bool = True
-    muscle_model: str = "hill"
     balanced: tuple[str, ...] = ("knee_ty", "knee_adduction", "knee_flexion")
     free: tuple[str, ...] = ("ty", "rx")
     reserve_sizes: Mapping[str, float] = field(default_factory=RESERVE_SIZES.copy)
@@ -120,7 +117,7 @@ class MuscleContactResult:
 class MuscleContact:
     """The problem over all frames of a walk, which can be inspected unsolved.
 
-        problem = MuscleContact(cc.load_surrogate("knee"), example_walk())
+        problem = MuscleContact(cc.load_surrogate("knee"), read_walk(*files))
         result = problem.solve()
 
     nlp: CasADi's x, f and g; lower, upper, lower_g, upper_g, start: bounds and start. Variables of a frame, scaled:
@@ -136,8 +133,8 @@ class MuscleContact:
         check_knee("a muscle problem", contact_model.scene, contact_model.load_names)
         walk.check_has(dict.fromkeys(("knee_ty", *settings.balanced)))
         self.contact_model, self.walk, self.settings = contact_model, walk, settings
-        self.muscles = walk.muscles.fitted_to(walk.lengths_m) if settings.fit_lengths else walk.muscles
-        self.capacity = force_capacity(self.muscles, walk.lengths_m, walk.velocities_m_per_s, settings.muscle_model)
+        self.muscles = walk.muscles.fitted_to(walk.lengths_m)
+        self.capacity = force_capacity(self.muscles, walk.lengths_m, walk.velocities_m_per_s)
         frames, balanced = len(walk), settings.balanced
 
         sizes = (len(self.muscles.names), len(settings.free), len(balanced), int(settings.ankle))
@@ -188,10 +185,9 @@ class MuscleContact:
         lower[:, reserve], upper[:, reserve] = -np.inf, np.inf
         self.start, self.lower, self.upper = start.ravel(), lower.ravel(), upper.ravel()
 
-    def solve(self, max_iterations: int = 500, print_level: int = 0) -> MuscleContactResult:
+    def solve(self, max_iterations: int = 500) -> MuscleContactResult:
         """Solve with IPOPT and its exact Hessian. Frames that do not converge are reported, never raised."""
-        began = time.perf_counter()
-        options = ipopt_options(tolerance=1e-7, max_iterations=max_iterations, print_level=print_level)
+        began, options = time.perf_counter(), ipopt_options(tolerance=1e-7, max_iterations=max_iterations)
         solver = ca.nlpsol("muscle_contact", "ipopt", self.nlp, options)
         answer = solver(x0=self.start, lbx=self.lower, ubx=self.upper, lbg=self.lower_g, ubg=self.upper_g)
         seconds, ipopt = time.perf_counter() - began, IpoptOutcome.of(solver)
@@ -224,10 +220,8 @@ class MuscleContact:
 
 
 def columns_of(names: tuple[str, ...], *parts: str) -> list[int]:
-    """Columns of muscles whose names hold one of the parts, as usual leg models have them (vas, gas, recf, rect_f).
-
-    Raises ValueError where there are none.
-    """
+    """Columns of muscles whose names hold one of the parts, as usual leg models have them (vas, gas, recf, rect_f);
+    ValueError where there are none."""
     columns = [column for column, name in enumerate(names) if any(part in name.lower() for part in parts)]
     if not columns:
         raise ValueError(

@@ -57,7 +57,7 @@ class PoseResult:
 
     @property
     def solved(self) -> np.ndarray:
-        """True (n,) where the targets are met, on the problem's model or on the reference."""
+        """True (n,) where the targets are met, on either model."""
         return np.asarray((self.outcome == FrameOutcome.SOLVED) | self.on_reference)
 
     @property
@@ -138,7 +138,7 @@ class PoseEstimation:
         low, high = pose_bounds(self.model)
         return np.asarray(((poses >= low) & (poses <= high))[:, self.contact.columns].all(axis=1))
 
-    def solve(self, start: Array | None = None, max_iterations: int = 300, print_level: int = 0) -> PoseResult:
+    def solve(self, start: Array | None = None, max_iterations: int = 300) -> PoseResult:
         """Settle a start (n, 6), by default the middle of the range, and solve with IPOPT.
 
         Without smoothness, which couples frames, those left unsolved are then solved alone from solved neighbours.
@@ -146,7 +146,7 @@ class PoseEstimation:
         """
         began, loaded = time.perf_counter(), self.targets.loaded
         poses = self.settle_start(self.contact.start_poses() if start is None else self.contact.each_frame(start))
-        options = least_squares_options(max_iterations=max_iterations, print_level=print_level)
+        options = least_squares_options(max_iterations=max_iterations)
         solver = ca.nlpsol("pose_estimation", "ipopt", self.nlp, options)
         x0, lower, upper = self.contact.variables(poses), self.contact.lower, self.contact.upper
         fixed = np.repeat(~loaded & (self.smoothness == 0.0), len(self.free))
@@ -180,22 +180,19 @@ class PoseEstimation:
         nlp = {"x": ca.vec(contact.q), "p": given, "f": 0.5 * ca.sumsqr(contact.misfit(targets))}
         return ca.nlpsol("one_frame", "ipopt", nlp, least_squares_options(max_iterations=100))
 
-    def solve_frame(self, x: Array, frame: int, solved_n: float = 0.01) -> tuple[Array | None, int]:
-        """One frame alone from x (f,): the solution, None where none leaves |r| <= solved_n, and IPOPT's iterations."""
+    def solve_frame(self, x: Array, frame: int) -> tuple[Array | None, int]:
+        """One frame alone from x (f,): the solution, None where none leaves |r| <= 0.01 N, and IPOPT's iterations."""
         lower, upper = (bound[: len(self.free)] for bound in (self.contact.lower, self.contact.upper))
         given = [curve[frame] for curve in (*self.targets.values.values(), *self.measured.values())]
         answer = self._frame_solver(x0=np.clip(x, lower, upper), p=given, lbx=lower, ubx=upper)
         ipopt = IpoptOutcome.of(self._frame_solver)
-        solved = ipopt.solved and np.sqrt(2.0 * float(answer["f"])) <= solved_n
+        solved = ipopt.solved and np.sqrt(2.0 * float(answer["f"])) <= 0.01
         return np.asarray(answer["x"]).ravel() if solved else None, ipopt.iterations
 
     def _solve_from_neighbours(self, x: Array, solved: np.ndarray) -> int:
         """Solve loaded frames (rows of x (n, f), in place) alone, solved ones from where they are, the others outwards
-        from these; returns IPOPT iterations.
-
-        All frames in one problem share step lengths and regularisation, so that a few hard ones use up the iterations
-        of all, and solved ones may be left short of IPOPT's tolerance.
-        """
+        from these; returns IPOPT iterations. In one problem all frames share step lengths: a few hard ones use up the
+        iterations of all, and leave solved ones short of IPOPT's tolerance."""
         loaded, iterations = self.targets.loaded, 0
         done = np.zeros(len(x), dtype=bool)
         waiting = deque((k, k) for k in np.flatnonzero(solved).tolist())
@@ -211,13 +208,10 @@ class PoseEstimation:
         return iterations
 
     def settle_start(self, poses: Array) -> Array:
-        """Poses (n, 6) brought into the learned range and settled, frame by frame, under the targets.
-
-        First the sensitive parameters settle under the normal loads, inside the range (`settle_in_range`): outside it s
-        may have another root, from which IPOPT does not come back. Then all free parameters settle under all targets,
-        which leaves IPOPT 8 iterations in place of 21 on the built-in walk. Targets that are only parts of normal loads
-        settle from a little beyond the first touch.
-        """
+        """Poses (n, 6) settled frame by frame: the sensitive parameters under the normal loads, inside the learned
+        range (`settle_in_range`), outside of which s may have another root; then all free ones under all targets, which
+        leaves IPOPT 8 iterations in place of 21 on the built-in walk. Targets that are only parts of normal loads
+        settle from a little beyond the first touch."""
         pressing = self.targets.pressing
         poses = settle_in_range(self.model, poses, self.contact.start_poses(), self.free, pressing, tolerance_n=0.1)
         left = self._settle_rows(poses, np.arange(self.frames))

@@ -120,14 +120,6 @@ class PoseTargets:
         least = np.maximum(least, 1e-6 * self.scene.boundary_load)
         return np.asarray(10.0 ** np.floor(np.log10(np.minimum(least * self.cop_mm / LEVER_MM, 0.01))))
 
-    def describe(self, errors: Array) -> str:
-        """The largest error of each kind of one frame (targets,), in words."""
-        words = []
-        for kind, what in ((FORCE, "forces"), (TORQUE, "torques"), (LENGTH, "centre of pressure")):
-            sizes = [abs(e) for name, e in zip(self.values, errors, strict=True) if quantity(name).kind == kind]
-            words += [f"{what} off by {max(sizes):.3g} {kind.unit}"] if sizes else []
-        return ", ".join(words)
-
     def _force(self, centre: CentreOfPressure) -> Array:
         """Target force (n,) of a centre of pressure."""
         parts = self._summands(centre.force)
@@ -157,31 +149,3 @@ def _summands(component: str, scene: Scene, values: Mapping[str, Array]) -> tupl
     return loads_of_total(component, targets, scene.patch_names) or loads_of_total(
         component, scene.load_names, scene.patch_names
     )
-
-
-def check_targets(targets: PoseTargets) -> list[str]:
-    """Warnings about units and signs of a cycle; none where they look like a joint's.
-
-    Forces outside 0.01 to 20 times the scene's reference load, torques of forces on levers below 0.05 mm, centres of
-    pressure within 0.5 mm of the origin throughout, and of a knee a centre of pressure on the wrong side.
-    """
-    values, warnings = targets.values, []
-    force_n, torque_nmm, centre_mm = (
-        max((float(np.abs(v).max()) for n, v in values.items() if quantity(n).kind == kind), default=0.0)
-        for kind in (FORCE, TORQUE, LENGTH)
-    )
-    if force_n > 0.0 and not 0.01 <= force_n / targets.scene.reference_load <= 20.0:
-        warnings.append(f"the largest force is {force_n:.3g} N, expected a joint's: is its unit kN, or body weight?")
-    if 1e-6 * force_n < torque_nmm < 0.05 * force_n:
-        warnings.append(f"the largest torque is {torque_nmm:.3g} N·mm, expected more: is its unit N·m?")
-    if 0.0 < centre_mm < 0.5:
-        warnings.append(f"centres of pressure reach {centre_mm:.2g} mm, expected some mm: is their unit m?")
-    if {"Fy_med", "Fy_lat", "cop_ml"} <= set(values):
-        forces, places = np.column_stack([values["Fy_med"], values["Fy_lat"]]), targets.scene.anchors_mm[:, 2]
-        from_middle = places - places.mean()
-        if (forces @ from_middle) @ (forces.sum(axis=1) * (values["cop_ml"] - places.mean())) < 0.0:
-            warnings.append(
-                "cop_ml lies on the side of the smaller force, expected that of the larger: check its sign, whether "
-                "the sides are exchanged, and whether this is a left knee"
-            )
-    return warnings

@@ -38,14 +38,12 @@ def loads_on(model: ContactModel, poses: Array, names: Sequence[str]) -> Array:
     return np.asarray(model(poses)[:, [model.load_names.index(name) for name in names]])
 
 
-def off_finer(
-    model: ElasticFoundation, poses: Array, names: Sequence[str], allowed: Array, unsure_share: float = 0.5
-) -> Array:
+def off_finer(model: ElasticFoundation, poses: Array, names: Sequence[str], allowed: Array) -> Array:
     """What the elements are off by in poses (n, 6): their named loads (n, L) minus those of elements half as wide; 0
     where these are a mesh's own triangles, and so the same for every grid.
 
     Elements twice as wide are asked first, which takes a quarter of the model's time. Poses in which these differ by no
-    more than unsure_share of `allowed` (L,) are left at zero. That is a sieve and no proof, since errors need not fall
+    more than half of `allowed` (L,) are left at zero. That is a sieve and no proof, since errors need not fall
     with the width: of 544 poses of the knee in which 40×20 elements are off by more than allowed, a sieve twice as wide
     let two pass. Where half the width would be too many elements, the wider ones stand in for the finer.
     """
@@ -55,7 +53,7 @@ def off_finer(
     loads = loads_on(model, poses, names)
     wider = ElasticFoundation(model.scene, ((nx + 1) // 2, (nz + 1) // 2))
     off = loads - loads_on(wider, poses, names)
-    unsure = (np.abs(off) > unsure_share * allowed).any(axis=1)
+    unsure = (np.abs(off) > 0.5 * allowed).any(axis=1)
     if unsure.any() and 4 * nx * nz <= MOST_ELEMENTS:
         finer = ElasticFoundation(model.scene, (2 * nx, 2 * nz))
         off[unsure] = loads[unsure] - loads_on(finer, poses[unsure], names)

@@ -155,7 +155,7 @@ class StaticEquilibrium:
         return np.asarray(self.residuals(q)).T
 
     def solve(
-        self, start: ArrayLike | None = None, *, restarts: int = 0, max_iterations: int = 300, print_level: int = 0
+        self, start: ArrayLike | None = None, *, restarts: int = 0, max_iterations: int = 300
     ) -> EquilibriumResult:
         """Solve with IPOPT from a start (n, 6), the rest poses if left out.
 
@@ -177,7 +177,7 @@ class StaticEquilibrium:
             if attempt:
                 beside = self._nearest_solved(poses, solved)[left]
                 begin = beside + rng.uniform(-1.0, 1.0, (len(left), 6)) * aside
-            tried, ipopt = problem._optimum(begin, max_iterations, print_level)
+            tried, ipopt = problem._optimum(begin, max_iterations)
             iterations += ipopt.iterations
             met = np.abs(problem.misfit_n(tried)).max(axis=1) <= problem.tolerance_n
             replaced = np.full(len(left), True) if not attempt else met
@@ -192,9 +192,9 @@ class StaticEquilibrium:
             seconds=time.perf_counter() - began,
         )
 
-    def _optimum(self, start: Array, max_iterations: int, print_level: int) -> tuple[Array, IpoptOutcome]:
+    def _optimum(self, start: Array, max_iterations: int) -> tuple[Array, IpoptOutcome]:
         pressed = press_together(self.model, start, self.rest, self.loads, self.free)
-        options = least_squares_options(max_iterations=max_iterations, print_level=print_level)
+        options = least_squares_options(max_iterations=max_iterations)
         solver = ca.nlpsol("static_equilibrium", "ipopt", self.nlp, options)
         contact = self.contact
         answer = solver(x0=contact.variables(pressed), lbx=contact.lower, ubx=contact.upper)

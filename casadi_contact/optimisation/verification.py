@@ -31,11 +31,10 @@ class Verification:
 
     solved (n,): as the solver says; errors (n, L): surrogate minus model [N, N·mm] of load_names, infinite where the
     model gave no number, NaN where there was no model to ask; tolerance: the scene's; model: its name, or why there is
-    none; outside (n,): frames out of the learned region; expected (n, L): what the surrogate says of its errors, NaN
-    where it says nothing; uncounted (n,): share of the load that lies where no model of the scene counts any; off_finer
-    (n, L): what the model differs by from a finer one; on_model (n,): frames that were solved on the model itself;
-    without_load (n,): frames that bear none, which count for nothing; leaps (n,): frames whose pose lies apart from a
-    neighbour's.
+    none; outside (n,): frames out of the learned region; uncounted (n,): share of the load that lies where no model of
+    the scene counts any; off_finer (n, L): what the model differs by from a finer one; on_model (n,): frames that were
+    solved on the model itself; without_load (n,): frames that bear none, which count for nothing; leaps (n,): frames
+    whose pose lies apart from a neighbour's.
     """
 
     load_names: tuple[str, ...]
@@ -45,7 +44,6 @@ class Verification:
     tolerance: Tolerance
     model: str
     outside: np.ndarray
-    expected: Array
     uncounted: Array
     off_finer: Array
     on_model: np.ndarray
@@ -127,7 +125,7 @@ class Verification:
         count, solved, idle = (int(rows.sum()) for rows in (loaded, self.solved & loaded, self.without_load))
         others = f", {idle} bear no load" if idle else ""
         if not self.checked:
-            return f"{solved} of {count} solved{others}, not checked: {self.model}{self._own_words}"
+            return f"{solved} of {count} solved{others}, not checked: {self.model}"
         verified, alone = int(self.verified.sum()), int((self.verified & self.on_model).sum())
         own = f", {alone} of them on it alone" if alone else ""
         parts = [f"{verified} of {count} solved and verified on {self.model}{own}{others}"]
@@ -182,18 +180,6 @@ class Verification:
                 yield left & rows, *said
             left &= ~rows
 
-    @property
-    def _own_words(self) -> str:
-        """The largest of a surrogate's own expected errors in solved frames, against what is allowed."""
-        told = self.solved & ~self.without_load & np.isfinite(self.expected).all(axis=1)
-        if not told.any():
-            return ""
-        largest = self.expected[told].max(axis=0)
-        load = int((largest / self.allowed).argmax())
-        name = self.load_names[load]
-        off, unit = format_above_limit(largest[load], self.allowed[load]), load_unit(name)
-        return f"; the surrogate itself expects errors up to {off} {unit} ({name}, {self.allowed[load]:g} allowed)"
-
     def _largest(self, errors: Array, rows: _Rows) -> str:
         """Of errors (n, L) in rows, or in one: the one that is largest against what is allowed."""
         found = np.abs(np.atleast_2d(errors[rows]))
@@ -224,14 +210,11 @@ def verify(
     if not len(poses):
         raise ValueError("no poses to verify, expected (n, 6) with n >= 1")
     given = {"solved": solved, "on_model": on_model, "without_load": without_load, "leaps": leaps}
-    rows = {key: as_mask(key, value, len(poses)) for key, value in given.items()}
+    rows = {key: _truths(key, value, len(poses)) for key, value in given.items()}
     shape, tolerance = (len(poses), len(names)), Tolerance.of(surrogate.scene, names)
-    outside, expected = np.zeros(len(poses), dtype=bool), np.full(shape, np.nan)
-    if isinstance(surrogate, HasConfidence):
-        outside[:] = surrogate.confidence is None  # without confidence no region is known
-        if surrogate.confidence is not None:
-            columns = [surrogate.load_names.index(load) for load in names]
-            outside, expected = surrogate.validity(poses) < 0.5, surrogate.expected_error(poses)[:, columns]
+    outside = np.zeros(len(poses), dtype=bool)
+    if isinstance(surrogate, HasConfidence):  # without confidence no region is known
+        outside |= surrogate.validity(poses) < 0.5 if surrogate.confidence is not None else True
     uncounted, finer = np.zeros(len(poses)), np.zeros(shape)
     if isinstance(model, str):
         errors, name = np.full(shape, np.nan), model
@@ -250,20 +233,17 @@ def verify(
         tolerance=tolerance,
         model=name,
         outside=outside,
-        expected=expected,
         uncounted=uncounted,
         off_finer=finer,
         **rows,
     )
 
 
-def as_mask(key: str, value: ArrayLike, count: int) -> np.ndarray:
-    """Truth of each pose (n,), given for each or for all; ValueError for another shape, and for other than True, False,
-    1 and 0."""
+def _truths(key: str, value: ArrayLike, count: int) -> np.ndarray:
+    """True or False (n,) for each pose, given for each or for all."""
     given = np.asarray(value)
     if given.dtype.kind not in "biuf" or not np.isin(given, (0, 1)).all():
-        raise ValueError(f"{key} holds {given.ravel()[0] if given.size else given.dtype}, expected True or False")
-    truth = given.astype(bool)
-    if truth.shape not in ((), (count,)):
-        raise ValueError(f"{key} has shape {truth.shape}, expected one for each of {count} poses, or one for all")
-    return np.broadcast_to(truth, count)
+        raise ValueError(f"{key} holds {given.ravel()[:1]}, expected True or False")
+    if given.shape not in ((), (count,)):
+        raise ValueError(f"{key} has shape {given.shape}, expected one for each of {count} poses, or one for all")
+    return np.broadcast_to(given.astype(bool), count)

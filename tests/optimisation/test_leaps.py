@@ -32,7 +32,7 @@ def test_a_change_of_branch_and_a_frame_on_another_one_are_found():
 def test_frames_that_settle_on_another_branch_follow_their_neighbours(monkeypatch):
     """A shear that vanishes at two places, and frames of which the middle leads to one or to the other."""
 
-    def two_places(model, poses, load_n):
+    def two_places(model, poses):
         """Newton's method on Fx ~ (tx - 1)(tx - 5) ends at the nearer zero, but for frames that begin in the middle."""
         found = poses.copy()
         begun = np.where(poses[:, 0] == middle, np.where(poses[:, 5] < -0.3, 5.0, 1.0), poses[:, 0])

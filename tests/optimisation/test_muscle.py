@@ -78,12 +78,6 @@ def test_a_slack_tendon_gives_no_force_and_a_warning():
         force_capacity(ONE, np.array([[0.14], [0.15]]), np.zeros((2, 1)))
 
 
-def test_isometric_muscles_give_their_greatest_force_at_any_length():
-    capacity = force_capacity(ONE, np.array([[0.1], [0.5]]), np.zeros((2, 1)), "isometric")
-    np.testing.assert_array_equal(capacity.active_n, 1000.0)
-    np.testing.assert_array_equal(capacity.passive_n, 0.0)
-
-
 @pytest.mark.parametrize(
     ("field", "value", "word"),
     [

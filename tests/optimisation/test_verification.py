@@ -130,22 +130,6 @@ def test_a_scene_without_a_model_of_its_own_says_so(knee):
     assert not check.verified.any()
 
 
-def test_without_a_model_to_ask_the_surrogate_says_what_it_expects_of_itself(knee):
-    far = POSE.copy()
-    far[5] -= 2.0
-    poses, allowed = np.array([POSE, far]), 3.0 * knee.scene.tolerances_of(knee.load_names)
-    inside, outside = knee.expected_error(poses) / allowed
-    assert outside.max() > 1.0 > inside.max()
-    for solved, shares, pose in ((True, outside, far), ([True, False], inside, POSE)):
-        load = int(shares.argmax())
-        said = cc.verify(knee, poses, "no model", solved).line.partition("expects errors up to ")[2]
-        value, _, rest = said.partition(" ")
-        np.testing.assert_allclose(float(value), knee.expected_error([pose])[0, load], rtol=0.01)
-        assert f"({knee.load_names[load]}, {allowed[load]:g} allowed)" in rest
-    assert "expects" not in cc.verify(knee, poses, "no model", False).line
-    assert "expects" not in cc.verify(type(knee)(knee.scene, knee.networks, knee.record), poses, "no model").line
-
-
 @pytest.mark.parametrize(
     ("changed", "said"),
     [

@@ -8,8 +8,8 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.optimisation.muscle_contact import MuscleContact
-from casadi_contact.optimisation.muscle_walk import example_walk
 from problems import muscle_driven
+from problems.example_walk import example_walk
 from problems.muscle_driven import MOVING, Leg
 
 

@@ -11,8 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.core.conventions import POSE_IN_MM, Array, as_poses, check_above_zero, finite_numbers, pose_index
-from casadi_contact.core.files.reading import short
+from casadi_contact.core.conventions import POSE_IN_MM, Array, as_poses, check_above_zero, pose_index
 from casadi_contact.core.quantities import FORCE, Kind, quantity
 from casadi_contact.networks.frames import placed, relative_pose, rotation
 from casadi_contact.networks.names import check_name
@@ -128,14 +127,11 @@ class Assembly:
         return found[name]
 
     def contact_poses(self, name: str, poses: ArrayLike) -> Array:
-        """Poses (n, 6) of a contact's moving body in its fixed one, for poses (n, bodies, 6) or (bodies, 6).
-
-        Raises ValueError for other numbers, and for a contact that is not there.
-        """
-        count, numbers = len(self.bodies), finite_numbers(poses)
-        if numbers is None or numbers.ndim not in (2, 3) or numbers.shape[-2:] != (count, 6) or not numbers.size:
-            got = f"shape {np.shape(poses)}" if numbers is not None else short(repr(poses))
-            raise ValueError(f"poses: got {got}, expected finite (n, {count}, 6): a pose of {', '.join(self.bodies)}")
+        """Poses (n, 6) of a contact's moving body in its fixed one, for poses (n, bodies, 6) or (bodies, 6); ValueError
+        for another shape, and for a contact that is not there."""
+        count, numbers = len(self.bodies), np.asarray(poses, dtype=float)
+        if numbers.shape[-2:] != (count, 6):
+            raise ValueError(f"poses have shape {numbers.shape}, expected (n, {count}, 6): {', '.join(self.bodies)}")
         q = ca.MX.sym("q", 6, count)
         pose = ca.Function("contact_pose", [q], [self.contact_pose(self.contact(name), q)])
         stacked = numbers.reshape(-1, 6)
@@ -187,22 +183,14 @@ class Settling:
     """Equilibrium of the free pose parameters of bodies (by name), by pseudo-transient continuation.
 
     Bodies move through a viscous fluid, C·q̇ = Q(q) + applied, with C = 1 N·s/mm (25² N·mm·s for rotations). Implicit
-    Euler steps, (C/Δt - ∂Q/∂q)·Δq = Q + applied, double Δt unless a pose would move farther than a bound. Small steps
+    Euler steps, (C/Δt - ∂Q/∂q)·Δq = Q + applied, double Δt unless a pose would move farther than 0.5 mm. Small steps
     follow the motion into a stable equilibrium. Large steps are Newton's (Kelley and Keyes 1998).
 
-    first_step_s: of the continuation; largest_move_mm: bound of one step, turns at 25 mm. Raises ValueError for bodies
-    that the assembly has not, and unless some parameters are free, each named once.
+    Raises ValueError for bodies that the assembly has not, and unless some parameters are free, each named once.
     """
 
-    def __init__(
-        self,
-        assembly: Assembly,
-        free: Mapping[str, Sequence[str]],
-        *,
-        first_step_s: float = 1e-4,
-        largest_move_mm: float = 0.5,
-    ) -> None:
-        self.assembly, self.first_step_s, self.largest_move_mm = assembly, first_step_s, largest_move_mm
+    def __init__(self, assembly: Assembly, free: Mapping[str, Sequence[str]]) -> None:
+        self.assembly = assembly
         self.rows = [6 * self._body(body) + pose_index(name) for body, names in free.items() for name in names]
         if not self.rows or len(set(self.rows)) < len(self.rows):
             raise ValueError(f"free is {dict(free)}, expected pose parameters of bodies, each named once")
@@ -240,7 +228,7 @@ class Settling:
         for body, force in (applied or {}).items():
             given[6 * self._body(body) :][:6] = finite_vector(f"forces on {body} are", force, 6)
         in_mm = np.tile(POSE_IN_MM, len(assembly.bodies))[rows]
-        step = self.first_step_s
+        step = 1e-4  # s
         for iteration in itertools.count():
             left, jacobian = (np.asarray(part) for part in self._evaluate(position, given, pulling))
             residual = float(np.abs(left.ravel() / in_mm).max())
@@ -248,7 +236,7 @@ class Settling:
                 break
             while True:
                 move = np.linalg.solve(np.diag(in_mm**2 / step) - jacobian, left.ravel())
-                if np.abs(move * in_mm).max() <= self.largest_move_mm or step < 1e-12:
+                if np.abs(move * in_mm).max() <= 0.5 or step < 1e-12:
                     break
                 step *= 0.5
             position[rows] += move
