@@ -62,27 +62,18 @@ def test_samples_of_a_foundation_serve_their_own_tolerances_alone(tmp_path):
     scene = load_scene("hip")
     counts = {**dict.fromkeys(("D1", "D2", "D3", "D4", "D5", "D6"), 0), "D7": 10}
     settings = SamplingSettings.from_scene(scene, frames=5, counts=counts)
-    motion, _ = reference_motion(
-        ElasticFoundation(scene, settings.settle_grid), reference_motion_cycles(scene, ())[:2], settings
-    )
-    finer, coarser = (scene.with_tolerances(**{k: f * t for k, t in scene.tolerances.items()}) for f in (0.5, 2.0))
-    for name, models in MODELS.items():
-        with ThreadPoolExecutor(1) as executor:
-            again = partial(
-                draw_samples,
-                motion=motion,
-                path=tmp_path / f"{name}.h5",
-                settings=settings,
-                executor=executor,
-                models=models,
-            )
-            first = again(scene)
-            for other in (coarser, finer):
-                if name == "foundation":
-                    with pytest.raises(ValueError, match="tolerances"):
-                        again(other)
-                else:
-                    np.testing.assert_array_equal(again(other).poses, first.poses)
+    elements, cycles = ElasticFoundation(scene, settings.settle_grid), reference_motion_cycles(scene, ())[:2]
+    motion, _ = reference_motion(elements, cycles, settings)
+    finer = scene.with_tolerances(**{name: 0.5 * tolerance for name, tolerance in scene.tolerances.items()})
+    with ThreadPoolExecutor(1) as here:
+        for name, models in MODELS.items():
+            again = partial(draw_samples, path=tmp_path / name, settings=settings, executor=here, models=models)
+            first = again(scene, motion)
+            if name == "foundation":
+                with pytest.raises(ValueError, match="tolerances"):
+                    again(finer, motion)
+            else:
+                np.testing.assert_array_equal(again(finer, motion).poses, first.poses)
 
 
 def test_an_unknown_model_is_refused():

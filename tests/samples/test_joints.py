@@ -28,16 +28,6 @@ def drawn(name, path):
         return motion, draw_samples(scene, motion, path, settings=settings, executor=executor)
 
 
-@pytest.fixture(scope="module")
-def hip(tmp_path_factory):
-    return drawn("hip", tmp_path_factory.mktemp("hip") / "samples.h5")
-
-
-@pytest.fixture(scope="module")
-def patella(tmp_path_factory):
-    return drawn("patellofemoral", tmp_path_factory.mktemp("patella") / "samples.h5")
-
-
 @pytest.mark.parametrize("name", ["hip", "planar_knee"])
 def test_where_no_patch_is_lifted_off_alone_the_default_plan_tells_what_is_out_of_contact_too(name):
     """Of one patch, and of two on one sensitive pose parameter, D5 and D7 are all there is that knows no contact: as
@@ -50,8 +40,8 @@ def test_where_no_patch_is_lifted_off_alone_the_default_plan_tells_what_is_out_o
     assert SamplingSettings.from_scene(Scene.from_tables(asked)).counts["D5"] == 40
 
 
-def test_a_hip_at_the_boundary_carries_it_in_any_direction_and_lifts_off_away_from_it(hip):
-    motion, samples = hip
+def test_a_hip_at_the_boundary_carries_it_in_any_direction_and_lifts_off_away_from_it(tmp_path):
+    motion, samples = drawn("hip", tmp_path / "samples.h5")
     assert (motion.point.inputs, motion.point.free) == (("Fx", "Fy", "Fz", "rx", "ry", "rz"), ("tx", "ty", "tz"))
     assert sorted(set(samples.domain.tolist())) == [1, 2, 3, 5, 7]
     assert set(samples.provenance["left_out"]) == {"D4", "D6"}
@@ -64,8 +54,8 @@ def test_a_hip_at_the_boundary_carries_it_in_any_direction_and_lifts_off_away_fr
     assert (apart.gaps > 0.0).all()
 
 
-def test_both_facets_of_a_patella_are_pressed_backwards_and_lifted_one_at_a_time(patella):
-    motion, samples = patella
+def test_both_facets_of_a_patella_are_pressed_backwards_and_lifted_one_at_a_time(tmp_path):
+    motion, samples = drawn("patellofemoral", tmp_path / "samples.h5")
     assert motion.point.inputs == ("Fx_med", "ty", "Fx_lat", "rx", "ry", "rz")
     assert samples.provenance["left_out"] == {}
     fx = samples.wrenches[:, :, 0]

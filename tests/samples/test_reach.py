@@ -1,13 +1,12 @@
 """The plan `reach`: ranges instead of a motion; and joints whose pose is locked."""
 
 import numpy as np
-import pytest
 
 import casadi_contact as cc
 from casadi_contact.samples.chunk import Chunk, draw_chunk
 from casadi_contact.samples.domains import Envelopes, plan_domains
 from casadi_contact.samples.liftoff import lift_each
-from casadi_contact.samples.settings import SamplePoint, SamplingSettings
+from casadi_contact.samples.settings import SamplingSettings
 from tests.support.two_spheres import RADIUS_MM, TwoSpheres, knee
 
 INPUTS = ("tx", "Fy_med", "tz", "Fy_lat", "ry", "rz")
@@ -31,14 +30,6 @@ def test_the_reach_is_filled_evenly_in_poses_and_in_roots_of_loads():
         counts, _ = np.histogram(values, bins=8, range=(low, high))
         assert counts.sum() == 4000
         assert np.abs(counts - 500).max() <= 25, name
-
-
-def test_a_reach_lacking_an_input_is_refused():
-    settings = SamplingSettings(reach={"tx": (0.0, 1.0)})
-    with pytest.raises(ValueError, match=r"reach = .* expected a range of each input: tx, Fy_med"):
-        settings.sample_point(cc.load_scene("knee"))
-    with pytest.raises(ValueError, match=r"reach.tx .* smaller one first"):
-        SamplingSettings(reach={"tx": (1.0, 0.0)})
 
 
 def test_poses_of_the_reach_start_from_advance_to_contact_not_from_a_motion():
@@ -74,12 +65,3 @@ def test_the_plan_of_a_reach_lifts_sides_apart_and_that_of_a_motion_lifts_them_a
         assert (gaps > -0.2).all()
         assert gaps.max() > 0.9 * settings.liftoff_mm - 0.2
         assert (np.ptp(gaps, axis=1).max() < 1e-3) == alike
-
-
-def test_the_planar_knee_is_set_by_its_total_load_and_two_pose_parameters():
-    scene = cc.load_scene("planar_knee")
-    point = SamplePoint.of_scene(scene)
-    assert (point.inputs, point.free) == (("tx", "Fy", "rz"), ("ty",))
-    assert [normal.loads for normal in scene.controllable_normal_loads] == [("Fy",)]
-    assert scene.load_names == ("Fy", "Fx")
-    assert set(scene.tolerances) == {"Fy", "Fx"}

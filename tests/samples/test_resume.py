@@ -48,13 +48,19 @@ def stopped(tmp_path):
     return tmp_path / "samples.h5"
 
 
-def test_half_written_files_do_no_harm(stopped, whole):
+def test_half_written_files_do_no_harm_and_a_damaged_record_is_refused(stopped, whole):
     """What a power cut may leave: a truncated chunk and a file not renamed yet."""
     first = chunks(stopped)[0]
     first.write_bytes(first.read_bytes()[:100])
     (first.parent / "chunk-000009.npz.77.tmp").write_bytes(b"half")
     with pytest.raises(FileNotFoundError, match="not complete"):
         read_samples(stopped)
+    record = first.parent / "plan.json"
+    plan = record.read_text("utf-8")
+    record.write_text("{")
+    with pytest.raises(ValueError, match=r"plan\.json is damaged: delete"):
+        resume(stopped)
+    record.write_text(plan)
     assert resume(stopped)[0] == 2
     assert stopped.read_bytes() == whole
     assert [path.name for path in stopped.parent.iterdir()] == ["samples.h5"]
@@ -88,12 +94,6 @@ def test_samples_of_something_else_are_not_continued(message, stopped, tmp_path,
             draw_samples(scene, motion, path, executor=executor, **asked)
         assert "\n" not in str(error.value)
         assert sorted(p.name for p in tmp_path.rglob("*")) == before
-
-
-def test_a_damaged_record_is_refused(stopped):
-    (partial_folder(stopped) / "plan.json").write_text("{")
-    with pytest.raises(ValueError, match=r"plan\.json is damaged: delete"):
-        resume(stopped)
 
 
 def test_a_kill_between_the_last_rename_and_the_clearing_up(stopped, whole):

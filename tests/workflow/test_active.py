@@ -1,4 +1,4 @@
-"""Active samples: the largest error falls further than by as many even ones, and a build goes on through its rounds."""
+"""Active samples are the worst of what is drawn, and a build goes on through its rounds."""
 
 import shutil
 from concurrent.futures import ThreadPoolExecutor
@@ -8,48 +8,12 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.networks.training.fit import fit
-from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, write_samples
-from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from casadi_contact.workflow import samples as sampling
 from casadi_contact.workflow.presets import ActiveRound, Effort, Preset
 from casadi_contact.workflow.project import Project
 from casadi_contact.workflow.train import candidates, train, worst_samples
-from tests.support.smooth_samples import SPHERE, scaled, smooth_samples, smooth_wrenches
-
-
-def with_a_corner(poses):
-    """A smooth load, and in one corner of tx, tz and rz, a hundredth of all poses, one that rises by up to 400 N."""
-    wrenches = smooth_wrenches(poses)
-    beyond = np.maximum(scaled(poses)[:, [0, 2, 5]] - 0.5, 0.0)
-    wrenches[:, 0, 1] -= 3200.0 * beyond.prod(axis=1)
-    return wrenches
-
-
-def fitted(samples, iterations, start=None):
-    """A root network of 8-8 neurons after so many iterations, begun anew or from another surrogate's."""
-    given = TrainingSettings(sizes=((8, 8),), max_iterations=iterations, restarts=0, stall_window=iterations)
-    networks = {
-        r.name: fit(replace(r, tolerance=0.0), given, start=None if start is None else start.networks[r.name]).network
-        for r in PatchSurrogate.regressions(samples)
-        if r.name.startswith("root")
-    }
-    return PatchSurrogate(SPHERE, networks)
-
-
-def test_the_largest_error_falls_further_than_by_as_many_even_samples_at_equal_work():
-    known, drawn = smooth_samples(1000, with_a_corner), smooth_samples(6000, with_a_corner, seed=1)
-    start = fitted(known, 150)
-    worst = worst_samples(start, drawn, 0.1)
-    even = replace(drawn.rows(np.arange(600)), role=np.full(600, TRAIN, dtype=np.uint8))
-    unseen = smooth_samples(20_000, with_a_corner, seed=2)
-    largest = {}
-    for name, more in (("worst", worst), ("even", even)):
-        better = fitted(known.join_samples(more), 150, start)
-        largest[name] = np.abs(better(unseen.poses, ["Fy"]) - unseen.loads(["Fy"])).max()
-    assert len(worst) == len(even)
-    assert largest["worst"] < 0.7 * largest["even"]
+from tests.support.smooth_samples import smooth_samples
 
 
 def test_the_worst_are_those_that_miss_most_tolerances_and_all_that_are_lifted():

@@ -34,11 +34,9 @@ def test_one_tolerance_for_all_forces_and_one_for_all_torques():
     scene = scene_to_tolerance(cc.load_scene("knee"), 2.0, None)
     assert {scene.tolerances[name] for name in ("Fy_med", "Fy_lat", "Fx", "Fz")} == {2.0}
     assert {scene.tolerances[name] for name in ("Tx", "Ty", "Tz")} == {25.0}
-    with pytest.raises(ValueError, match=r"force tolerance is -1\.0, expected N above 0"):
+    with pytest.raises(ValueError, match="expected N above 0"):
         scene_to_tolerance(scene, -1.0, None)
-    with pytest.raises(
-        ValueError, match=r"got a torque tolerance, but the loads of scene planar_knee are Fy, Fx: leave"
-    ):
+    with pytest.raises(ValueError, match="torque tolerance"):
         scene_to_tolerance(cc.load_scene("planar_knee"), None, 5.0)
 
 
@@ -85,9 +83,12 @@ def trained(folder, force_n, torque_nmm, **more):
         return tolerance.train_to_tolerance(project, executor=here, settings=replace(SMALL, **more))
 
 
-def test_a_loose_tolerance_takes_one_round_a_tight_one_more_in_the_same_folder(tmp_path, asked):
-    small = trained(tmp_path, 100.0, 3000.0)
+def test_a_loose_tolerance_takes_one_round_a_tight_one_more_in_the_same_folder(tmp_path, asked, monkeypatch):
+    monkeypatch.setattr("casadi_contact.workflow.train.model_name_of", lambda samples: "foundation")
+    small = trained(tmp_path, 100.12345678, 3000.0)
     assert asked == [SMALL.first_scale]
+    said = f"build {SPHERE.name} --model foundation --force-tol 100.12345678 --torque-tol 3000 --out {tmp_path}"
+    assert small.record["command"] == f"casadi-contact {said}"
     large = trained(tmp_path, 4.0, 120.0)
     rounds = asked[1:]
     assert len(rounds) > 1
@@ -120,39 +121,17 @@ def test_held_back_rows_meet_the_tolerance_too(tmp_path, asked, monkeypatch):
 
 
 def test_what_another_build_made_is_not_replaced(tmp_path, asked):
-    of_preset, of_killed, of_other_scene, text = (tmp_path / name for name in ("preset", "killed", "scene", "text"))
-    for folder in (of_preset, of_other_scene, text, of_killed / "within-100-3000" / "round-1"):
-        folder.mkdir(parents=True)
-    for folder in (of_preset, of_killed):
-        write_samples(folder / "samples.h5", smooth_samples(120))
-    cc.load_surrogate("knee").save(of_other_scene / "patch.h5")
-    (text / "samples.h5").write_text("notes\n")
-    for folder, said in (
-        (of_preset, "holds samples or surrogates that no build to a tolerance made"),
-        (of_killed, "that no build to a tolerance made"),
-        (of_other_scene, "was trained for another scene"),
-        (text, r"text/samples\.h5"),
-    ):
+    samples, surrogate = tmp_path / "samples", tmp_path / "surrogate"
+    (samples / "within-100-3000" / "round-1").mkdir(parents=True)  # of a build that was killed
+    write_samples(samples / "samples.h5", smooth_samples(120))
+    surrogate.mkdir()
+    cc.load_surrogate("knee").save(surrogate / "patch.h5")
+    for folder, said in ((samples, "no build to a tolerance made"), (surrogate, "was trained for another scene")):
         before = {path: path.read_bytes() for path in folder.glob("*.h5")}
         with pytest.raises(ValueError, match=said):
             trained(folder, 100.0, 3000.0)
         assert asked == []
         assert {path: path.read_bytes() for path in folder.glob("*.h5")} == before
-
-
-def test_the_record_names_the_build_with_its_tolerances(tmp_path, asked, monkeypatch):
-    """What the command asks for is what the scene of the surrogate has."""
-    monkeypatch.setattr("casadi_contact.workflow.train.model_name_of", lambda samples: "foundation")
-    words = shlex.split(trained(tmp_path / "out", 100.12345678, 3000.0).record["command"])
-    assert words[:3] == ["casadi-contact", "build", SPHERE.name]
-    options = dict(zip(words[3::2], words[4::2], strict=True))
-    named = {
-        "--model": "foundation",
-        "--force-tol": "100.12345678",
-        "--torque-tol": "3000",
-        "--out": str(tmp_path / "out"),
-    }
-    assert options == named
 
 
 def test_samples_drawn_for_one_tolerance_are_learned_to_another(tmp_path):
