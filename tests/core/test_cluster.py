@@ -12,7 +12,6 @@ from casadi_contact.core.workers import cluster_workers
 from tests.support.two_spheres import draw
 
 distributed = pytest.importorskip("distributed", reason="extra cluster is not installed")
-WORKERS = 4
 PATIENCE = 3000  # tenths of a second
 
 
@@ -22,7 +21,13 @@ def forked():
     import dask
     from distributed.utils import get_mp_context
 
-    with dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"}):
+    settings = {
+        "distributed.worker.multiprocessing-method": "forkserver",
+        "distributed.scheduler.allowed-failures": 20,  # a task may end as many workers as the tests kill
+        "distributed.admin.large-graph-warning-threshold": "1GB",
+        "distributed.comm.timeouts.connect": "10s",  # to one that was killed, 30 s by default
+    }
+    with dask.config.set(settings):
         get_mp_context()  # sets what it imports by itself
         multiprocessing.set_forkserver_preload(
             ["distributed", "casadi_contact.networks.training", "tests.support.two_spheres"]
@@ -32,20 +37,7 @@ def forked():
 
 @pytest.fixture
 def cluster(forked):
-    """Four worker processes; a task may end as many of them as the tests kill."""
-    import dask
-
-    settings = {
-        "distributed.scheduler.allowed-failures": 20,
-        "distributed.admin.large-graph-warning-threshold": "1GB",
-        "distributed.comm.timeouts.connect": "10s",  # to one that was killed, 30 s by default
-    }
-    with (
-        dask.config.set(settings),
-        distributed.LocalCluster(
-            n_workers=WORKERS, threads_per_worker=1, processes=True, dashboard_address=None
-        ) as running,
-    ):
+    with distributed.LocalCluster(n_workers=4, threads_per_worker=1, dashboard_address=None) as running:
         yield running
 
 
@@ -79,15 +71,15 @@ def test_killed_workers_do_not_change_a_sample(cluster, tmp_path):
 
 def test_a_scheduler_without_workers_says_how_to_start_some():
     cluster = distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None)
-    with (
-        cluster,
-        pytest.raises(ConnectionError, match="workers"),
-        cluster_workers(cluster.scheduler_address, patience_s=1.0),
-    ):
+    starting = cluster_workers(cluster.scheduler_address, patience_s=1.0)
+    with cluster, pytest.raises(ConnectionError, match="workers"), starting:
         pass
 
 
-def test_a_lost_scheduler_is_one_line(cluster, caplog):
+def test_an_error_of_the_work_arrives_as_it_is_and_a_lost_scheduler_is_one_line(cluster, caplog):
+    with cluster_workers(cluster.scheduler_address) as executor, pytest.raises(ZeroDivisionError):
+        executor.submit(divmod, 1, 0).result()
+
     def lose():
         with cluster_workers(cluster.scheduler_address) as executor:
             waiting = executor.submit(time.sleep, 600)
@@ -97,11 +89,6 @@ def test_a_lost_scheduler_is_one_line(cluster, caplog):
     with pytest.raises(ConnectionError, match="lost"):
         lose()
     assert not [record for record in caplog.records if record.name == "distributed.client"], "no traceback beside it"
-
-
-def test_an_error_of_the_work_arrives_as_it_is(cluster):
-    with cluster_workers(cluster.scheduler_address) as executor, pytest.raises(ZeroDivisionError):
-        executor.submit(divmod, 1, 0).result()
 
 
 @pytest.mark.parametrize("scheduler", ["nowhere.json", "other.json", "tcp://127.0.0.1:9"])

@@ -10,12 +10,7 @@ from casadi_contact.core.machine import blas_environment, instruction_set, machi
 
 @pytest.mark.parametrize(
     ("flags", "name"),
-    [
-        ("fpu sse2 sse4_2 avx avx2 avx512f", "AVX-512"),
-        ("fpu sse2 sse4_2 avx avx2", "AVX2"),
-        ("fp asimd evtstrm", "NEON"),
-        ("", "unknown"),
-    ],
+    [("fpu avx avx2 avx512f", "AVX-512"), ("fpu avx avx2", "AVX2"), ("fp asimd", "NEON"), ("", "unknown")],
 )
 def test_the_widest_vector_instructions_are_named(flags, name):
     assert instruction_set(flags) == name
@@ -37,9 +32,8 @@ AVX512 = "fpu avx2 avx512f avx512bw avx512cd avx512dq avx512vl"
     ("vendor", "flags", "chosen"),
     [
         ("AuthenticAMD", AVX512, {"OPENBLAS_CORETYPE": "SkylakeX"}),
-        ("AuthenticAMD", "fpu avx2 avx512f", {}),
+        ("AuthenticAMD", "avx2", {}),
         ("GenuineIntel", AVX512, {}),
-        ("", "", {}),
     ],
 )
 def test_blas_is_told_of_avx512_where_it_overlooks_it(vendor, flags, chosen, monkeypatch):

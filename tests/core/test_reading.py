@@ -66,31 +66,22 @@ def test_no_changed_byte_of_a_sealed_file_reaches_hdf5(saved):
             read(saved)
 
 
-def outside(file):
-    file.create_dataset("record", (4096,), "u1", external=[("/etc/passwd", 0, 4096)])
-
-
 def virtual(file):
     layout = h5py.VirtualLayout((8,), "f8")
     layout[:] = h5py.VirtualSource("other.h5", "x", (8,))
     file.create_virtual_dataset("y", layout)
 
 
-def linked(file):
-    file["extra"] = h5py.ExternalLink("/etc/passwd", "/")
-
-
-def circular(file):
-    file["group/again"] = file["/"]
-
-
-def eight_terabytes(file):
-    file.create_dataset("y", (1 << 40,), "f8", chunks=(1 << 20,))
-
-
 @pytest.mark.parametrize(
     ("change", "word"),
-    [(outside, "another"), (virtual, "another"), (linked, "link"), (circular, "deep"), (eight_terabytes, "bytes")],
+    [
+        (lambda file: file.create_dataset("y", (4096,), "u1", external=[("/etc/passwd", 0, 4096)]), "another"),
+        (virtual, "another"),
+        (lambda file: file.__setitem__("extra", h5py.ExternalLink("/etc/passwd", "/")), "link"),
+        (lambda file: file.__setitem__("group/again", file["/"]), "deep"),
+        (lambda file: file.create_dataset("y", (1 << 40,), "f8", chunks=(1 << 20,)), "bytes"),
+    ],
+    ids=["outside", "virtual", "link", "circular", "eight terabytes"],
 )
 def test_hdf5_that_reaches_outside_its_file_or_has_no_end_is_refused(saved, change, word):
     with resealed(saved) as file:

@@ -3,7 +3,6 @@
 import io
 import subprocess
 import sys
-from io import StringIO
 from itertools import count
 
 import pytest
@@ -25,8 +24,7 @@ def test_controls_are_written_out_and_plain_text_stays():
 def test_a_console_obeys_neither_names_nor_markup(is_terminal):
     out = io.StringIO()
     console = PlainConsole(file=out, force_terminal=is_terminal, width=200)
-    table = Table(title=EVIL)
-    table.add_column(EVIL)
+    table = Table(EVIL, title=EVIL)
     table.add_row(EVIL)
     console.print(f"surrogate in {EVIL}", highlight=False)
     console.print(table)
@@ -37,10 +35,7 @@ def test_a_console_obeys_neither_names_nor_markup(is_terminal):
 
 @pytest.mark.parametrize("is_terminal", [True, False])
 def test_a_table_keeps_every_digit_and_name_however_narrow_the_terminal_is(is_terminal):
-    out = io.StringIO()
-    table = Table(title="Loads")
-    for column in ("structure", "Fy_med (N)", "Tx (N·mm)"):
-        table.add_column(column)
+    out, table = io.StringIO(), Table("structure", "Fy_med (N)", "Tx (N·mm)", title="Loads")
     table.add_row("two_stage", "0.0943", "18573.25")
     PlainConsole(file=out, force_terminal=is_terminal, width=20).print(table)
     for word in ("structure", "Fy_med", "(N·mm)", "two_stage", "0.0943", "18573.25"):
@@ -58,7 +53,7 @@ def test_a_hostile_name_in_an_error_is_one_harmless_line():
 
 
 def test_a_fit_that_ended_early_shows_the_work_it_took():
-    written = StringIO()
+    written = io.StringIO()
     with progress_bars(Console(file=written, width=120)) as update:
         update("root", 0.2, 1000.0, "Gflop")
         update("root", 0.4, 0.4, "8-8 RMS 0.1 after 0.4 Gflop, error reached")
@@ -72,7 +67,7 @@ def test_a_file_is_told_of_long_work_while_it_lasts(monkeypatch):
     """A build that runs overnight into a log is not silent until its end; each other fit is told in its turn."""
     minutes = count()
     monkeypatch.setattr(terminal.time, "monotonic", lambda: 60.0 * next(minutes))
-    written = StringIO()
+    written = io.StringIO()
     with progress_bars(Console(file=written, width=40)) as update:
         update("root", 120.0, 1000.0, "Gflop, 20-20-20 RMS 1.2")
         assert "root 120/1000 Gflop, 20-20-20 RMS 1.2" in written.getvalue()

@@ -1,11 +1,16 @@
-"""Files are whole or absent; what stood there stays where writing fails; links are replaced, pipes refused."""
+"""Files are whole or absent, links are replaced, pipes refused; a folder belongs to one process at a time."""
 
 import os
+import signal
 import stat
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from casadi_contact.core.files.writing import replacing, write_text
+from casadi_contact.cli import pipeline
+from casadi_contact.core.files.writing import folder_lock, replacing, write_text
 
 posix = pytest.mark.skipif(os.name != "posix", reason="pipes and permissions as POSIX has them")
 
@@ -39,8 +44,7 @@ def test_who_may_read_a_file_stays_as_it_was(tmp_path):
     write_text(path, "before")
     path.chmod(mode)
     write_text(path, "after")
-    assert path.read_text() == "after"
-    assert path.stat().st_mode & 0o777 == mode
+    assert (path.read_text(), path.stat().st_mode & 0o777) == ("after", mode)
 
 
 def test_a_failed_block_leaves_the_file_as_it_was(tmp_path):
@@ -56,3 +60,38 @@ def test_a_failed_block_leaves_the_file_as_it_was(tmp_path):
         fail()
     assert path.read_text() == "before"
     assert list(tmp_path.iterdir()) == [path]
+
+
+HOLD = """
+import sys
+from pathlib import Path
+from casadi_contact.core.files.writing import folder_lock
+with folder_lock(Path(sys.argv[1])):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_a_second_build_is_refused_while_a_process_holds_the_folder_and_a_killed_one_holds_nothing(tmp_path):
+    command = [sys.executable, "-c", HOLD, str(tmp_path)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "held\n"
+        with pytest.raises(BlockingIOError, match="process"):
+            pipeline.build("knee", folder=tmp_path)
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+    with folder_lock(tmp_path):
+        pass
+
+
+def test_a_thread_may_hold_a_folder_twice_and_another_thread_not_meanwhile(tmp_path):
+    def hold():
+        with folder_lock(tmp_path):
+            return True
+
+    with ThreadPoolExecutor(1) as other:
+        with folder_lock(tmp_path):
+            assert hold()
+            with pytest.raises(BlockingIOError, match=f"process {os.getpid()} "):
+                other.submit(hold).result()
+        assert other.submit(hold).result()
