@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 from casadi_contact.geometry.mesh import checked_mesh
 from casadi_contact.geometry.smooth_surface import SmoothSurface
@@ -69,10 +70,8 @@ def test_nothing_is_thin_about_a_single_open_surface(angle):
 
 
 def together(*meshes):
-    sizes = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
-    return np.vstack([vertices for vertices, _ in meshes]), np.vstack(
-        [faces + size for (_, faces), size in zip(meshes, sizes[:-1], strict=True)]
-    )
+    vertices, faces = zip(*meshes, strict=True)
+    return trimesh.util.append_faces(vertices, faces)
 
 
 def ball(radius, centre, *, inside_out=False):

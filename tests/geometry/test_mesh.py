@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from casadi_contact.geometry.distance_field import build_field
-from casadi_contact.geometry.mesh import checked_mesh, load_mesh
+from casadi_contact.geometry.mesh import checked_mesh
 from casadi_contact.geometry.smooth_surface import SmoothSurface
 from casadi_contact.geometry.triangle_mesh import RayCaster
 from casadi_contact.scenes.shapes.mesh_bodies import body_mesh
@@ -18,7 +18,6 @@ from tests.support.meshes import (
     shell_mesh,
     torus_mesh,
     unit,
-    write_obj,
 )
 
 TETRAHEDRON = (
@@ -28,24 +27,12 @@ TETRAHEDRON = (
 
 
 def test_degenerate_and_repeated_triangles_are_dropped_and_counted():
-    """As exporters write them: the same triangle again, from any corner; turned round it is another sheet."""
+    """As exporters write them: the same triangle again, from any corner; a mesh written twice is the same mesh."""
     vertices, faces = TETRAHEDRON
-    mesh = checked_mesh("t", np.vstack([vertices, [5.0, 0.0, 0.0]]), np.vstack([faces, [0, 0, 1], [0, 1, 4]]))
-    assert (len(mesh.faces), mesh.dropped) == (4, 2)
-    mesh = checked_mesh("t", vertices, np.vstack([faces, faces[2], np.roll(faces[1], 1)]))
-    assert (len(mesh.faces), mesh.dropped) == (4, 2)
-    with pytest.raises(ValueError, match="not manifold"):
-        checked_mesh("t", vertices, np.vstack([faces, faces[2][::-1]]))
-
-
-def test_a_mesh_of_which_most_triangles_are_dropped_is_refused():
-    """Written twice it is the same mesh; beyond that its indices were misread."""
-    vertices, faces = TETRAHEDRON
-    assert checked_mesh("t", vertices, np.vstack([faces, faces])).dropped == 4
-    with pytest.raises(ValueError, match="repeated"):
-        checked_mesh("t", vertices, np.vstack([faces, faces, faces[:1]]))
-    with pytest.raises(ValueError, match="repeated"):
-        checked_mesh("t", vertices, np.array([faces[0], [0, 0, 1], [1, 1, 2], [2, 3, 3]]))
+    on_edge = np.vstack([vertices, [5.0, 0.0, 0.0]])
+    for more in ([[0, 0, 1], [0, 1, 4]], [faces[2], np.roll(faces[1], 1)], faces):
+        mesh = checked_mesh("t", on_edge, np.vstack([faces, more]))
+        assert (len(mesh.faces), mesh.dropped) == (4, len(more))
 
 
 def test_triangles_that_do_not_join_are_no_surface():
@@ -79,6 +66,8 @@ def damaged(vertex=None, value=None, scale=1.0, faces=TETRAHEDRON[1]):
         (damaged(faces=np.vstack([TETRAHEDRON[1][:3], [[1, 3, 2]]])), "mm", "face opposite ways"),
         (damaged(faces=np.vstack([TETRAHEDRON[1], [[1, 2, 0]]])), "mm", "not manifold"),
         (damaged(faces=np.array([[0, 1, 1]])), "mm", "all 1 triangles are degenerate"),
+        (damaged(faces=np.vstack([*2 * [TETRAHEDRON[1]], [[0, 2, 1]]])), "mm", "repeated"),
+        (damaged(faces=np.array([[0, 2, 1], [0, 0, 1], [1, 1, 2], [2, 3, 3]])), "mm", "repeated"),
         (damaged(faces=np.array([[0, 1, 9]])), "mm", "names vertex 9 of 4"),
     ],
 )
@@ -126,19 +115,14 @@ def test_a_scene_bears_them_on_its_fixed_body_away_from_the_patches_only(tmp_pat
         body_mesh(scene.geometry, "moving")
 
 
-def torus_distance(points, ring, tube):
-    return np.hypot(np.hypot(points[:, 0], points[:, 1]) - ring, points[:, 2]) - tube
-
-
 def test_the_smooth_surface_of_a_torus_is_its_distance_and_the_field_follows():
     vertices, faces = torus_mesh(18.0, 12.0, 1.2)
-    lower = faces[(vertices[faces][..., 1] < -24.0).all(axis=1)]
-    mesh = checked_mesh("torus", vertices, lower)
+    mesh = checked_mesh("torus", vertices, faces[(vertices[faces][..., 1] < -24.0).all(axis=1)])
     centres = mesh.corners_mm.mean(axis=1)
     centres = centres[(centres[:, 1] < -25.5)]
     normals = unit(centres - 18.0 * unit(centres * [1.0, 1.0, 0.0]))
     points = centres + np.random.default_rng(0).uniform(-0.5, 0.5, (len(centres), 1)) * normals
-    exact = torus_distance(points, 18.0, 12.0)
+    exact = np.hypot(np.hypot(points[:, 0], points[:, 1]) - 18.0, points[:, 2]) - 12.0
     assert np.abs(SmoothSurface(mesh).distance(points) - exact).max() < 1e-3
     field = build_field(mesh)
     values, gradients = field(points)
@@ -174,18 +158,11 @@ def test_a_field_too_fine_for_memory_is_refused():
         build_field(checked_mesh("t", *TETRAHEDRON), 0.01)
 
 
-@pytest.mark.parametrize(
-    ("library", "use"),
-    [
-        ("igl", lambda path: SmoothSurface(load_mesh(path, "mm"))),
-        ("trimesh", lambda path: RayCaster(checked_mesh("t", *TETRAHEDRON))),
-    ],
-)
-def test_a_missing_library_is_named_with_the_way_to_get_it(tmp_path, monkeypatch, library, use):
-    write_obj(tmp_path / "t.obj", *TETRAHEDRON)
+@pytest.mark.parametrize(("library", "use"), [("igl", SmoothSurface), ("trimesh", RayCaster)])
+def test_a_missing_library_is_named_with_the_way_to_get_it(monkeypatch, library, use):
     monkeypatch.setitem(sys.modules, library, None)
     with pytest.raises(ImportError, match=r"pip install casadi_contact\[mesh\]"):
-        use(tmp_path / "t.obj")
+        use(checked_mesh("t", *TETRAHEDRON))
 
 
 def test_rays_hit_the_first_triangle_in_double_precision():

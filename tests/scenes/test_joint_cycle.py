@@ -23,27 +23,22 @@ def test_ready_cycles_close_press_and_spread_about_their_mean(name):
     assert len(cycles) == 10
     again = scene_cycles(scene)
     for k, cycle in enumerate(cycles):
-        curves = {**cycle.measured_pose(), **cycle.targets()}
-        assert len(cycle.measured_pose()) + len(cycle.targets()) == 6
+        curves = {**cycle.pose, **cycle.loads}
+        assert len(curves) == 6
         for key, curve in curves.items():
             assert curve[0] == pytest.approx(curve[-1], abs=1e-9)
             np.testing.assert_array_equal(curve, {**again[k].pose, **again[k].loads}[key])
         for normal in scene.normal_loads:
-            forces = np.stack([cycle.targets()[load] for load in normal.loads])
+            forces = np.stack([cycle.loads[load] for load in normal.loads])
             pressed = np.linalg.norm(forces, axis=0) if normal.component is None else normal.sign * forces[0]
             assert pressed.min() > scene.boundary_load
 
 
 def test_the_hips_mean_cycle_loads_it_with_about_two_body_weights():
     cycles = scene_cycles(with_motion(deviation=0.0))
-    force = np.linalg.norm([cycles[0].targets()[name] for name in ("Fx", "Fy", "Fz")], axis=0)
+    force = np.linalg.norm([cycles[0].loads[name] for name in ("Fx", "Fy", "Fz")], axis=0)
     assert 2.0 < force.max() / 750.0 < 2.5
-    np.testing.assert_array_equal(cycles[0].targets()["Fy"], cycles[1].targets()["Fy"])
-
-
-def test_a_motion_needs_a_load():
-    with pytest.raises(ValueError, match="has no load"):
-        scene_cycles(with_motion(harmonics={"rz_rad": [1.0]}))
+    np.testing.assert_array_equal(cycles[0].loads["Fy"], cycles[1].loads["Fy"])
 
 
 @pytest.mark.parametrize("name", [*JOINTS, "planar_knee"])
@@ -53,11 +48,11 @@ def test_a_motion_does_not_depend_on_the_loads_that_are_learned(name, tmp_path):
         f'format = 1\nname = "fewer"\nlike = "{name}"\n[loads]\nnames = ["{whole.load_names[-1]}"]\n'
     )
     for cycle, as_whole in zip(scene_cycles(fewer), scene_cycles(whole), strict=True):
-        assert list(cycle.targets()) == list(as_whole.targets())
-        for load, curve in cycle.targets().items():
-            np.testing.assert_array_equal(curve, as_whole.targets()[load])
+        assert list(cycle.loads) == list(as_whole.loads)
+        for load, curve in cycle.loads.items():
+            np.testing.assert_array_equal(curve, as_whole.loads[load])
     write_joint_cycle(cycle, tmp_path / "cycle.csv")
-    assert set(read_joint_cycle(tmp_path / "cycle.csv", fewer).targets()) == set(cycle.targets())
+    assert set(read_joint_cycle(tmp_path / "cycle.csv", fewer).loads) == set(cycle.loads)
 
 
 def test_a_cycle_comes_back_from_its_file(tmp_path):

@@ -10,7 +10,8 @@ from casadi_contact.scenes.shapes.checks import LONGEST_NAME, MOST_ELEMENTS
 from tests.support.meshes import mesh_scene_text
 from tests.support.own_contact import SCENE
 
-MESHES = mesh_scene_text("a.stl", "b.stl")
+MESH_TEXT = mesh_scene_text("a.stl", "b.stl")
+MESHES = Scene.from_toml(MESH_TEXT)
 
 
 def refused(make, said):
@@ -22,20 +23,10 @@ def refused(make, said):
     assert len(line) < 700, line
 
 
-def own_scene(patch):
-    """A scene of the user's own model with one patch of this name."""
-    return Scene.from_tables({**SCENE.tables, "geometry": {"patches": {patch: {}}}})
-
-
-def mesh_scene(patch):
-    """A scene of meshes, not loaded from a file, with one patch of this name."""
-    return with_patches({patch: {}})
-
-
-def with_patches(patches, sensitive=("Fy",)):
-    tables = Scene.from_toml(MESHES).tables
-    loads = {**tables["loads"], "sensitive": list(sensitive)}
-    return Scene.from_tables({**tables, "geometry": {**tables["geometry"], "patches": patches}, "loads": loads})
+def with_patches(patches, scene=MESHES, sensitive=("Fy",)):
+    """A scene with these patches, of the user's own model or of meshes that are not loaded."""
+    loads = {**scene.tables["loads"], "sensitive": list(sensitive)}
+    return Scene.from_tables({**scene.tables, "geometry": {**scene.geometry, "patches": patches}, "loads": loads})
 
 
 @pytest.mark.parametrize(
@@ -50,14 +41,14 @@ def test_a_scenes_name_cannot_leave_a_folder_or_hold_what_a_terminal_or_c_would_
 
 
 @pytest.mark.parametrize("patch", ["../x", "a-b", "a.b", 'a"; system("id"); //', "1st"], ids=repr)
-@pytest.mark.parametrize("make", [own_scene, mesh_scene])
-def test_patches_of_every_shape_have_plain_names(make, patch):
-    refused(lambda: make(patch), "geometry.patches.*expected")
+@pytest.mark.parametrize("scene", [SCENE, MESHES], ids=["own", "meshes"])
+def test_patches_of_every_shape_have_plain_names(scene, patch):
+    refused(lambda: with_patches({patch: {}}, scene), "geometry.patches.*expected")
 
 
 def test_parts_of_patches_differ_in_their_names_and_are_few():
     twice = {"med": {"z": [0.0, 2.0], "split_z": [1.0]}, "med_1": {"z": [3.0, 4.0]}}
-    refused(lambda: with_patches(twice, ["Fy_med", "Fy_med_1"]), "and their parts.*expected names that differ")
+    refused(lambda: with_patches(twice, sensitive=["Fy_med", "Fy_med_1"]), "and their parts.*expected names")
     many = {"med": {"z": [0.0, 2000.0], "split_z": [float(k) for k in range(1, 1000)]}}
     refused(lambda: with_patches(many), "1000 patches or parts of patches, expected 256 at most")
 
@@ -146,7 +137,7 @@ UNITS, PATCH = 'units = "mm"', "[geometry.patches.contact]"
     ],
 )
 def test_bad_mesh_scenes_are_refused_with_the_key(old, new, word):
-    refused(lambda: Scene.from_toml(MESHES.replace(old, new)), word)
+    refused(lambda: Scene.from_toml(MESH_TEXT.replace(old, new)), word)
 
 
 def test_files_that_are_no_scene_are_one_line(tmp_path):
@@ -162,33 +153,22 @@ def test_files_that_are_no_scene_are_one_line(tmp_path):
 @pytest.mark.parametrize(
     ("key", "value"),
     [
-        ("cycles", 1),
-        ("cycles", 100_000_000),
-        ("cycles", True),
-        ("duration_s", "long"),
-        ("duration_s", 0.0),
+        *[("cycles", value) for value in (1, 100_000_000, True)],
+        *[("duration_s", value) for value in ("long", 0.0)],
         ("deviation", -0.1),
         ("wheels", 3),
-        ("harmonics", {"rz_deg": [1.0]}),
-        ("harmonics", {"Fx_N": [1.0, 2.0]}),
+        *[("harmonics", {name: value}) for name, value in (("rz_deg", [1.0]), ("Fx_N", [1.0, 2.0]), ("Fx_N", ["a"]))],
         ("harmonics", {"Fx_N": [0.0] * 1001}),
-        ("harmonics", {"Fx_N": ["a"]}),
     ],
 )
 def test_a_motion_that_makes_no_sense_is_refused(key, value):
     motion = {**SCENE.tables["motion"], key: value}
-    refused(lambda: scene_cycles(Scene.from_tables({**SCENE.tables, "motion": motion})), f"{key}")
+    refused(lambda: scene_cycles(Scene.from_tables({**SCENE.tables, "motion": motion})), key)
 
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [
-        ("counts", {"D1": 10**12}),
-        ("scale", 1e9),
-        ("frames", 10**9),
-        ("fixed_offsets", {"ry": [[1.0], "a"]}),
-        ("counts", 3),
-    ],
+    [("counts", {"D1": 10**12}), ("counts", 3), ("scale", 1e9), ("frames", 10**9), ("fixed_offsets", {"ry": ["a"]})],
 )
 def test_a_sampling_plan_beyond_all_need_is_refused(key, value):
     scene = Scene.from_tables({**SCENE.tables, "sampling": {key: value}})
