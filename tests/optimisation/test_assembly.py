@@ -73,29 +73,6 @@ def test_one_function_gives_the_loads_of_the_contacts_one_by_one(knee, held):
             np.testing.assert_allclose(np.divide(together, usual), np.divide(alone, usual), rtol=0.0, atol=1e-12)
 
 
-def test_derivatives_are_sparse(knee):
-    x = ca.MX.sym("x", 12)
-    jacobian = ca.jacobian(knee.function()(ca.reshape(x, 6, 2)), x)
-    assert jacobian[:7, 6:].nnz() == 0, "the patella does nothing to the tibiofemoral contact"
-    assert jacobian.nnz() == 7 * 6 + 7 * 12 + 6
-
-
-@needs_compiler
-def test_second_derivatives_equal_differences_of_the_first_wherever_arcs_meet(held):
-    """At 12 degrees of flexion a junction of the condyles' arcs crosses a spot, at 45 none does."""
-    knee, x = cc.load_assembly("knee_with_patella"), ca.MX.sym("x", 12)
-    loads = knee.function()(ca.reshape(x, 6, 2))
-    weights = ca.DM([1e-3 if "_F" in name or "_T" not in name else 4e-5 for name in knee.load_names])
-    slope = ca.Function("slope", [x], [ca.gradient(ca.dot(weights, loads), x)])
-    hessian = ca.Function("hessian", [x], [ca.hessian(ca.dot(weights, loads), x)[0]])
-    for at in (at_flexion(knee, degrees, held).poses.ravel() for degrees in (12.0, 45.0)):
-        exact, differences = np.asarray(hessian(at)), np.empty((12, 12))
-        for j, step in enumerate(np.tile([1e-5] * 3 + [4e-7] * 3, 2)):
-            ends = [np.asarray(slope(at + k * step * np.eye(12)[j])).ravel() for k in (-2, -1, 1, 2)]
-            differences[:, j] = (ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / (12 * step)
-        np.testing.assert_allclose(exact, differences, rtol=0.0, atol=1e-6 * np.abs(exact).max())
-
-
 def test_in_a_chain_of_bodies_derivatives_know_neighbours_only():
     points = (np.ones(3), np.array([3.0, -2.0, 1.0]))
     ends = [("a", "b"), ("b", "c"), ("c", "d")]
@@ -137,16 +114,6 @@ def test_a_line_does_on_both_bodies_what_its_length_says():
         assert float(ca.DM(ligament.tension(ca.DM(length)))) == pytest.approx(expected)
 
 
-@needs_compiler
-def test_in_equilibrium_only_the_locked_flexion_is_left(knee, held):
-    """Nothing is left on the patella, and on the femur what is applied and the moment about its locked flexion."""
-    forces = np.asarray(knee.forces()(held.T, QUADRICEPS_N)).T
-    np.testing.assert_allclose(forces[1], 0.0, atol=1e-4)
-    np.testing.assert_allclose(forces[0, :5] + PRESSED["femur"][:5], 0.0, atol=1e-4)
-    assert abs(forces[0, 5]) > 1e3, "flexion is locked: the quadriceps extends the knee"
-    assert forces[0, 5] > 0.0
-
-
 def test_a_spring_pulls_back_to_its_rest():
     spring = Spring("soft", "body", np.array([5.0, 0.0, 2.0, 0.0, 0.0, 100.0]), np.ones(6))
     assembly = Assembly("one", "earth", {"body": np.zeros(6)}, springs=[spring])
@@ -176,7 +143,7 @@ ONE = Assembly("one", "earth", {"body": np.zeros(6)}, pulls=[ROPE])
         (lambda: Settling(ONE, {"body": ("tx", "tx")}), "once"),
         (lambda: Settling(ONE, {"moon": ("tx",)}), "moon"),
         (lambda: ONE.function("my loads"), "name"),
-        (lambda: cc.load_assembly("knee_with_patella").contact_poses("tibiofemoral", np.zeros((1, 6))), "shape"),
+        (lambda: ONE.contact_poses("any", np.zeros((2, 6))), "shape"),
         (lambda: cc.load_assembly("elbow"), "knee_with_patella"),
     ],
 )

@@ -31,13 +31,6 @@ def test_a_braked_body_comes_to_rest_where_the_contact_carries_the_push(knee):
     assert loads["Fy_med"] + loads["Fy_lat"] == pytest.approx(-300.0, rel=1e-2)
 
 
-def test_a_body_out_of_contact_falls_freely(knee):
-    start = knee.example_pose() + 5.0 * np.eye(6)[1]
-    drop = Drop(tuple(start), damping_ns_per_m=0.0, duration_s=0.002, points=3)
-    fallen = start[1] - by_casadi(knee, drop)[-1, 1]
-    assert fallen == pytest.approx(1e3 * 400.0 / 1.0 * 0.002**2 / 2.0, rel=1e-6)
-
-
 @pytest.mark.parametrize("point", [START[:3], np.array([40.0, 10.0, 25.0])], ids=["through its origin", "beside it"])
 def test_a_steady_force_moves_and_turns_a_damped_body_as_formulas_say(point):
     """v = F/c·(1 - exp(-c·t/m)), and ω likewise: the body moves along the force, which keeps its lever."""

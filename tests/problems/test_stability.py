@@ -13,7 +13,7 @@ from casadi_contact.core.conventions import pose_index
 from casadi_contact.workflow.project import built_in_motion
 from problems.studies.stability import __main__ as command
 from problems.studies.stability import derivatives, methods, poses
-from problems.studies.stability.methods import EF_ANALYTIC, FOUNDATION, Bench, PeerModel, by_differences
+from problems.studies.stability.methods import EF_ANALYTIC, FOUNDATION, Bench, PeerModel
 
 ROOT = Path(__file__).parents[2]
 
@@ -78,19 +78,6 @@ def test_at_lift_off_the_patch_surrogate_bends_where_two_stages_have_a_kink(benc
     assert kink["dN"][1] == 0.0
 
 
-def test_one_side_lifts_off_and_lands_where_it_came_from(bench):
-    lines = {line.quantity: line.values["knee"] for line in poses.liftoff(only(bench, "knee"), 9)}
-    assert lines["frames solved [%]"] == 100.0
-    assert lines["way out against way back [mm]"] < 1e-6
-    pose = cc.settle(bench.models["knee"], bench.poses[:1], ("ty", "rx"), {"Fy_med": -400.0, "Fy_lat": -400.0})[0][0]
-    moments = 28.0 * 800.0 * np.array([0.0, 1.0])
-    tilted, _, solved = poses.tilted(bench.models["knee"], pose, moments, ("ty", "rx"), np.array([0.0, 1e5]))
-    assert solved.all()
-    np.testing.assert_allclose(tilted[0], pose, atol=1e-9)
-    gaps = bench.truth.gaps(tilted)
-    assert gaps[0, 1] < 0.0 < gaps[1, 1], "the lateral side is off"
-
-
 def test_failures_out_of_range_are_counted(bench, hip):
     class Wrong:
         scene, load_names = bench.scene, bench.scene.load_names
@@ -103,16 +90,6 @@ def test_failures_out_of_range_are_counted(bench, hip):
     apart = np.tile(bench.poses[0] + 10.0 * np.eye(6)[1], (4, 1))
     assert poses.count_failures(Wrong(), apart, bench.truth) == (1, 1, 1)
     assert poses.count_failures(hip.models[FOUNDATION], hip.poses, hip.truth) == (0, 0, 0)
-
-
-def test_central_differences_of_a_smooth_model_err_with_the_step_squared(bench):
-    knee, at = bench.models["knee"], bench.poses[::3]
-    true = knee.jacobian(at)[1]
-    one, two, tiny = (
-        derivatives.relative_error(by_differences(knee, at, step), true, knee.load_names) for step in (1e-3, 2e-3, 1e-9)
-    )
-    assert two == pytest.approx(4.0 * one, rel=0.05)
-    assert tiny > one, "below it, rounding"
 
 
 def test_the_stable_step_of_a_linear_spring_is_that_of_its_frequency():

@@ -3,7 +3,7 @@
 Instruction sets differ in fused products and in the order of sums, and each last digit is amplified by the formula:
 near liftoff a load is a small difference of large numbers, so that its own size is no measure of its rounding error.
 The measure is the usual size of that output: the largest it gets over the poses of a test. Two to three digits are
-left above what was seen (5.8e-12 in values with AVX2, the reference computed by torch).
+left above what was seen (5.8e-12 in values with AVX2).
 """
 
 from __future__ import annotations
