@@ -87,7 +87,7 @@ def _project_to_tolerance(
     """The project of a build whose scene has these tolerances [N, N·mm]."""
     for option, value in (("--preset", preset), ("--table", table)):
         if value is not None:
-            raise ValueError(f"got {option} {value} and a tolerance, expected one: the tolerance decides what is sa")
+            raise ValueError(f"got {option} {value} and a tolerance, expected one: the tolerance decides")
     names = [f"{tol:.15g}{unit}" for tol, unit in ((force_tol, "N"), (torque_tol, "Nmm")) if tol is not None]
     folder = Path("results") / "-".join([Path(scene).stem, *names]) if out is None else out
     project = Project.open(scene, DEFAULT_PRESET, folder)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from typing import Annotated
 
 import typer
@@ -14,77 +15,50 @@ from casadi_contact.cli.options import say
 from casadi_contact.cli.scene_commands import cut, cycle, scene
 from casadi_contact.core.terminal import new_app, run_app
 
-EXAMPLES = {
-    "": (
-        "info knee",
-        "show knee",
-        "export knee --kernel",
-        "build knee --preset standard",
-    ),
-    "scene": (
-        "scene femur.stl insert.stl --side right --out my_knee.toml",
-        "scene head.stl cup.stl --joint hip --axes=-x,z,y --material cartilage",
-    ),
-    "cut": ("cut my_knee.toml --to my_knee_parts.toml",),
-    "build": (
-        "build knee",
-        "build knee --preset standard --cycles walk1.csv walk2.csv",
-        "build my_joint.toml --table samples.csv --out results/my_joint",
-    ),
-    "sample": (
-        "sample knee --cycles walk1.csv walk2.csv",
-        "sample knee --preset paper --model foundation",
-        "sample my_joint.toml --table samples.csv",
-    ),
-    "train": ("train knee --preset standard",),
-    "calibrate": ("calibrate knee --preset standard",),
-    "evaluate": ("evaluate knee --preset standard",),
-    "export": (
-        "export knee",
-        "export knee --kernel --out results/my_knee",
-        "export knee --foundation",
-        "export knee --fmu",
-    ),
-    "chart": ("chart knee --preset standard",),
-    "speed": (
-        "speed knee",
-        "speed knee --preset standard",
-    ),
-    "choose": (
-        "choose knee --force-tol 2 --torque-tol 50",
-        "choose knee --force-tol 2 --loads Fy_med,Fy_lat --preset standard",
-    ),
-    "info": (
-        "info knee",
-        "info results/knee-quick/patch.h5",
-    ),
-    "report": (
-        "report knee --out knee.html",
-        "report results/knee-quick/patch.h5",
-    ),
-    "cycle": (
-        "cycle walk.mot --map knee_angle_r=-rz:deg --map knee_rot_r=ry:deg --map F_med=Fy_med:N --map F_lat=Fy_lat:N "
-        "--map cop_x=cop_ap:m --map cop_z=cop_ml:m",
-        "cycle fluoroscopy.sto --map t_x=tx:m --map t_y=ty:m --map t_z=tz:m --map r_x=rx --map r_y=ry --map r_z=rz",
-    ),
-    "show": (
-        "show knee",
-        "show knee --pose=0.5,27.35,0.1,0,-0.05,-0.3 --out knee.png",
-        "show my_knee.toml --poses poses.csv",
-    ),
-    "page": (
-        "page knee --out knee.html",
-        "page my_knee.toml --poses poses.csv --surrogate results/my_knee-quick/patch.h5",
-    ),
-}
+EXAMPLES = """\
+scene femur.stl insert.stl --side right --out my_knee.toml
+scene head.stl cup.stl --joint hip --axes=-x,z,y --material cartilage
+cut my_knee.toml --to my_knee_parts.toml
+build knee
+build knee --preset standard --cycles walk1.csv walk2.csv
+build my_joint.toml --table samples.csv --out results/my_joint
+sample knee --cycles walk1.csv walk2.csv
+sample knee --preset paper --model foundation
+sample my_joint.toml --table samples.csv
+train knee --preset standard
+calibrate knee --preset standard
+evaluate knee --preset standard
+export knee
+export knee --kernel --out results/my_knee
+export knee --foundation
+export knee --fmu
+chart knee --preset standard
+speed knee
+speed knee --preset standard
+choose knee --force-tol 2 --torque-tol 50
+choose knee --force-tol 2 --loads Fy_med,Fy_lat --preset standard
+info knee
+info results/knee-quick/patch.h5
+report knee --out knee.html
+report results/knee-quick/patch.h5
+cycle walk.mot --map knee_angle_r=-rz:deg --map knee_rot_r=ry:deg --map F_med=Fy_med:N --map F_lat=Fy_lat:N \
+--map cop_x=cop_ap:m --map cop_z=cop_ml:m
+cycle fluoroscopy.sto --map t_x=tx:m --map t_y=ty:m --map t_z=tz:m --map r_x=rx --map r_y=ry --map r_z=rz
+show knee
+show knee --pose=0.5,27.35,0.1,0,-0.05,-0.3 --out knee.png
+show my_knee.toml --poses poses.csv
+page knee --out knee.html
+page my_knee.toml --poses poses.csv --surrogate results/my_knee-quick/patch.h5
+""".splitlines()
+_FIRST = ("info knee", "show knee", "export knee --kernel", "build knee --preset standard")
 
 
-def examples(command: str) -> str:
-    """The examples of a command ("": of the whole), a paragraph each."""
-    return "\n\n".join(("Examples:", *(f"casadi-contact {line}" for line in EXAMPLES[command])))
+def examples(lines: Iterable[str]) -> str:
+    """Examples of commands, a paragraph each."""
+    return "\n\n".join(("Examples:", *(f"casadi-contact {line}" for line in lines)))
 
 
-app = new_app(help="Surrogate models of deformable joint contact as CasADi functions.", epilog=examples(""))
+app = new_app(help="Surrogate models of deformable joint contact as CasADi functions.", epilog=examples(_FIRST))
 
 
 def _print_version(requested: bool) -> None:
@@ -105,7 +79,8 @@ def options(
 _PROJECT = (build, sample, train, calibrate, evaluate, export, chart, speed, choose)
 for command in (scene, cut, *_PROJECT, info, report, cycle, show, page):
     whole_sentence = " ".join((command.__doc__ or "").split("\n\n")[0].split())  # else cut off in the list of commands
-    app.command(epilog=examples(command.__name__), short_help=whole_sentence)(command)
+    mine = examples(line for line in EXAMPLES if line.split()[0] == command.__name__)
+    app.command(epilog=mine, short_help=whole_sentence)(command)
 
 
 def main() -> None:

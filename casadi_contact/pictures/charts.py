@@ -196,7 +196,7 @@ def _labelled(figure: Any, axes: Any, shown: list[list[Measured]], front: Front)
             (timing.median_us, rms, point.name.removeprefix(f"{point.family} "), styles[point.family].text_colour)
             for point, timing, rms in points
         ]
-        place_labels(axis, labels, [(timing.low_us, timing.high_us, rms) for _, timing, rms in points])
+        place_labels(axis, labels)
     return figure
 
 
@@ -216,21 +216,13 @@ _MARKER = 4.0  # half the width of a marker, in points
 _PASSES = 3
 
 
-def place_labels(
-    axis: Any, labels: Sequence[tuple[float, float, str, str]], bars: Sequence[tuple[float, float, float]] = ()
-) -> None:
+def place_labels(axis: Any, labels: Sequence[tuple[float, float, str, str]]) -> None:
     """Write (x, y, text, colour) on an axis whose limits and layout are final, at the nearest free place, or where it
-    covers least; a label far from its point gets a thin line to it.
-
-    bars: horizontal error bars (x from, x to, y) that no label should lie on.
-    """
+    covers least; a label far from its point gets a thin line to it."""
     renderer, scale = axis.figure.canvas.get_renderer(), axis.figure.dpi / 72.0
     frame = axis.get_window_extent(renderer).extents
     points = axis.transData.transform([(x, y) for x, y, *_ in labels])
-    taken = [np.hstack([points - _MARKER * scale, points + _MARKER * scale])]
-    if bars:
-        ends = axis.transData.transform(np.array(bars)[:, [0, 2, 1, 2]].reshape(-1, 2)).reshape(-1, 4)
-        taken.append(ends + np.array([0.0, -1.0, 0.0, 1.0]))
+    markers = np.hstack([points - _MARKER * scale, points + _MARKER * scale])
     directions = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], 1)
     boxes, ways = np.zeros((len(labels), 4)), []
     for x, y, text, _ in labels:
@@ -245,23 +237,15 @@ def place_labels(
     for _ in range(_PASSES):  # a label placed early may make way for those placed after it
         for i, (away, half) in enumerate(ways):
             tried = np.hstack([points[i] + away - half, points[i] + away + half])
-            others = np.concatenate([*taken, np.delete(boxes, i, axis=0)])
+            others = np.concatenate([markers, np.delete(boxes, i, axis=0)])
             covered = _covered(tried, others) + 4.0 * half.prod() - _covered(tried, frame[None])
             best[i] = covered.round(6).argmin()
             boxes[i] = tried[best[i]]
+    look = {"textcoords": "offset points", "ha": "center", "va": "center", "fontsize": _SIZE}
     for (x, y, text, colour), (away, _), k in zip(labels, ways, best, strict=True):
         line = {"arrowstyle": "-", "lw": 0.4, "color": colour, "shrinkA": 0.0, "shrinkB": 2.0}
-        axis.annotate(
-            text,
-            (x, y),
-            xytext=away[k] / scale,
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            fontsize=_SIZE,
-            color=colour,
-            arrowprops=line if _DISTANCES[k // len(directions)] > _LEADER_FROM else None,
-        )
+        leader = line if _DISTANCES[k // len(directions)] > _LEADER_FROM else None
+        axis.annotate(text, (x, y), away[k] / scale, color=colour, arrowprops=leader, **look)
 
 
 def _covered(boxes: Any, taken: Any) -> Any:

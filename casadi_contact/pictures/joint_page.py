@@ -176,7 +176,10 @@ def _content(
     start = contact(begun["stance"])
     return {
         "scene": scene.name,
-        "patches": [{"name": name, "title": patch_title(name)} for name in scene.patch_names],
+        "patches": [
+            {"name": name, "title": patch_title(name) if len(scene.patch_names) > 1 else "surfaces"}
+            for name in scene.patch_names
+        ],
         "loads": [
             {"name": load, "unit": quantity(load).unit, "column": quantity(load).column} for load in scene.load_names
         ],

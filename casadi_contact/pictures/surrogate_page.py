@@ -16,7 +16,7 @@ from casadi_contact.core.files.reading import one_line
 from casadi_contact.core.quantities import quantity, three_digits
 from casadi_contact.pictures.charts import draw_speed_accuracy
 from casadi_contact.pictures.contact_picture import contact_pose, draw_contact
-from casadi_contact.pictures.page import COLOURS, frame, new_page, save_page
+from casadi_contact.pictures.page import save_page
 from casadi_contact.samples.samples import Samples
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
@@ -78,25 +78,6 @@ def picture(draw: Callable[[Path], object], said: str) -> str:
         draw(path)
         data = base64.b64encode(path.read_bytes()).decode("ascii")
     return f'<img alt="{escape(said)}" src="data:image/png;base64,{data}">'
-
-
-_DASHES = ("-", "--", ":", "-.")
-
-
-def draw_convergence(courses: Mapping[str, Mapping[str, Sequence[float]]]) -> Any:
-    """RMS of the fit against the work done, of networks by name: {"gflop": ..., "rms": ...} as a surrogate's record
-    has them, the first entries of zero work left out. Torques and forces share an axis: compare a curve with itself.
-    """
-    figure = new_page(7.2, 3.6)
-    axis = figure.subplots()
-    colours = list(COLOURS.values())
-    for number, (name, course) in enumerate(courses.items()):
-        colour, dash = colours[number % len(colours)], _DASHES[number // len(colours) % len(_DASHES)]
-        axis.plot(course["gflop"], course["rms"], dash, color=colour, lw=1.3, label=name)
-    axis.set(xscale="log", yscale="log", ylabel="RMS of the fit [N, N·mm]")
-    axis.legend(fontsize=7, ncols=2)
-    frame([axis], "work done [Gflop]")
-    return figure
 
 
 def surrogate_page(
@@ -197,13 +178,7 @@ def _training(surrogate: Surrogate) -> str:
         rows.append([name, hidden, "-" if fit is None else three_digits(fit), str(ended)])
     made = record.get("command", "not recorded")
     said = paragraph(f"Samples: {samples}. Made by: {made}. Scene {info.scene.digest[:12]}.")
-    courses = record.get("convergence", {})
-    drawn = (
-        picture(lambda path: save_page(draw_convergence(courses), path), "RMS of the fit against the work done")
-        if courses
-        else paragraph("The file does not record how the fits converged.")
-    )
-    return said + table(["network", "neurons", "RMS of the fit [N, N·mm]", "ended by"], rows) + drawn
+    return said + table(["network", "neurons", "RMS of the fit [N, N·mm]", "ended by"], rows)
 
 
 def _dropped(samples: Samples | None) -> list[str]:

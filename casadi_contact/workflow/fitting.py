@@ -125,7 +125,6 @@ def fits_record(fits: Mapping[str, Fit]) -> dict[str, Any]:
         "training_errors": {name: fit.rms for name, fit in fits.items()},
         "stop_reasons": {name: fit.stop_reason for name, fit in fits.items()},
         "gflop": {name: round(fit.gflop, 1) for name, fit in fits.items()},
-        "convergence": {name: _course(fit.history) for name, fit in fits.items()},
         "seconds": {name: round(fit.cpu_s, 1) for name, fit in fits.items()},
     }
 
@@ -135,7 +134,7 @@ def exchange_record(before: Mapping[str, Any], other: Mapping[str, Any], names: 
     time are summed."""
     taken = {
         key: {**before[key], **{name: value for name, value in other[key].items() if name in names}}
-        for key in ("training_errors", "stop_reasons", "convergence")
+        for key in ("training_errors", "stop_reasons")
     }
     return {**before, **taken, **summed_work(before, other)}
 
@@ -159,14 +158,3 @@ def continued_record(before: Mapping[str, Any], record: Mapping[str, Any]) -> di
         "dropped": before["dropped"],
         "active": [*before.get("active", []), added],
     }
-
-
-def _course(history: Mapping[str, Any], points: int = 60) -> dict[str, list[float]]:
-    """Work done [Gflop] and RMS of the fit at up to so many of its iterations, evenly spaced in log work."""
-    gflop, rms = history["gflop"], history["training_rms"]
-    begun = np.flatnonzero(gflop > 0.0)
-    if not len(begun):
-        return {"gflop": [], "rms": []}
-    levels = np.geomspace(gflop[begun[0]], gflop[-1], points)
-    chosen = np.unique(np.minimum(np.searchsorted(gflop, levels), len(gflop) - 1))
-    return {"gflop": [float(f"{x:.4g}") for x in gflop[chosen]], "rms": [float(f"{x:.4g}") for x in rms[chosen]]}

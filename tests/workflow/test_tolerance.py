@@ -160,7 +160,7 @@ def of_sizes(samples, sizes):
         r.name: random_network(rng, np.zeros(6), np.ones(6), sizes[r.name], "algebraic", np.ones(r.outputs))
         for r in PatchSurrogate.regressions(samples)
     }
-    record = {key: dict.fromkeys(networks, 0.0) for key in ("training_errors", "stop_reasons", "convergence")}
+    record = {key: dict.fromkeys(networks, 0.0) for key in ("training_errors", "stop_reasons")}
     return PatchSurrogate(
         samples.scene, networks, record | {key: dict.fromkeys(sizes, 1.0) for key in ("gflop", "seconds")}
     )

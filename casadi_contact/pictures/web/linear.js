@@ -31,32 +31,17 @@ export function poseSpace(held) {
   };
 }
 
-/** x of A x = b by elimination with pivots; A: rows. */
-export function solved(A, b) {
-  const n = b.length;
-  const rows = A.map((row, i) => [...row, b[i]]);
-  for (let i = 0; i < n; i++) {
-    const pivot = rows.slice(i).reduce((best, row, k) => (Math.abs(row[i]) > Math.abs(rows[best][i]) ? i + k : best), i);
-    [rows[i], rows[pivot]] = [rows[pivot], rows[i]];
-    for (let k = i + 1; k < n; k++) {
-      const factor = rows[k][i] / rows[i][i];
-      for (let j = i; j <= n; j++) rows[k][j] -= factor * rows[i][j];
-    }
-  }
-  const x = new Array(n).fill(0);
-  for (let i = n - 1; i >= 0; i--) {
-    x[i] = (rows[i][n] - rows[i].slice(i + 1, n).reduce((sum, part, k) => sum + part * x[i + 1 + k], 0)) / rows[i][i];
-  }
-  return x;
-}
-
-/** Least squares: x that makes J x nearest to b, a trace of damping for a singular J. */
+/** Least squares: x that makes J x nearest to b, a trace of damping for a singular J; Gauss and Jordan on JᵀJ x = Jᵀb. */
 export function leastSquares(J, b) {
-  const n = J[0].length;
-  const normal = Array.from({ length: n }, (_, i) =>
-    Array.from({ length: n }, (_, j) => J.reduce((sum, row) => sum + row[i] * row[j], 0)),
-  );
-  const trace = normal.reduce((sum, row, i) => sum + row[i], 1e-12);
-  normal.forEach((row, i) => (row[i] += 1e-11 * trace));
-  return solved(normal, normal.map((_, i) => J.reduce((sum, row, k) => sum + row[i] * b[k], 0)));
+  const sum = (of) => J.reduce((total, row, k) => total + of(row, k), 0);
+  const rows = J[0].map((_, i) => [...J[0].map((_, j) => sum((row) => row[i] * row[j])), sum((row, k) => row[i] * b[k])]);
+  const damping = 1e-11 * rows.reduce((trace, row, i) => trace + row[i], 1e-12);
+  rows.forEach((row, i) => (row[i] += damping));
+  rows.forEach((pivot, i) => {
+    for (const row of rows) {
+      const factor = row[i] / pivot[i];
+      if (row !== pivot) row.forEach((_, j) => (row[j] -= factor * pivot[j]));
+    }
+  });
+  return rows.map((row, i) => row.at(-1) / row[i]);
 }

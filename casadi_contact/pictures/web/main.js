@@ -17,18 +17,16 @@ const byId = (id) => document.getElementById(id);
 /** Everything that a pose gives, except the pressures at points. */
 function evaluated(models, content, pose) {
   const { contact, surrogate } = models;
-  const roots = contact.roots(pose).values;
   const confidence = surrogate?.confidence(pose);
-  const learned = surrogate?.loads(pose);
   const inOrder = (values) =>
     values && content.loads.map(({ name }) => values[content.surrogateLoads.indexOf(name)] ?? NaN);
   return {
     contacts: contact.contact(pose),
     contact: contact.loads(pose),
-    surrogate: inOrder(learned),
+    surrogate: inOrder(surrogate?.loads(pose)),
     errors: inOrder(confidence?.errors),
-    validity: confidence ? confidence.validity : null,
-    gaps: Array.from(roots, (root) => (root > 0 ? null : -root / content.gapSlope)),
+    validity: confidence?.validity,
+    gaps: Array.from(contact.roots(pose).values, (root) => (root > 0 ? null : -root / content.gapSlope)),
   };
 }
 
@@ -98,10 +96,8 @@ class Page {
     const at = this.planeAt(contacts);
     this.section.draw(this.pose, at);
     say(byId("cut"), `section at ${this.content.view.alongName} = ${readable(this.content.view.alongSign * at)} mm, through the centre of pressure`);
-    const figures = contacts.map(({ area, peak }, patch) => {
-      const title = this.content.patches.length > 1 ? `${this.content.patches[patch].title}: ` : "";
-      return area > 0 ? `${title}peak ${readable(peak)} MPa, ${readable(area)} mm²` : `${title}no contact`;
-    });
+    const figures = contacts.map(({ area, peak }, patch) =>
+      `${this.content.patches[patch].title}: ${area > 0 ? `peak ${readable(peak)} MPa, ${readable(area)} mm²` : "no contact"}`);
     say(byId("figures"), figures.join("\n"));
     this.panel.draw(this.state);
     this.timeline.draw(this.frame !== null);

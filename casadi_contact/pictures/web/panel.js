@@ -15,10 +15,10 @@ export class LoadsPanel {
       row.innerHTML = `<td>${name} <small>${unit}</small></td>` + "<td></td>".repeat(columns.length - 1);
       return row;
     });
-    this.gaps = content.patches.map((patch) => {
+    this.gaps = content.patches.map(({ title }) => {
       const row = document.getElementById("gaps").insertRow();
-      row.innerHTML = `<td>${content.patches.length > 1 ? patch.title : "surfaces"}</td><td></td>`;
-      return row.cells[1];
+      row.insertCell().textContent = title;
+      return row.insertCell();
     });
   }
 
@@ -30,16 +30,14 @@ export class LoadsPanel {
       say(row.cells[2], readable(surrogate[k]));
       say(row.cells[3], `± ${readable(errors[k])}`);
     });
-    gaps.forEach((gap, patch) => {
-      say(this.gaps[patch], gap === null ? "in contact" : `${readable(gap)} mm`);
-    });
+    gaps.forEach((gap, patch) => say(this.gaps[patch], gap === null ? "in contact" : `${readable(gap)} mm`));
     showValidity(validity);
   }
 }
 
 function showValidity(validity) {
   const light = document.getElementById("validity");
-  const known = validity !== null && Number.isFinite(validity);
+  const known = Number.isFinite(validity);
   light.dataset.state = !known ? "unknown" : validity >= VALID ? "good" : validity >= LEARNED ? "doubtful" : "outside";
   const word = { good: "learned", doubtful: "at the edge of what was learned", outside: "outside what was learned" };
   const text = known ? `validity ${validity.toFixed(2)}: ${word[light.dataset.state]}` : "no surrogate: the contact model alone";

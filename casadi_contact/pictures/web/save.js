@@ -24,8 +24,8 @@ export function stoOf(content, loads) {
 /** Python of an optimisation that begins at a pose and asks for loads; pose parameters that do not settle are locked. */
 export function optiOf(content, pose, wanted) {
   const { free, loads } = content.settle;
-  const [shown, held] = [Array.from(pose), (k) => content.space && content.space.matrix[k][k] !== 1];
-  const locked = content.pose.flatMap(({ name }, k) => (free.length === 0 || free.includes(name) || held(k) ? [] : [`"${name}": ${shown[k]}`]));
+  const held = (k) => content.space && content.space.matrix[k][k] !== 1;
+  const locked = content.pose.flatMap(({ name }, k) => (free.length === 0 || free.includes(name) || held(k) ? [] : [`"${name}": ${pose[k]}`]));
   return [
     "import casadi as ca",
     "import casadi_contact as cc",
@@ -34,7 +34,7 @@ export function optiOf(content, pose, wanted) {
     "opti = ca.Opti()",
     `contact = cc.ContactInOpti(opti, model, locked={${locked.join(", ")}})  # mm, rad`,
     ...(loads.length ? [`contact.carry({${loads.map((name, i) => `"${name}": ${wanted[i]}`).join(", ")}})  # N, N·mm`] : []),
-    `contact.begin_at([${shown.join(", ")}])  # tx, ty, tz [mm], rx, ry, rz [rad]`,
+    `contact.begin_at([${pose.join(", ")}])  # tx, ty, tz [mm], rx, ry, rz [rad]`,
     'opti.solver("ipopt", contact.options())',
     "solution = opti.solve()",
     "print(contact.poses(solution), solution.value(contact.loads))",

@@ -13,26 +13,17 @@ function residuals(model, content, pose, target) {
   const roots = model.roots(pose);
   const column = (name) => model.names.indexOf(name);
   const row = (from, k) => Array.from(from.slice(6 * k, 6 * k + 6));
-  const r = [];
-  const J = [];
-  content.normals.forEach(({ loads, directed, sign }, patch) => {
+  const rows = content.normals.flatMap(({ loads, directed, sign }, patch) => {
     const wanted = loads.map((name) => target.wanted[target.names.indexOf(name)]);
-    const s = roots.values[patch];
-    const ds = row(roots.slopes, patch);
-    if (directed) {
-      r.push(s - Math.sqrt(Math.max(sign * wanted[0], 0) / content.referenceLoad));
-      J.push(ds);
-      return;
-    }
-    const force = loads.map((name) => values[column(name)]);
-    const by = loads.map((name) => row(slopes, column(name)));
-    const found = rootVector(force, by, s, ds, content.referenceLoad);
+    const [s, ds] = [roots.values[patch], row(roots.slopes, patch)];
+    if (directed) return [[s - Math.sqrt(Math.max(sign * wanted[0], 0) / content.referenceLoad), ds]];
+    const [force, by] = [loads.map((name) => values[column(name)]), loads.map((name) => row(slopes, column(name)))];
+    const { vector, slope } = rootVector(force, by, s, ds, content.referenceLoad);
     const root = Math.sqrt(content.referenceLoad * (size(wanted) || 1));
-    found.vector.forEach((part, i) => r.push(part - wanted[i] / root));
-    J.push(...found.slope);
+    return vector.map((part, i) => [part - wanted[i] / root, slope[i]]);
   });
   const misfit = target.names.map((name, i) => Math.abs(values[column(name)] - target.wanted[i]));
-  return { r, J, misfit: Math.max(...misfit) };
+  return { r: rows.map(([r]) => r), J: rows.map(([, J]) => J), misfit: Math.max(...misfit) };
 }
 
 /** F/√(N N0) and its derivatives; out of contact the root load along the way that closes the gap. */
@@ -41,9 +32,8 @@ function rootVector(force, by, s, ds, referenceLoad) {
   if (N > 0) {
     const root = Math.sqrt(N * referenceLoad);
     const along = scaled(force, 1 / N);
-    const slope = by.map((row, i) =>
-      row.map((part, k) => (part - 0.5 * along[i] * along.reduce((sum, a, j) => sum + a * by[j][k], 0)) / root),
-    );
+    const change = (k) => along.reduce((sum, a, j) => sum + a * by[j][k], 0);
+    const slope = by.map((row, i) => row.map((part, k) => (part - 0.5 * along[i] * change(k)) / root));
     return { vector: scaled(force, 1 / root), slope };
   }
   const closing = scaled(ds.slice(0, 3), 1 / (Math.sqrt(dot(ds, ds)) || 1));

@@ -147,7 +147,7 @@ def propose(
     model = ElasticFoundation(Scene.from_tables(tables))
     if model.at_edge(poses).any():
         tables["sampling"]["most_dropped"] = 0.6  # of its plan: poses whose contact reaches an edge are no samples
-    questions += _questions_about_motion(model, poses, report, shells_mm)
+    questions += _questions_about_motion(model, poses, report)
     begin("done")
     frames = report.converged.size
     return Proposal(Scene.from_tables(tables), joint, pose, len(poses), frames, findings, questions)
@@ -247,9 +247,7 @@ def _tolerances(
     return {name: float(f"{share * of[quantity(name).kind]:.2g}") for name in model.load_names}
 
 
-def _questions_about_motion(
-    model: ElasticFoundation, poses: Array, report: ReferenceReport, shells_mm: Mapping[str, float]
-) -> list[str]:
+def _questions_about_motion(model: ElasticFoundation, poses: Array, report: ReferenceReport) -> list[str]:
     """Frames without a pose, and load in the poses (n, 6) that the model may miss."""
     questions, scene, failed = [], model.scene, ~report.converged
     if failed.any():
@@ -267,12 +265,6 @@ def _questions_about_motion(
         )
     unmodelled = unmodelled_load_words(unmodelled_load_shares(model, poses))
     questions += [f"{_UNMODELLED[where]}: {words}" for where, words in unmodelled.items()]
-    overlap_mm = float(-model.gaps(poses).min())
-    if scene.geometry.get("shell") == "whole" and overlap_mm > 0.5 * shells_mm["moving"]:
-        questions.append(
-            f"which side of the moving shell counts: overlaps reach {overlap_mm:.2g} mm of its "
-            f"{shells_mm['moving']:.2g} mm, and beyond half of it loads fall"
-        )
     return questions
 
 
