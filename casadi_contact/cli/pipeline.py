@@ -32,7 +32,7 @@ from casadi_contact.workflow.benchmark.front_file import FILE_NAME, read_front, 
 from casadi_contact.workflow.benchmark.measure import Peers, measure_project
 from casadi_contact.workflow.project import (
     Project,
-    available_motion,
+    available_poses,
     available_surrogates,
     exclusive,
     has_motion,
@@ -41,6 +41,8 @@ from casadi_contact.workflow.project import (
 )
 from casadi_contact.workflow.samples import check_single_source, sample, take_table
 from casadi_contact.workflow.train import train
+
+_EXAMPLE_FRAME = 25  # a quarter of the first cycle: in contact
 
 
 def build(
@@ -132,9 +134,7 @@ def export(
         pose = list(contact_pose(ElasticFoundation(project.scene, project.scene.grids.get("settle"))))
     else:
         models = {**available_surrogates(project)}
-        motion = not project.has_results or has_motion(project)
-        poses = available_motion(project).poses[0] if motion else project.samples().poses
-        pose = list(poses[len(poses) // 4])
+        pose = list(available_poses(project)[: _EXAMPLE_FRAME + 1][-1])
     written = []
     for kind, model in models.items():
         writable_folder(folder / kind)

@@ -17,10 +17,12 @@ from casadi_contact.samples.chunk import WrenchModel, part_wrenches
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Dropped, Samples
 from casadi_contact.scenes.scene import Scene
 
+_MOVES = np.repeat([1.0, np.deg2rad(2.0)], 3)  # mm, rad
+_BEYOND = 0.5  # of the sampled range, to either side
+_MOST_DRAWN = 200  # poses for one that is kept: chance alone seldom presses
 
-def perturbed_poses(
-    samples: Samples, count: int, *, move_mm: float = 1.0, move_rad: float = float(np.deg2rad(2.0)), seed: int = 12
-) -> Array:
+
+def perturbed_poses(samples: Samples, count: int, *, seed: int = 12) -> Array:
     """Poses (count, 6) of the samples moved by up to 1 mm and 2° in every parameter.
 
     Half of the moves are uniform, half normal with these deviations; each is multiplied by a number drawn evenly from 0
@@ -31,36 +33,28 @@ def perturbed_poses(
     rng = np.random.default_rng(seed)
     poses = samples.poses[rng.integers(len(samples), size=count)]
     moves = np.where(rng.random((count, 1)) < 0.5, rng.uniform(-1.0, 1.0, (count, 6)), rng.standard_normal((count, 6)))
-    return samples.scene.pose_space.project(poses + rng.random((count, 1)) * moves * np.repeat([move_mm, move_rad], 3))
+    return samples.scene.pose_space.project(poses + rng.random((count, 1)) * moves * _MOVES)
 
 
 def poses_in_range(
-    samples: Samples,
-    count: int,
-    near: Callable[[Array], np.ndarray],
-    roots: Callable[[Array], Array],
-    *,
-    most_drawn: int = 200,
-    beyond: float = 0.5,
-    seed: int = 13,
+    samples: Samples, count: int, near: Callable[[Array], np.ndarray], roots: Callable[[Array], Array]
 ) -> Array:
     """Poses (m, 6), m <= 3/2·count, drawn evenly over the range of samples that are not test rows, and beyond it.
 
-    In every other pose about two parameters of six, chosen by chance, are drawn from a range that is wider by `beyond`
-    of itself on either side: the surrogate extrapolates there. near: mask (n,) of poses (n, 6) to keep; roots: their
+    In every other pose about two parameters of six, chosen by chance, are drawn from a range that is wider by half of
+    itself on either side: the surrogate extrapolates there. near: mask (n,) of poses (n, 6) to keep; roots: their
     root loads (n, P) on the surrogate. Two in three of the poses are in contact, with root loads of up to 1.2 times the
-    largest sampled ones; chance alone seldom presses. At most
-    most_drawn poses are drawn for one that is kept. Raises ValueError where all samples are test rows.
+    largest sampled ones. Raises ValueError where all samples are test rows.
     """
-    known, rng = samples.poses[samples.role != TEST], np.random.default_rng(seed)
+    known, rng = samples.poses[samples.role != TEST], np.random.default_rng(13)
     if not len(known):
         raise ValueError(f"{len(samples)} samples, all of them test rows, expected some that were learned: no range")
     low, span = known.min(axis=0), np.ptp(known, axis=0)
     largest = 1.2 * np.maximum(roots(known).max(axis=0), 0.0)
     kept: tuple[list[Array], list[Array]] = [], []
     wanted, at_once = (count, count // 2), 20_000
-    for _ in range(0, max(most_drawn * count, 1), at_once):
-        wider = beyond * ((rng.random((at_once, 6)) < 1.0 / 3.0) & (rng.random((at_once, 1)) < 0.5))
+    for _ in range(0, max(_MOST_DRAWN * count, 1), at_once):
+        wider = _BEYOND * ((rng.random((at_once, 6)) < 1.0 / 3.0) & (rng.random((at_once, 1)) < 0.5))
         unit = rng.random((at_once, 6)) * (1.0 + 2.0 * wider) - wider
         poses = samples.scene.pose_space.project(low + span * unit)
         poses = poses[near(poses)]
@@ -73,9 +67,7 @@ def poses_in_range(
     return np.array([*kept[0], *kept[1]]).reshape(-1, 6)
 
 
-def self_settled_poses(
-    surrogate: ContactModel, samples: Samples, count: int, *, seed: int = 17, progress: Progress | None = None
-) -> Array:
+def self_settled_poses(surrogate: ContactModel, samples: Samples, count: int) -> Array:
     """Poses (m, 6), m <= count, at which the static solver, run on the surrogate from starts drawn evenly over the
     sampled range, balances normal loads of training samples.
 
@@ -83,7 +75,7 @@ def self_settled_poses(
     a quarter of the poses the loads are multiplied by u³ with u drawn evenly from 0 to 1, because every contact begins
     and ends lightly. There are none where the surrogate lacks one of these loads.
     """
-    scene, rng = samples.scene, np.random.default_rng(seed)
+    scene, rng = samples.scene, np.random.default_rng(17)
     training, known = samples.select(role=TRAIN), samples.poses[samples.role != TEST]
     target: dict[str, Array] = {}
     for load in scene.controllable_normal_loads:
@@ -103,7 +95,6 @@ def self_settled_poses(
         tolerance=1e-2,
         max_iterations=40,
         trust_region=False,
-        progress=progress,
     )
     return poses[report.converged]
 

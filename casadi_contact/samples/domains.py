@@ -52,12 +52,8 @@ class Envelopes:
 
     @classmethod
     def over(cls, names: Sequence[str], curves: ArrayLike) -> Envelopes:
-        """Bounds over the cycles of curves (cycles, frames, inputs); raises ValueError for another shape or NaN."""
+        """Bounds over the cycles of curves (cycles, frames, inputs)."""
         array = np.asarray(curves, dtype=float)
-        if array.ndim != 3 or array.shape[2] != len(names) or 0 in array.shape:
-            raise ValueError(f"curves has shape {array.shape}, expected (cycles, frames, {len(names)})")
-        if not np.isfinite(array).all():
-            raise ValueError("curves holds NaN or infinity, expected finite numbers")
         return cls(tuple(names), array.min(axis=0), array.max(axis=0))
 
     @property

@@ -77,7 +77,7 @@ class ReferenceMotion:
         The free parameters are those of the reference pose nearest in the pose inputs, each measured in its range
         over the reference motion; locked and tied ones are as the space says.
         """
-        columns = self.point.columns(self.point.pose_inputs)
+        columns = [self.point.inputs.index(name) for name in self.point.pose_inputs]
         curves = self.curves.reshape(-1, self.curves.shape[2])[:, columns]
         scale = np.ptp(curves, axis=0)
         scale[scale == 0.0] = 1.0

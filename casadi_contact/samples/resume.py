@@ -106,18 +106,17 @@ def motion_origin(
 
 @dataclass(frozen=True)
 class KeptMotion:
-    """A reference motion, the names of its cycles, the report of its estimation, the files that the cycles were read
-    from (none for built-in ones), and its `motion_origin`."""
+    """A reference motion, the report of its estimation, the files that its cycles were read from (none for built-in
+    ones), and its `motion_origin`."""
 
     motion: ReferenceMotion
-    cycles: tuple[str, ...]
     report: str
     files: tuple[str, ...]
     origin: Mapping[str, Any]
 
     def write(self, path: Path) -> None:
         """Write ``motion.npz``."""
-        texts = {name: np.array(getattr(self, name), dtype=str) for name in ("cycles", "report", "files")}
+        texts = {name: np.array(getattr(self, name), dtype=str) for name in ("report", "files")}
         inputs, origin = np.array(self.motion.point.inputs), np.array(json.dumps(self.origin))
         write_npz(path, inputs=inputs, curves=self.motion.curves, poses=self.motion.poses, origin=origin, **texts)
 
@@ -130,8 +129,8 @@ class KeptMotion:
             motion = ReferenceMotion(point, content["curves"], content["poses"])
             if not (np.isfinite(motion.curves).all() and np.isfinite(motion.poses).all()):
                 raise ValueError("curves or poses are not finite")
-            cycles, files = (tuple(map(str, content[name])) for name in ("cycles", "files"))
-            return cls(motion, cycles, str(content["report"]), files, dict(json.loads(str(content["origin"]))))
+            files, origin = tuple(map(str, content["files"])), dict(json.loads(str(content["origin"])))
+            return cls(motion, str(content["report"]), files, origin)
         except FileNotFoundError:
             raise
         except (ValueError, KeyError, IndexError, TypeError, OSError) as error:

@@ -80,17 +80,12 @@ class Samples:
         names = self.scene.load_names if names is None else names
         return np.einsum("lpk,npk->nl", self.scene.part_selection(names), self.wrenches)
 
-    def select(
-        self, domain: str | int | Sequence[str | int] | None = None, role: int | Sequence[int] | None = None
-    ) -> Samples:
-        """The samples of these domains ("D1" or 1) and roles (TRAIN, VALIDATION, TEST); None takes all."""
-        rows = np.ones(len(self), dtype=bool)
-        if domain is not None:
-            wanted = [domain] if isinstance(domain, str | int | np.integer) else list(domain)
-            rows &= np.isin(self.domain, [_domain_number(d) for d in wanted])
-        if role is not None:
-            rows &= np.isin(self.role, role)
-        return self.rows(rows)
+    def select(self, domain: str | None = None, role: int | Sequence[int] | None = None) -> Samples:
+        """The samples of a domain ("D1") and of one or more roles (TRAIN, VALIDATION, TEST); None takes all."""
+        if domain is not None and domain not in DOMAINS:
+            raise ValueError(f"unknown domain {domain!r}, expected one of {', '.join(DOMAINS)}")
+        rows = np.ones(len(self), dtype=bool) if domain is None else self.domain == DOMAINS.index(domain) + 1
+        return self.rows(rows if role is None else rows & np.isin(self.role, role))
 
     def rows(self, chosen: np.ndarray) -> Samples:
         """The samples of these rows, a mask (n,) or numbers."""
@@ -118,13 +113,6 @@ class Samples:
             name: {r: int(((self.domain == d) & (self.role == k)).sum()) for k, r in enumerate(ROLES)}
             for d, name in enumerate(DOMAINS, start=1)
         }
-
-
-def _domain_number(domain: str | int) -> int:
-    number = DOMAINS.index(domain) + 1 if domain in DOMAINS else domain
-    if isinstance(number, str) or not 1 <= number <= len(DOMAINS):
-        raise ValueError(f"unknown domain {domain!r}, expected one of {', '.join(DOMAINS)}")
-    return int(number)
 
 
 def partial_folder(path: str | Path) -> Path:

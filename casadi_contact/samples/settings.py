@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
@@ -66,10 +66,6 @@ class SamplePoint:
     def load_inputs(self) -> tuple[str, ...]:
         """Inputs that are loads, in input order."""
         return tuple(name for name in self.inputs if name not in POSE_NAMES)
-
-    def columns(self, names: Sequence[str]) -> list[int]:
-        """Columns of these inputs in an array of inputs."""
-        return [self.inputs.index(name) for name in names]
 
     @classmethod
     def of_scene(cls, scene: Scene) -> SamplePoint:

@@ -21,7 +21,7 @@ from casadi_contact.contact.model import overlaps_without_load
 from casadi_contact.core.conventions import POSE_NAMES, WRENCH_NAMES, Array, load_selection, rotation
 from casadi_contact.core.files.containers import open_hdf5
 from casadi_contact.core.files.reading import existing_file, sha256_of, short
-from casadi_contact.core.quantities import quantity, three_digits
+from casadi_contact.core.quantities import three_digits
 from casadi_contact.samples.samples import ROLES, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.scenes.columns import check_size, read_columns
 from casadi_contact.scenes.normal_load import normal_forces
@@ -195,21 +195,3 @@ def _check_resistance(
             f"{where}: the force of {name} falls as the moving body moves along it (correlation {correlation:.2f}), "
             "expected the loads on the fixed body: turn the signs of all loads"
         )
-
-
-def conflicting_rows(samples: Samples) -> str:
-    """One line that counts the poses whose rows differ by more than a load's tolerance; "" without any."""
-    scene, loads = samples.scene, samples.loads()
-    distinct, pose_of_row = np.unique(samples.poses, axis=0, return_inverse=True)
-    pose_of_row = pose_of_row.ravel()
-    lowest, highest = (np.full((len(distinct), loads.shape[1]), bound) for bound in (np.inf, -np.inf))
-    np.minimum.at(lowest, pose_of_row, loads)
-    np.maximum.at(highest, pose_of_row, loads)
-    excess = (highest - lowest) / [scene.tolerances[name] for name in scene.load_names]
-    count = int((excess > 1.0).any(axis=1).sum())
-    if not count:
-        return ""
-    pose, load = np.unravel_index(int(excess.argmax()), excess.shape)
-    name, row = scene.load_names[load], int(np.flatnonzero(pose_of_row == pose)[0])
-    spread = f"{three_digits(lowest[pose, load])} to {three_digits(highest[pose, load])} {quantity(name).unit}"
-    return f"{count} poses have rows that differ by more than a tolerance (row {row + 1}: {name} {spread}): keep one"

@@ -24,7 +24,7 @@ from casadi_contact.surrogate.info import budget_line
 from casadi_contact.surrogate.load import STRUCTURES
 from casadi_contact.surrogate.sample_rows import samples_record
 from casadi_contact.workflow.presets import Effort, effort_for
-from casadi_contact.workflow.project import Project, has_motion, read_motion
+from casadi_contact.workflow.project import Project
 
 _log = logging.getLogger(__name__)
 
@@ -99,7 +99,6 @@ def fit_surrogate(
         **fits_record(fits),
         "test_errors": domain_errors(kind(scene, networks), samples),
         "command": fitting.command,
-        "reference_cycles": list(read_motion(project).cycles) if has_motion(project) else [],
         "machine": machine_record(),
     }
     surrogate = kind(scene, networks, record if onward is None else continued_record(onward.record, record))

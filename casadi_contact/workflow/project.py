@@ -209,16 +209,11 @@ def available_surrogates(project: Project) -> dict[str, Surrogate]:
 
 
 def available_poses(project: Project) -> Array:
-    """Poses (n, 6) of `available_motion`, one cycle after the other; of a table its own."""
-    if project.has_results and not has_motion(project):
-        return project.samples().poses
-    return available_motion(project).poses.reshape(-1, 6)
-
-
-def available_motion(project: Project) -> ReferenceMotion:
-    """The reference motion that the samples were drawn around, or that of the built-in cycles, estimated anew (seconds)
-    where nothing has been built."""
-    return read_motion(project).motion if project.has_results else built_in_motion(project.scene)
+    """Poses (n, 6) of the reference motion that the samples were drawn around, one cycle after the other; of a table
+    its own. Where nothing has been built, of the built-in cycles, estimated anew (seconds)."""
+    if not project.has_results:
+        return built_in_motion(project.scene).poses.reshape(-1, 6)
+    return read_motion(project).motion.poses.reshape(-1, 6) if has_motion(project) else project.samples().poses
 
 
 def built_in_motion(scene: Scene) -> ReferenceMotion:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from casadi_contact.networks.training.fit import Fit, fit
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.optimisation.verification import Verification, verify
 from casadi_contact.samples.chunk import Chunk, WrenchModel, draw_chunk
+from casadi_contact.samples.models import DrawnModel
 from casadi_contact.samples.samples import COLUMNS, TEST, TRAIN, VALIDATION, Samples, domain_errors
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.surrogate.base import Surrogate
@@ -30,10 +31,6 @@ _TOLERANCE_SHARE = 0.2  # at which a fit ends: better than needed, because a few
 
 Solve = Callable[[Surrogate], tuple[Array, np.ndarray]]
 """A problem: surrogate -> poses (n, 6) of its solution, and which frames (n,) it solved."""
-
-
-class RefinementModel(ContactModel, WrenchModel, Protocol):
-    """A contact model that also gives the wrench of each patch, as elastic foundations and `CallableModel` do."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +60,7 @@ def refine(
     surrogate: Surrogate,
     samples: Samples,
     solve: Solve,
-    model: RefinementModel,
+    model: DrawnModel,
     *,
     rounds: int = 3,
     gflop: float = 600.0,
@@ -110,7 +107,7 @@ def _verified(surrogate: Surrogate, solve: Solve, model: ContactModel) -> Verifi
 
 
 def _drawn_around(
-    surrogate: Surrogate, check: Verification, model: RefinementModel, per_frame: int, rng: np.random.Generator
+    surrogate: Surrogate, check: Verification, model: DrawnModel, per_frame: int, rng: np.random.Generator
 ) -> Samples:
     """Samples whose pose inputs lie around those of failing frames, settled on the model under shares of the loads
     that the surrogate gives there, some of them lifted off: as D1 and D5 lie around a motion, and counted as these."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import nullcontext
@@ -15,11 +14,9 @@ from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.resume import KeptMotion, begun, check_same_plan, motion_origin
 from casadi_contact.samples.samples import Samples, write_samples
 from casadi_contact.samples.settings import SamplingSettings
-from casadi_contact.samples.table import check_gaps, conflicting_rows, read_sample_table
+from casadi_contact.samples.table import check_gaps, read_sample_table
 from casadi_contact.scenes.walking import reference_motion_cycles
 from casadi_contact.workflow.project import Project, exclusive, trained_surrogates
-
-_log = logging.getLogger(__name__)
 
 
 def check_single_source(table: str | Path | None, cycles: Sequence[str | Path], model: DrawnModel | str) -> None:
@@ -61,8 +58,7 @@ def sample(
     else:
         settled_on, progress = models(project.scene, settings)[0], stage_progress(update, "reference motion")
         motion, report = reference_motion(settled_on, cycles, settings, progress)
-        names, files = (tuple(map(str, each)) for each in ([cycle.name for cycle in cycles], cycle_files))
-        kept = KeptMotion(motion, names, str(report), files, origin)
+        kept = KeptMotion(motion, str(report), tuple(map(str, cycle_files)), origin)
         kept.write(project.motion_path)
     progress = stage_progress(update, "samples")
     with nullcontext(executor) if isinstance(model, str) else ThreadPoolExecutor(1) as workers:
@@ -85,8 +81,7 @@ def sample(
 def take_table(project: Project, table: Path) -> Samples:
     """Make the samples file from a table of samples (`dataset.read_sample_table`) instead of drawing them.
 
-    Raises ValueError for a folder in which other samples are drawn or learned already. A logged warning names rows that
-    contradict each other at one pose.
+    Raises ValueError for a folder in which other samples are drawn or learned already.
     """
     samples = read_sample_table(table, project.scene)
     if project.samples_path.is_file():
@@ -95,8 +90,6 @@ def take_table(project: Project, table: Path) -> Samples:
         if there.get("table_digest") != samples.provenance["table_digest"] and (learned or "table" not in there):
             changed = f"was made from {table} as it was before" if there.get("table") == str(table) else "is of others"
             raise ValueError(f"{project.samples_path} {changed}: choose another --out, or remove that folder")
-    if warning := conflicting_rows(samples):
-        _log.warning("%s: %s", table, warning)
     project.motion_path.unlink(missing_ok=True)  # of a draw that was left for the table
     write_samples(project.samples_path, samples)
     return samples

@@ -36,15 +36,16 @@ from casadi_contact.workflow.train import build_command
 
 _log = logging.getLogger(__name__)
 
+_FIT_SHARE, _CLOSER = 0.6, 0.7  # of the tolerance at which a fit ends, since domains differ; times 0.7 in each round
+_MET = 0.8  # of it that validation rows must meet: the few hundred rows of a domain give its error no closer
+
 
 @dataclass(frozen=True)
 class ToleranceSettings:
     """How samples and networks grow.
 
     rounds: at most. first_scale, first_gflop: samples (as a share of the paper's) and budget of a root network in the
-    first round. sizes: hidden layers to grow through. tolerance_share: share of the tolerance at which a fit ends,
-    because domains differ; multiplied by `closer` in each round. met: share of the tolerance that validation rows must
-    meet, because the few hundred rows of a domain give its error no closer.
+    first round. sizes: hidden layers to grow through.
     """
 
     rounds: int = 6
@@ -54,14 +55,11 @@ class ToleranceSettings:
         *((8,), (8, 8), (12, 12), (16, 16)),
         *((16, 16, 16), (20, 20, 20), (24, 24, 24), (28, 28, 28)),
     )
-    tolerance_share: float = 0.6
-    closer: float = 0.7
-    met: float = 0.8
 
     def efforts(self, round_number: int) -> dict[str, Effort]:
         """The effort of root networks and of all others, in this round (from 1)."""
         gflop = self.first_gflop * 3.0 ** (round_number - 1)
-        share = self.tolerance_share * self.closer ** (round_number - 1)
+        share = _FIT_SHARE * _CLOSER ** (round_number - 1)
         of_ratios = PatchSurrogate.budget_shares["ratios"] * gflop
         return {
             "": Effort(self.sizes, of_ratios, tolerance_share=share),
@@ -159,7 +157,7 @@ def train_to_tolerance(
             command = build_command(project, samples, cycles, *_options(project.scene))
             fitting = Fitting(structure, efforts, this.folder / "training", command, f"round {number}")
             surrogate = fit_surrogate(this, samples, fitting, update, workers)
-            share = chosen.met if number < chosen.rounds else 1.0
+            share = _MET if number < chosen.rounds else 1.0
             missed = misses(surrogate, samples, share) or misses(surrogate, samples, 1.0, TEST)
             if not missed:
                 surrogate = _smallest(surrogate, this, samples, fitting, share, update, workers)

@@ -47,7 +47,7 @@ def test_the_hip_on_its_foundation_has_the_element_grid_s_samples_with_less_erro
         assert samples.provenance["models"] == name
     elements, smooth = (made[name] for name in MODELS)
     assert abs(len(smooth) - len(elements)) <= 0.02 * len(elements)
-    pressed = smooth.select(domain=7)
+    pressed = smooth.select("D7")
     np.testing.assert_allclose(np.linalg.norm(pressed.wrenches[:, 0, :3], axis=1), scene.boundary_load, atol=1e-2)
     teacher = teacher_of(smooth)
     np.testing.assert_allclose(teacher.wrenches(smooth.poses), smooth.wrenches, rtol=1e-9, atol=1e-6)

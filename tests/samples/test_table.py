@@ -6,7 +6,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.core.conventions import WRENCH_NAMES
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION
-from casadi_contact.samples.table import conflicting_rows, read_sample_table
+from casadi_contact.samples.table import read_sample_table
 from casadi_contact.scenes.scene import Scene
 from tests.support.own_contact import SCENE, table_rows, write_csv, write_hdf5
 
@@ -100,12 +100,3 @@ def test_loads_on_the_moving_body_are_refused(tmp_path, scene, word):
     turned = write_csv(tmp_path / "t.csv", columns | {name: -columns[name] for name in WRENCH_NAMES})
     with pytest.raises(ValueError, match=word):
         read_sample_table(turned, scene)
-
-
-def test_rows_of_one_pose_with_other_loads_are_counted(tmp_path):
-    columns = table_rows(60)
-    pressed = int(columns["Fy"].argmax())
-    again = {name: np.append(column, column[pressed]) for name, column in columns.items()}
-    assert conflicting_rows(read_sample_table(write_csv(tmp_path / "t.csv", again), SCENE)) == ""
-    again["Fy"][-1] *= 0.95
-    assert f"row {pressed + 1}: Fy" in conflicting_rows(read_sample_table(write_csv(tmp_path / "t.csv", again), SCENE))

@@ -70,7 +70,6 @@ def asked(monkeypatch):
         return samples, None
 
     monkeypatch.setattr(tolerance, "sample", drawn)
-    monkeypatch.setattr("casadi_contact.workflow.fitting.has_motion", lambda project: False)
     return scales
 
 

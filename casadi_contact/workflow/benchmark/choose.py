@@ -35,6 +35,9 @@ _RESOLUTIONS = {
 }
 
 
+_SAME_TIME = 1.03
+
+
 @dataclass(frozen=True)
 class Offer:
     """A model with its time per pose [µs] on the chart's machine and its RMS errors on unseen walking, for the loads
@@ -68,10 +71,9 @@ def choose(
     loads: Sequence[str] | None = None,
     preset: str = "quick",
     folder: Path | None = None,
-    same_time: float = 1.03,
 ) -> Choice:
     """The cheapest model on the measured front whose RMS error meets the tolerances for these loads; of models whose
-    times differ by less than the factor same_time (the scatter from run to run), the most accurate.
+    times differ by less than 3 % (the scatter from run to run), the most accurate.
 
     scene, preset, folder: as in `casadi-contact chart`, whose ``speed_accuracy.csv`` is read; where nothing has been
     built, the front that comes with the library for this scene. loads: a name or names, all of the scene's if None.
@@ -86,7 +88,7 @@ def choose(
     refuse_without_elements(project)
     path, front = _front(project)
     names, tolerance = _checked_request(front, loads, force_tolerance_n, torque_tolerance_nmm)
-    model, better = cheapest(within_tolerance(project, front, tolerance, names), tolerance, same_time)
+    model, better = cheapest(within_tolerance(project, front, tolerance, names), tolerance)
     file = surrogate_file(project, model.name)
     machine = ", ".join(front.header[key] for key in ("processor", "system") if key in front.header)
     measured = f"measured on {machine or 'an unnamed machine'}, {front.header.get('threads', '?')} thread: {path}"
@@ -168,11 +170,11 @@ def _time_us(project: Project, point: Point, loads: Sequence[str]) -> float:
     return needed / all_ * point.value.median_us
 
 
-def cheapest(offers: Sequence[Offer], tolerance: Tolerance, same_time: float = 1.0) -> tuple[Offer, Offer | None]:
-    """The cheapest of models that all meet the tolerance (of those within the factor same_time of its time the most
-    accurate), and the cheapest of those more accurate than that."""
+def cheapest(offers: Sequence[Offer], tolerance: Tolerance) -> tuple[Offer, Offer | None]:
+    """The cheapest of models that all meet the tolerance (of those within 3 % of its time the most accurate), and the
+    cheapest of those more accurate than that."""
     offers = sorted(offers, key=lambda offer: offer.time_us)
-    as_cheap = [offer for offer in offers if offer.time_us <= same_time * offers[0].time_us]
+    as_cheap = [offer for offer in offers if offer.time_us <= _SAME_TIME * offers[0].time_us]
     model = min(as_cheap, key=lambda offer: _used(offer, tolerance))
     better = [offer for offer in offers if _used(offer, tolerance) < _used(model, tolerance)]
     return model, better[0] if better else None

@@ -57,17 +57,15 @@ def test_the_choice_meets_its_tolerance_and_nothing_cheaper_does(force_n, torque
 
 
 @pytest.mark.parametrize(
-    ("models", "same_time", "names"),
+    ("models", "names"),
     [
-        ({"rough": (0.212, 1.5), "fine": (0.213, 0.5), "finest": (0.3, 0.2)}, 1.03, ("fine", "finest")),
-        ({"dear": (9.0, 0.1), "worse": (2.0, 1.8), "next": (3.0, 0.9), "first": (1.0, 1.5)}, 1.0, ("first", "next")),
+        ({"rough": (0.212, 1.5), "fine": (0.213, 0.5), "finest": (0.3, 0.2)}, ("fine", "finest")),
+        ({"dear": (9.0, 0.1), "worse": (2.0, 1.8), "next": (3.0, 0.9), "first": (1.0, 1.5)}, ("first", "next")),
     ],
 )
-def test_of_models_that_are_as_cheap_the_most_accurate_is_chosen_and_then_the_cheapest_better_one(
-    models, same_time, names
-):
+def test_of_models_that_are_as_cheap_the_most_accurate_is_chosen_and_then_the_cheapest_better_one(models, names):
     offers = [Offer(name, time_us, force_n, float("nan")) for name, (time_us, force_n) in models.items()]
-    assert tuple(each.name for each in cheapest(offers, Tolerance.of_kinds(2.0, None), same_time)) == names
+    assert tuple(each.name for each in cheapest(offers, Tolerance.of_kinds(2.0, None))) == names
 
 
 def test_an_elastic_foundation_is_chosen_where_it_is_enough_and_told_how_to_make(folder):

@@ -17,7 +17,7 @@ from casadi_contact.workflow.benchmark import measure as measuring
 from casadi_contact.workflow.benchmark.evaluate import unseen_walking
 from casadi_contact.workflow.benchmark.front_file import read_front, shipped_front
 from casadi_contact.workflow.benchmark.timing import Timing
-from casadi_contact.workflow.project import Project, available_motion, available_surrogates, built_in_motion
+from casadi_contact.workflow.project import Project, available_surrogates, built_in_motion
 from tests.support.own_contact import SCENE as SOCKET
 
 
@@ -29,7 +29,7 @@ def project(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def motion(project):
-    return available_motion(project)
+    return built_in_motion(project.scene)
 
 
 def test_its_errors_on_unseen_walking_are_those_of_the_surrogates_that_are_shipped_and_of_the_readme(project, motion):
@@ -65,7 +65,7 @@ def test_a_choice_names_a_model_that_comes_with_the_library_and_the_machine(proj
 
 
 def test_the_shipped_surrogates_are_exported_and_their_example_pose_is_in_contact(project, motion, monkeypatch):
-    monkeypatch.setattr(pipeline, "available_motion", lambda project: motion)
+    monkeypatch.setattr(pipeline, "available_poses", lambda project: motion.poses[0])
     paths = pipeline.export(project)
     function = ca.Function.load(str(project.folder / "export" / "patch" / "knee.casadi"))
     pose = motion.poses[0, 25]
