@@ -23,12 +23,10 @@ def loading_directions(model: ContactModel, count: int, target: Mapping[str, Arr
     return along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
 
 
-def advance_to_contact(
-    model: ContactModel, poses: Array, target: Mapping[str, Array], *, above_mm: float = 1000.0
-) -> Array:
+def advance_to_contact(model: ContactModel, poses: Array, target: Mapping[str, Array]) -> Array:
     """Poses (n, 6) moved along `loading_directions` until the first touch, within the scene's pose space.
 
-    Where the scene has a loading direction bodies start above_mm away, else from where they are; a pose that overlaps
+    Where the scene has a loading direction bodies start a metre away, else from where they are; a pose that overlaps
     at first stays. Raises ValueError for a model without gaps, and like `loading_directions`.
     """
     if not model.has_gaps:
@@ -37,7 +35,7 @@ def advance_to_contact(
     along, direction = loading_directions(model, len(poses), target), model.scene.normal_loads[0].direction
     if direction is not None:
         axis = int(np.abs(direction).argmax())
-        poses[:, axis] = -above_mm * direction[axis]
+        poses[:, axis] = -1000.0 * direction[axis]
 
     def moved(rows: np.ndarray, travel_mm: Array) -> Array:
         after = poses[rows]
@@ -106,11 +104,7 @@ def first_crossing(
 
 
 def press_until(
-    force_at: Callable[[Array], Array],
-    target_n: Array,
-    depth_mm: float,
-    rounds: int = 6,
-    most_change: float = 3.0,
+    force_at: Callable[[Array], Array], target_n: Array, depth_mm: float, rounds: int = 6, most_change: float = 3.0
 ) -> tuple[Array, Array]:
     """Depths (n,) [mm] at which force_at(depths) (n,) [N] is about the target force, and the force at them.
 

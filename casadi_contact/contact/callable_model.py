@@ -10,15 +10,7 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.contact.approach import first_crossing
 from casadi_contact.contact.model import WrenchLoads, overlaps_without_load, signed_roots
-from casadi_contact.core.conventions import (
-    Array,
-    angular_velocity_map,
-    batched,
-    check_above_zero,
-    load_selection,
-    pose_text,
-    rotation,
-)
+from casadi_contact.core.conventions import Array, angular_velocity_map, batched, check_above_zero, pose_text, rotation
 from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.scenes.scene import Scene
 
@@ -46,15 +38,10 @@ class CallableModel(WrenchLoads):
         reach_mm: float = 15.0,
     ) -> None:
         check_above_zero(step_mm=step_mm, step_rad=step_rad, approach_mm=approach_mm, reach_mm=reach_mm)
-        self.scene = scene
-        self.load_names = scene.load_names
-        self.patch_names = scene.patch_names
-        self._wrenches = wrenches
-        self._gaps = gaps
+        super().__init__(scene)
+        self._wrenches, self._gaps = wrenches, gaps
         self._steps = np.repeat([step_mm, step_rad], 3)
-        self._approach_mm = approach_mm
-        self._reach_mm = reach_mm
-        self._selection = load_selection(self.load_names, self.patch_names)
+        self._approach_mm, self._reach_mm = approach_mm, reach_mm
         self._last: tuple[Array, Array, Array] | None = None  # poses, their wrenches, and the slopes of these
 
     @batched

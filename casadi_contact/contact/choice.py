@@ -75,19 +75,9 @@ class _Kind(NamedTuple):
 
 
 POLAR_LADDER = (Rays(8, 2), Rays(8, 3), Rays(16, 4))
-_CELLS = _Kind(
-    cell_foundation,
-    CellFoundation,
-    lambda record: Cells(*record["cells_mm"], *record["sub_points"]),
-    lambda scene: CellChoice().ladder(scene),
-)
-_POLAR = _Kind(
-    polar_foundation,
-    PolarFoundation,
-    lambda record: Rays(record["rays"], record["points"]),
-    lambda scene: POLAR_LADDER,
-)
-_CUP = _Kind(cup_foundation, CupFoundation, lambda record: record["points"], lambda scene: (12, 24, 48))
+_CELLS = _Kind(cell_foundation, CellFoundation, lambda r: Cells(*r["cells_mm"], *r["sub_points"]), CellChoice().ladder)
+_POLAR = _Kind(polar_foundation, PolarFoundation, lambda r: Rays(r["rays"], r["points"]), lambda _: POLAR_LADDER)
+_CUP = _Kind(cup_foundation, CupFoundation, lambda r: r["points"], lambda _: (12, 24, 48))
 # Later entries are cheaper where a shape has several.
 _KINDS = {**dict.fromkeys(CELL_SHAPES, _CELLS), **dict.fromkeys(POLAR_SHAPES, _POLAR), CUP_SHAPE: _CUP}
 FOUNDATION_SHAPES = tuple(_KINDS)
@@ -118,15 +108,13 @@ def _chosen(scene: Scene, compiled: bool) -> CompiledFoundation:
             f"scene {scene.name} has the shape {scene.shape}, which has no foundation of its own: expected one of "
             f"{', '.join(FOUNDATION_SHAPES)}; others take cc.ElasticFoundation"
         )
-    kept = scene.material.law in C_LAWS  # of any other law the scene holds but a name
-    record = kept_record(scene) if kept else None
-    if record is not None:
+    kind, kept = _KINDS[scene.shape], scene.material.law in C_LAWS  # of any other law the scene holds but a name
+    if kept and (record := kept_record(scene)) is not None:
         with suppress(KeyError, TypeError, ValueError):  # not as such a record is written: as good as absent
-            kind = _KINDS[scene.shape]
             model = kind.made(scene, kind.recorded(record), compiled=compiled)
-            model.record = dict(record)
+            model.record = record
             return model
-    model = _KINDS[scene.shape].chosen(scene, compiled=compiled)
+    model = kind.chosen(scene, compiled=compiled)
     if kept:
         keep_record(scene, model.record)
     return model

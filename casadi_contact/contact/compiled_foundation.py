@@ -19,14 +19,7 @@ from casadi_contact.contact.model import PatchLoads, WrenchLoads, signed_roots, 
 from casadi_contact.contact.pressures import MOMENTS, PressureOutputs
 from casadi_contact.contact.symbolic import check_parameters, model_callback, parametric_function
 from casadi_contact.core.compiler import CompilerError, call_in_shares, shared_library, warn_once
-from casadi_contact.core.conventions import (
-    Array,
-    batched,
-    load_selection,
-    rotation,
-    twist_to_pose_gradient,
-    wrench_names,
-)
+from casadi_contact.core.conventions import Array, batched, rotation, twist_to_pose_gradient, wrench_names
 from casadi_contact.networks.functions import (
     ContactFunctions,
     as_weights,
@@ -53,16 +46,11 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
     lanes = 4  # the most numbers that its C has in a vector
 
     def __init__(self, scene: Scene, *, compiled: bool = True) -> None:
-        self.scene = scene
-        self.load_names = scene.load_names
-        self.patch_names = scene.patch_names
+        super().__init__(scene)
         self.record: dict[str, Any] = {}
-        self._selection = load_selection(self.load_names, self.patch_names)
         self._compiled = compiled and scene.material.law in C_LAWS
         if compiled and not self._compiled:
-            warn_once(
-                f"the pressure law {scene.material.law!r} has no C; the contact model runs in NumPy, which is slower"
-            )
+            warn_once(f"the pressure law {scene.material.law!r} has no C; the contact model runs in NumPy, slower")
 
     @property
     @abstractmethod
@@ -109,10 +97,9 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
         values = np.empty((len(poses), len(self.load_names)))
         jacobian = np.empty((*values.shape, 6))
         call_in_shares(self._library, "array_jacobians", poses, values, jacobian)
-        names = self.check_loads(loads)
-        if names == self.load_names:
+        if loads is None:
             return values, jacobian
-        columns = [self.load_names.index(name) for name in names]
+        columns = [self.load_names.index(name) for name in self.check_loads(loads)]
         return values[:, columns], jacobian[:, columns]
 
     @batched
@@ -250,13 +237,8 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
         lengths = {key: sizes[key] for key in outputs}
         source = self._source(loads if "loads" in outputs else (), lengths.get("roots", 0))
         check_unused(name, f"{source}\n{casadi_interface({UNNAMED: lengths}, batch)}")
-        texts = [
-            source,
-            casadi_interface({check_name(name): lengths}, batch),
-            c_text("arrays.h"),
-            c_text("batch.h", C_FOLDER),
-            more,
-        ]
+        interface = casadi_interface({check_name(name): lengths}, batch)
+        texts = [source, interface, c_text("arrays.h"), c_text("batch.h", C_FOLDER), more]
         try:
             return shared_library("\n".join(texts), data=self._patch_data())
         except CompilerError as error:

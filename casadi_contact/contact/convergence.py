@@ -73,12 +73,8 @@ class Errors:
     def record(self, **details: Any) -> dict[str, Any]:
         """What is said of the model, and its errors, in plain values; of poses at the rim, where others are judged,
         which share exceeds what is allowed."""
-        values = {}
-        for where, rows in (("", self._judged), ("_at_rim", ~self._judged)):
-            if rows.any():
-                values[f"rms{where}"] = np.sqrt(np.mean(self.loads[rows] ** 2, axis=0))
-                values[f"largest{where}"] = self.loads[rows].max(axis=0)
-        names = self.scene.load_names
+        loads, names = self.loads[self._judged], self.scene.load_names
+        values = {"rms": np.sqrt(np.mean(loads**2, axis=0)), "largest": loads.max(axis=0)}
         by_name = {key: dict(zip(names, sizes.tolist(), strict=True)) for key, sizes in values.items()}
         exceed = (self.of_allowed[~self._judged] > 1.0).any(axis=1)
         at_rim = {"exceeding_at_rim": float(exceed.mean())} if len(exceed) else {}

@@ -294,11 +294,7 @@ class CupFoundation(CompiledFoundation):
 
 
 def cup_foundation(
-    scene: Scene,
-    *,
-    compiled: bool = True,
-    candidates: Sequence[int] = (12, 16, 24, 32, 48),
-    converged_points: int = 96,
+    scene: Scene, *, compiled: bool = True, candidates: Sequence[int] = (12, 16, 24, 32, 48), converged_points: int = 96
 ) -> CupFoundation:
     """The fewest points that agree with converged ones within the scene's tolerances (`convergence.cheapest`), over
     poses that press the cup from its deepest point to its rim, which cuts contact then.

@@ -9,14 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from casadi_contact.core.conventions import (
-    Array,
-    batched,
-    check_loads,
-    load_jacobian,
-    load_selection,
-    possible_loads,
-)
+from casadi_contact.core.conventions import Array, batched, check_loads, load_jacobian, load_selection, possible_loads
 from casadi_contact.scenes.normal_load import normal_forces, normal_gradients
 from casadi_contact.scenes.scene import Scene
 
@@ -177,8 +170,11 @@ class PatchLoads:
 class WrenchLoads(ContactModel):
     """What a model's wrenches make of the scene's loads; selection (loads, patches, 6) picks the named ones."""
 
-    _selection: Array
     has_wrenches = has_gaps = True
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.load_names, self.patch_names = scene, scene.load_names, scene.patch_names
+        self._selection = load_selection(self.load_names, self.patch_names)
 
     @abstractmethod
     def wrenches(self, poses: Array) -> Array:

@@ -65,7 +65,10 @@ def check_contact_model(
         poses, forces = poses[rows], forces[rows, patches]
         stiffness = _check_sign(model, poses, patches, forces)
         _check_function_of_pose(model, poses, patches, forces, stiffness, tolerance_n)
-        _check_torques(model, poses, patches, forces)
+        wrenches, jacobians = (found[np.arange(len(poses)), patches] for found in model.wrench_jacobian(poses))
+        if wrong := wrong_torques(poses, wrenches, jacobians):
+            where = _text(model, poses[0], patches[0], forces[0])
+            raise ValueError(f"the contact model's torques are {wrong}; seen at its {where}")
 
 
 def _pressed(model: ContactModel, touching: Array, along: Array, forces_n: Array) -> Array:
@@ -130,14 +133,6 @@ def _check_function_of_pose(
             f"settle_tolerance_n = {two_digits(3.0 * off[row])} in the scene's [sampling]"
             f"{step and f' and give cc.CallableModel larger steps{step}'}"
         )
-
-
-def _check_torques(model: ContactModel, poses: Array, patches: np.ndarray, forces: Array) -> None:
-    wrenches, jacobians = model.wrench_jacobian(poses)
-    rows = np.arange(len(poses))
-    if wrong := wrong_torques(poses, wrenches[rows, patches], jacobians[rows, patches]):
-        where = _text(model, poses[0], patches[0], forces[0])
-        raise ValueError(f"the contact model's torques are {wrong}; seen at its {where}")
 
 
 def wrong_torques(poses: Array, wrenches: Array, jacobians: Array, *, off: float = 0.2, explains: float = 0.2) -> str:

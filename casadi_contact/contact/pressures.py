@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -16,6 +16,9 @@ from casadi_contact.core.conventions import Array, as_poses, batched, rotation
 from casadi_contact.geometry.creases import beside_creases, creases
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.mesh_bodies import body_mesh, field_spacing
+
+if TYPE_CHECKING:
+    from casadi_contact.contact.elements.foundation import ElasticFoundation
 
 
 @dataclass(frozen=True)
@@ -37,15 +40,6 @@ class PressureMap:
         """Centre of pressure Σ p·A·c / Σ p·A (3,), None out of contact."""
         force = self.forces_n
         return np.asarray(force @ self.centres_mm / force.sum()) if force.any() else None
-
-
-class ElementModel(Protocol):
-    """A contact model with the pressure of each element, as `ElasticFoundation`."""
-
-    scene: Scene
-
-    def pressure_maps(self, pose: Array) -> list[PressureMap]:
-        """Pressure of every element in one pose (6,), patch by patch."""
 
 
 MEASURES = ("contact_area", "mean_pressure", "peak_pressure", "cop_x", "cop_y", "cop_z", "penetration")
@@ -162,7 +156,7 @@ class PressureOutputs(ABC):
         return values.reshape(shape), jacobian.reshape(*shape, 6)
 
 
-def pressed_elements(model: ElementModel, pose: Array) -> tuple[Array, Array]:
+def pressed_elements(model: ElasticFoundation, pose: Array) -> tuple[Array, Array]:
     """Centres (m, 3) [mm] of the elements that bear load and their forces p·A (m,) [N]."""
     maps = model.pressure_maps(pose)
     force = np.concatenate([each.forces_n for each in maps])
@@ -172,7 +166,7 @@ def pressed_elements(model: ElementModel, pose: Array) -> tuple[Array, Array]:
 SHARP_SHARE = 0.1  # of a wheel with bare edges, with less of its load there forces are off by 1 %
 
 
-def share_at_sharp_edges(model: ElementModel, poses: Array) -> Array:
+def share_at_sharp_edges(model: ElasticFoundation, poses: Array) -> Array:
     """Share (n,) of the pressing force Σ p·A, over all patches, on elements nearer to a crease of the moving mesh than
     the nodes of its distance field lie from each other.
 

@@ -47,7 +47,8 @@ def _conjugate_motion(model: ContactModel, names: Sequence[str], pose: Array) ->
 class _DampedMotion:
     """The body of one row of the equations, moving from a pose (6,): m·q̈ = Aᵀ·(target - loads) - c·q̇.
 
-    A state (2k,) holds steps q of the k free pose parameters [mm, rotations times LEVER_MM] and their rates [mm/s].
+    A state (2k,) holds steps q from there of the k free pose parameters [mm, rotations times LEVER_MM] and their rates
+    [mm/s].
     """
 
     equations: Equilibrium
@@ -56,14 +57,9 @@ class _DampedMotion:
     damping: float
     mass: float = 1e-3  # tonne (N, mm, s): 1 kg, and 1 kg at LEVER_MM for rotations
 
-    @property
-    def state(self) -> Array:
-        """At rest in the first pose (2k,): q as steps from it."""
-        return np.zeros(2 * len(self.equations.free))
-
     def pose(self, state: Array) -> Array:
         """The pose (6,) of a state."""
-        return self.equations.moved(self.start[None], _halves(state)[0])[0]
+        return self.equations.moved(self.start[None], np.split(state, 2)[0])[0]
 
     def _by_q(self, by_pose: Array) -> Array:
         """Derivatives (m, k) by q of those by the pose (m, 6)."""
@@ -72,7 +68,7 @@ class _DampedMotion:
 
     def rate(self, _: float, state: Array) -> Array:
         """d state/dt (2k,), by damping alone where loads are not finite: integration then crosses that border."""
-        pose, speed = self.pose(state), _halves(state)[1]
+        pose, speed = self.pose(state), np.split(state, 2)[1]
         missing = self.equations.target[self.row] - self.equations.model(pose[None])[0, self._loads]
         missing = missing if np.isfinite(missing).all() else np.zeros_like(missing)
         return np.concatenate([speed, (self._motion(pose).T @ missing - self.damping * speed) / self.mass])
@@ -80,19 +76,15 @@ class _DampedMotion:
     def rate_jacobian(self, _: float, state: Array) -> Array:
         """Derivative (2k, 2k) of the rate by the state. The motion A is taken as constant, and so are loads whose
         derivative is not finite."""
-        pose, size = self.pose(state), len(self.equations.free)
-        jacobian = np.zeros((2 * size, 2 * size))
+        pose, one = self.pose(state), np.eye(len(self.equations.free))
         by_q = self._by_q(self.equations.model.jacobian(pose[None])[1][0, self._loads])
         by_q = np.where(np.isfinite(by_q), by_q, 0.0)
-        jacobian[:size, size:] = np.eye(size)
-        jacobian[size:, :size] = -self._motion(pose).T @ by_q / self.mass
-        jacobian[size:, size:] = -self.damping / self.mass * np.eye(size)
-        return jacobian
+        return np.block([[0.0 * one, one], [-self._motion(pose).T @ by_q / self.mass, -self.damping / self.mass * one]])
 
     def unrest_n(self, state: Array) -> float:
         """The larger of the loads' misfit and of c·q̇ [N, torques over LEVER_MM]."""
         misfit = self.equations.misfit(self.equations.model(self.pose(state)[None]), np.array([self.row]))
-        return max(float(self.equations.in_newtons(misfit)[0]), self.damping * float(np.abs(_halves(state)[1]).max()))
+        return float(max(self.equations.in_newtons(misfit)[0], self.damping * np.abs(np.split(state, 2)[1]).max()))
 
     @property
     def _loads(self) -> list[int]:
@@ -103,12 +95,7 @@ class _DampedMotion:
         return self._by_q(_conjugate_motion(self.equations.model, self.equations.names, pose))
 
 
-def _halves(state: Array) -> tuple[Array, Array]:
-    size = len(state) // 2
-    return state[:size], state[size:]
-
-
-def _to_rest(motion: _DampedMotion, tolerance: float, end_time: float, method: str) -> tuple[Array, int, str]:
+def _to_rest(motion: _DampedMotion, tolerance: float, end_time: float) -> tuple[Array, int, str]:
     """The pose (6,) that a motion ends at, its steps, and why that is no rest: "" where it is."""
 
     @lru_cache(maxsize=1)  # both events ask at the same states
@@ -121,11 +108,12 @@ def _to_rest(motion: _DampedMotion, tolerance: float, end_time: float, method: s
     def known(_: float, state: Array) -> float:
         return 1.0 if np.isfinite(unrest_n(state.tobytes())) else -1.0
 
-    if known(0.0, motion.state) < 0.0:
+    begin = np.zeros(2 * len(motion.equations.free))
+    if known(0.0, begin) < 0.0:
         return motion.start, 0, NOT_FINITE
     unrest.terminal = known.terminal = True  # type: ignore[attr-defined]
-    options = {"method": method, "jac": motion.rate_jacobian, "events": (unrest, known), "rtol": 1e-8, "atol": 1e-10}
-    solution = solve_ivp(motion.rate, (0.0, end_time), motion.state, **options)
+    options = {"method": "BDF", "jac": motion.rate_jacobian, "events": (unrest, known), "rtol": 1e-8, "atol": 1e-10}
+    solution = solve_ivp(motion.rate, (0.0, end_time), begin, **options)
     rest, border = (len(times) > 0 for times in solution.t_events)
     reason = "" if rest else NOT_FINITE if border else f"no rest within {end_time:g} s of damped motion"
     last = next(state for state in solution.y.T[::-1] if known(0.0, state) > 0.0)
@@ -141,12 +129,11 @@ def relax(
     tolerance: float = 1e-4,
     damping: float = 10.0,
     end_time: float = 100.0,
-    method: str = "BDF",
 ) -> tuple[Array, SettleReport]:
     """Let each pose come to rest under the target loads: m·q̈ = Aᵀ·(target - loads) - c·q̇ until accelerations vanish.
 
     q are the free pose parameters (rotations times LEVER_MM), A the conjugate motions of the targets, c the joint
-    damping [N·s/mm]. The contact is stiff, so integration is implicit: SciPy's ``BDF`` or ``Radau``. It ends at rest,
+    damping [N·s/mm]. The contact is stiff, so integration is implicit: SciPy's ``BDF``. It ends at rest,
     when the loads are met and c·q̇ is small, both within tolerance [N, torques over 25 mm]; a pose that is not at rest
     after end_time [s] is reported, not raised. So is one on whose way the model's loads are not finite: it ends where
     they last were, or stays at its start. Needs as many targets as free parameters.
@@ -165,10 +152,9 @@ def relax(
     steps, reason = np.zeros(len(poses), dtype=int), np.full(len(poses), "", dtype=object)
     for k in range(len(poses)):
         motion = _DampedMotion(equations, k, poses[k].copy(), damping)
-        poses[k], steps[k], reason[k] = _to_rest(motion, tolerance, end_time, method)
+        poses[k], steps[k], reason[k] = _to_rest(motion, tolerance, end_time)
     misfit = equations.misfit(model(poses), np.arange(len(poses)))
     residual = equations.in_newtons(misfit)
     converged = (reason == "") | (residual <= tolerance)  # at rest the residual is the tolerance, but for rounding
     reason[converged] = ""
-    misfits = {name: misfit[:, column] for column, name in enumerate(equations.names)}
-    return poses, SettleReport(converged, steps, residual, misfits, reason)
+    return poses, SettleReport(converged, steps, residual, dict(zip(equations.names, misfit.T, strict=True)), reason)

@@ -256,11 +256,7 @@ def _newton_with_restarts(
 
 
 def _newton(
-    equations: Equilibrium,
-    poses: Array,
-    tolerance: float,
-    max_iterations: int,
-    progress: Progress | None = None,
+    equations: Equilibrium, poses: Array, tolerance: float, max_iterations: int, progress: Progress | None = None
 ) -> tuple[Array, Array, np.ndarray, np.ndarray]:
     """Poses (n, 6), their misfits (n, targets), iterations (n,), and which stalled (n,)."""
     poses, count = poses.copy(), len(poses)

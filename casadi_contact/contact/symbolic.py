@@ -228,11 +228,7 @@ def check_parameters(parameters: Iterable[str], material: Material) -> tuple[str
 
 
 def parametric_function(
-    name: str,
-    parameters: Sequence[str],
-    material: Material,
-    selection: Array,
-    wrenches: Callable[[ca.MX], ca.MX],
+    name: str, parameters: Sequence[str], material: Material, selection: Array, wrenches: Callable[[ca.MX], ca.MX]
 ) -> ca.Function:
     """Function pose (6), parameters (m) -> loads (L).
 

@@ -30,8 +30,6 @@ def test_poses_at_the_rim_decide_nothing_and_the_record_says_which_share_exceeds
     record, tolerance = found.record(model="cells"), found.scene.tolerances["Fy"]
     assert (record["model"], record["poses"], record["exceeding_at_rim"]) == ("cells", 8, 0.5)
     assert record["largest"]["Fy"] == pytest.approx(0.5 * tolerance)
-    assert record["largest_at_rim"]["Fy"] == pytest.approx(9.0 * tolerance)
-    assert record["rms_at_rim"]["Fy"] == pytest.approx(tolerance * np.sqrt((81.0 + 0.04 + 25.0 + 1.0) / 4.0))
 
 
 def test_a_single_error_may_be_larger_where_the_force_is():
@@ -45,8 +43,8 @@ RADIUS_MM = 30.0
 
 
 def test_the_choice_meets_the_tolerances_with_the_largest_cells_and_says_so():
-    scene = cc.load_scene("glenohumeral")
-    model = choice.cell_foundation(scene, compiled=False)
+    scene, few = cc.load_scene("glenohumeral"), CellChoice(elements=(160, 160), half=(80, 80), tries=96)
+    model = choice.cell_foundation(scene, compiled=False, choice=few)
     assert model.record["cells_mm"] == [model.cells.u_mm, model.cells.v_mm]
     assert all(model.record["rms"][name] <= tolerance for name, tolerance in scene.tolerances.items())
 
@@ -68,7 +66,7 @@ def test_a_body_turns_about_its_anchor_however_far_its_frame_lies(tmp_path):
 def test_some_bodies_sit_as_the_start_pose_does_under_light_and_heavy_loads(tmp_path):
     start_pose = [1.0, RADIUS_MM, -2.0, 0.1, 0.0, 0.0]
     scene = scene_of(tmp_path, cap_mesh(RADIUS_MM, 2.0, 1.5), sheet_mesh(20.0, 2.0), extra=f"start_pose = {start_pose}")
-    model = cc.ElasticFoundation(scene, (160, 160))
+    model = cc.ElasticFoundation(scene, (80, 80))
     poses = PressingPoses().seated(model, 0, (5.0, 500.0))
     still = poses[(poses[:, 3:] == start_pose[3:]).all(axis=1)]
     assert len(still) == PressingPoses.seats // 2

@@ -50,8 +50,7 @@ def test_the_choice_meets_the_tolerances_with_the_fewest_points():
     found = cc.foundation("hip", compiled=False)
     assert isinstance(found, cc.CupFoundation)
     for name, tolerance in found.scene.tolerances.items():
-        assert found.record["rms"][name] <= tolerance
-        assert found.record["largest"][name] <= 3.0 * tolerance
+        assert max(found.record["rms"][name], found.record["largest"][name] / 3.0) <= tolerance
     strict = found.scene.with_overrides(**{name: 1e-4 * t for name, t in found.scene.tolerances.items()})
     assert cc.foundation(strict, compiled=False).points > found.points
     with pytest.raises(ValueError, match="relax the scene's tolerances"):

@@ -12,12 +12,7 @@ import casadi_contact as cc
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.compiler import CACHE_VARIABLE
-from tests.support.agreement import (
-    check_hessians,
-    check_jacobian,
-    check_same_formulas,
-    check_second_derivatives,
-)
+from tests.support.agreement import check_hessians, check_jacobian, check_same_formulas, check_second_derivatives
 from tests.support.compiler import flags_of_the_library, needs_compiler
 from tests.support.meshes import cap_mesh, scene_of, sheet_mesh
 from tests.support.ready_poses import KNEE, PLACES, placed

@@ -9,18 +9,7 @@ from casadi_contact.contact.pressures import share_at_sharp_edges
 from casadi_contact.geometry.creases import smooth_regions
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.optimisation.reference import unmodelled_load_words
-from tests.support.meshes import (
-    STIFFNESS,
-    ball_mesh,
-    cap_mesh,
-    mesh_scene_text,
-    outward,
-    scene_of,
-    sheet_mesh,
-    slab_mesh,
-    wheel_mesh,
-    write_obj,
-)
+from tests.support.meshes import STIFFNESS, ball_mesh, cap_mesh, outward, scene_of, sheet_mesh, slab_mesh, wheel_mesh
 
 RADIUS_MM, SIDE_MM, TURN = 12.0, 12.0, 0.4  # of the ball, of a square sheet, and its turn about y
 OVERLAP_MM = 0.2
@@ -165,10 +154,7 @@ def button_mesh(strips):
 @pytest.mark.parametrize("strips", [3, 9])
 def test_a_flat_face_with_a_fillet_bears_as_a_punch_with_rounded_edges(strips, tmp_path):
     """F = (K/h) ∫ 2πr (d - y(r)) dr, y = 0 on the flat face and the fillet's height beyond."""
-    write_obj(tmp_path / "button.obj", *button_mesh(strips))
-    write_obj(tmp_path / "plate.obj", *sheet_mesh(36.0, 1.0))
-    (tmp_path / "s.toml").write_text(mesh_scene_text("button.obj", "plate.obj"))
-    model = cc.ElasticFoundation(cc.load_scene(tmp_path / "s.toml"), (300, 300))
+    model = cc.ElasticFoundation(scene_of(tmp_path, button_mesh(strips), sheet_mesh(36.0, 1.0), grid=(300, 300)))
     step = (FLAT + FILLET) / 20000
     radius = step * (np.arange(20000) + 0.5)
     height = FILLET - np.sqrt(np.maximum(FILLET**2 - np.maximum(radius - FLAT, 0.0) ** 2, 0.0))
@@ -182,20 +168,9 @@ def test_a_flat_face_with_a_fillet_bears_as_a_punch_with_rounded_edges(strips, t
 HALF_WIDTH = 3.0  # of the wheel
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("sharp")
-    write_obj(folder / "plate.obj", *sheet_mesh(16.0, 1.0))
-    write_obj(folder / "wheel.obj", *wheel_mesh(RADIUS_MM, HALF_WIDTH, 0.6))
-    write_obj(folder / "ball.obj", *ball_mesh(RADIUS_MM, 0.8))
-    return folder
-
-
 def model_of(folder, moving, spacing_mm):
-    path = folder / f"{moving}.toml"
-    spacing = f"spacing = {{moving = {spacing_mm}, fixed = 0.75}}"
-    path.write_text(mesh_scene_text(folder / f"{moving}.obj", folder / "plate.obj", extra=spacing))
-    return cc.ElasticFoundation(cc.load_scene(path), (200, 200))
+    extra = f"spacing = {{moving = {spacing_mm}, fixed = 0.75}}"
+    return cc.ElasticFoundation(scene_of(folder, moving, sheet_mesh(16.0, 1.0), extra=extra, grid=(200, 200)))
 
 
 def leaning(tilt, overlap):
@@ -212,17 +187,17 @@ def leaning(tilt, overlap):
     return pose, STIFFNESS * step**2 * float(np.maximum(depth, 0.0).sum())
 
 
-def test_where_an_edge_alone_bears_the_error_is_within_the_share_that_is_told_and_a_finer_field_mends_it(folder):
+def test_where_an_edge_alone_bears_the_error_is_within_the_share_that_is_told_and_a_finer_field_mends_it(tmp_path):
     cases = [leaning(tilt, overlap) for tilt, overlap in ((0.5, 0.25), (0.5, 0.4), (0.2, 0.8))]
     poses, wanted = zip(*cases, strict=True)
     errors, shares = [], []
     for spacing_mm in (0.75, 0.3):
-        model = model_of(folder, "wheel", spacing_mm)
+        model = model_of(tmp_path, wheel_mesh(RADIUS_MM, HALF_WIDTH, 0.6), spacing_mm)
         errors.append(np.abs(-model(poses)[:, model.load_names.index("Fy")] / wanted - 1.0))
         shares.append(share_at_sharp_edges(model, poses))
     assert (errors[0] < shares[0] + 0.02).all()
     assert errors[0][:2].min() > 0.05
     assert (errors[1] < 0.3 * errors[0] + 0.01).all()
     assert "in 3 of 3 frames up to 100%" in unmodelled_load_words({"at_sharp_edges": shares[0]})["at_sharp_edges"]
-    ball = model_of(folder, "ball", 0.75)
+    ball = model_of(tmp_path, ball_mesh(RADIUS_MM, 0.8), 0.75)
     np.testing.assert_array_equal(share_at_sharp_edges(ball, [[0.0, RADIUS_MM - 0.2, 0.0, 0.3, 0.2, 0.1]]), 0.0)

@@ -110,18 +110,17 @@ def folder(tmp_path_factory):
     return write_corner(tmp_path_factory.mktemp("wall_patch"))
 
 
-def corner_scene(folder, patches=FLOOR + WALL, sensitive='["-Fy_floor", "-Fx_wall"]', **options):
+def corner_scene(folder, wall=WALL):
     path = folder / "corner.toml"
-    text = mesh_scene_text(folder / "ball.obj", folder / "post.obj", extra=patches, grid=(160, 160), **options)
+    text = mesh_scene_text(folder / "ball.obj", folder / "post.obj", extra=FLOOR + wall, grid=(160, 160))
     text = text.replace('sensitive_pose = ["ty"]', 'sensitive_pose = ["ty", "tx"]')
-    path.write_text(text.replace('sensitive = ["Fy"]', f"sensitive = {sensitive}"))
+    path.write_text(text.replace('sensitive = ["Fy"]', 'sensitive = ["-Fy_floor", "-Fx_wall"]'))
     return cc.load_scene(path)
 
 
 @pytest.fixture(scope="module", params=["cells", "elements"])
 def model(request, folder):
-    scene = corner_scene(folder)
-    return cc.CellFoundation(scene) if request.param == "cells" else cc.ElasticFoundation(scene, (160, 160))
+    return {"cells": cc.CellFoundation, "elements": cc.ElasticFoundation}[request.param](corner_scene(folder))
 
 
 def corner(on_wall_mm, on_floor_mm):
@@ -152,9 +151,6 @@ def test_ipopt_finds_the_pose_that_presses_both(model):
 
 
 def test_patches_seen_from_different_sides_share_what_both_see_alone(folder):
+    oblique = WALL.replace("[-1.0, 0.0, 0.0]", "[-1.0, -1.0, 0.0]").replace("0.5, 16", "-0.5, 16")
     with pytest.raises(ValueError, match=r"floor and wall share .* which would carry load twice"):
-        cc.ElasticFoundation(
-            corner_scene(
-                folder, FLOOR + WALL.replace("[-1.0, 0.0, 0.0]", "[-1.0, -1.0, 0.0]").replace("0.5, 16", "-0.5, 16")
-            )
-        )
+        cc.ElasticFoundation(corner_scene(folder, oblique))

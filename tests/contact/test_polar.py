@@ -42,6 +42,16 @@ KNEES = [  # pressed on one rim of the insert, the other condyle up to 23 mm off
 ]
 
 
+def as_poses(R, t):
+    return np.column_stack([t, Rotation.from_matrix(R).as_euler("XYZ")])
+
+
+def off_elements(fine, model, poses):
+    """Forces of a fine element grid (n, patches) [N], and by how much a model's are off."""
+    wanted = fine.wrenches(poses)[..., :3]
+    return np.linalg.norm(wanted, axis=-1), np.linalg.norm(model.wrenches(poses)[..., :3] - wanted, axis=-1)
+
+
 def far_poses(name, elements, count, seed=4):
     """Poses (count, 6) within `REACH` whose least gap lies between -1.2 and 1 mm, a tenth of them up to 25 mm off."""
     random = np.random.default_rng(seed)
@@ -75,8 +85,7 @@ def test_contact_is_found_wherever_elements_find_it(name):
     assert (ours <= theirs + 1e-9).all()
     assert (ours >= theirs - half).all()
     fine = cc.ElasticFoundation(model.scene, (400, 300))  # a spot along the rim is thin
-    wanted, found = fine.wrenches(poses)[..., :3], model.wrenches(poses)[..., :3]
-    force, missed = (np.linalg.norm(f, axis=-1) for f in (wanted, found - wanted))
+    force, missed = off_elements(fine, model, poses)
     at_edge = model.at_edge(poses)
     assert (force > 0.0).sum() > 15
     assert (missed[~at_edge] <= 5e-3 * (force[~at_edge] + 20.0)).all()
@@ -104,12 +113,10 @@ def test_condyles_of_any_arcs_agree_with_a_fine_element_grid(radii_mm, junctions
     """Several junctions in one spot, of arcs that turn flatter or rounder; in C as in NumPy."""
     scene = cc.load_scene("knee", sagittal_radii=radii_mm, sagittal_junctions_deg=junctions_deg)
     compiled, plain = (cc.PolarFoundation(scene, Rays(8, 3), compiled=c) for c in (True, False))
-    R, t = pressed_poses(plain.patches[0], plain.law, (20.0, 2500.0), 60)
-    poses = np.column_stack([t, Rotation.from_matrix(R).as_euler("XYZ")])
+    poses = as_poses(*pressed_poses(plain.patches[0], plain.law, (20.0, 2500.0), 60))
     np.testing.assert_allclose(compiled.wrenches(poses), plain.wrenches(poses), rtol=1e-7, atol=1e-4)
-    elements = cc.ElasticFoundation(scene, (320, 160))
-    wanted, found = elements.wrenches(poses)[:, 0, :3], compiled.wrenches(poses)[:, 0, :3]
-    assert (np.linalg.norm(found - wanted, axis=1) <= 4e-3 * np.linalg.norm(wanted, axis=1) + 0.1).all()
+    force, off = off_elements(cc.ElasticFoundation(scene, (320, 160)), compiled, poses)
+    assert (off[:, 0] <= 4e-3 * force[:, 0] + 0.1).all()
 
 
 @needs_compiler
@@ -142,24 +149,20 @@ def test_more_rays_converge_and_the_choice_meets_the_tolerances_with_the_fewest(
     assert (model.rays.count, model.rays.points) == (record["rays"], record["points"])
     assert (record["against"], record["elements_apart"]) == ("96 rays × 6 points, EF 160×80", 0.0)
     for name, tolerance in model.scene.tolerances.items():
-        assert record["rms"][name] <= tolerance
-        assert record["largest"][name] <= 3.0 * tolerance
+        assert max(record["rms"][name], record["largest"][name] / 3.0) <= tolerance
 
 
 def test_a_spot_as_wide_as_its_dish_is_deep_has_the_force_of_elements():
     """Where a femur fits its dish closely, estimated ends of a spot lie past the upright wall of the dish's circle."""
     scene = cc.load_scene("knee", dish_sagittal_radius=43.0, dish_frontal_radius=24.0)
     model = cc.PolarFoundation(scene, Rays(16, 3), compiled=False)
-    R, t = pressed_poses(model.patches[0], model.law, (5.0, 2500.0), 80)
-    poses = np.column_stack([t, Rotation.from_matrix(R).as_euler("XYZ")])
+    poses = as_poses(*pressed_poses(model.patches[0], model.law, (5.0, 2500.0), 80))
     wanted = cc.ElasticFoundation(scene, grid=(160, 80))
-    force, elements = model.wrenches(poses)[:, 0, :3], wanted.wrenches(poses)[:, 0, :3]
-    size = np.linalg.norm(elements, axis=1)
-    seen = (size > 20.0) & ~wanted.at_edge(poses)[:, 0]
-    off = np.linalg.norm(force - elements, axis=1)[seen] / size[seen]
-    assert seen.sum() > 25
-    assert np.median(off) < 1e-3
-    assert off.max() < 0.05
+    force, off = (each[:, 0] for each in off_elements(wanted, model, poses))
+    share = (off / force)[(force > 20.0) & ~wanted.at_edge(poses)[:, 0]]
+    assert len(share) > 25
+    assert np.median(share) < 1e-3
+    assert share.max() < 0.05
 
 
 FITS_MM = [(58.0, 23.0), (41.0, 25.0)]  # condyles: 38.9 to 17.9 and 22 mm
@@ -185,10 +188,6 @@ def on_both_ends(scene):
     return poses[report.converged]
 
 
-def as_poses(R, t):
-    return np.column_stack([t, Rotation.from_matrix(R).as_euler("XYZ")])
-
-
 def one_spot_only(patch, R, t, m):
     return m, np.zeros(len(t), dtype=bool)
 
@@ -209,8 +208,7 @@ def test_a_femur_turned_in_closely_fitting_dishes_has_the_loads_of_elements(fit_
     scene = fitting(*fit_mm)
     poses = on_both_ends(scene)
     model, fine = cc.PolarFoundation(scene, Rays(16, 3), compiled=False), cc.ElasticFoundation(scene, (320, 160))
-    wanted, found = fine.wrenches(poses)[..., :3], model.wrenches(poses)[..., :3]
-    force, off = (np.linalg.norm(f, axis=-1) for f in (wanted, found - wanted))
+    force, off = off_elements(fine, model, poses)
     assert model.at_edge(poses).mean() > 0.2
     assert np.median(off / force) < 5e-3
     assert (off <= 0.08 * force + 1.0).all()
@@ -220,8 +218,7 @@ def test_what_bears_on_the_rim_beside_a_spot_within_it_counts(pressed):
     model, R, t = pressed
     poses = as_poses(R, t)
     fine = cc.ElasticFoundation(model.scene, (320, 160))
-    wanted, found = fine.wrenches(poses)[:, 0, :3], model.wrenches(poses)[:, 0, :3]
-    force, off = (np.linalg.norm(f, axis=-1) for f in (wanted, found - wanted))
+    force, off = (each[:, 0] for each in off_elements(fine, model, poses))
     seen = -fine.gaps(poses)[:, 0] < 1.0  # else the condyle's back lies in the dish
     beside = seen & model.at_edge(poses)[:, 0]
     assert beside.sum() > 5

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import casadi_contact as cc
 from tests.support.meshes import mesh_scene_text
@@ -10,22 +11,12 @@ from tests.support.shared_data import shared_file
 JAM_MATERIAL = {"youngs_modulus": 10.0, "poissons_ratio": 0.45, "thickness": 6.0, "law": '"linear"'}
 
 
-def turn(axis, angles):
-    """Rotations (n, 3, 3) about a coordinate axis."""
-    others = [(axis + 1) % 3, (axis + 2) % 3]
-    matrices = np.tile(np.eye(3), (len(angles), 1, 1))
-    matrices[:, others, others] = np.cos(angles)[:, None]
-    matrices[:, others[0], others[1]], matrices[:, others[1], others[0]] = -np.sin(angles), np.sin(angles)
-    return matrices
-
-
 def jam_poses(stored):
     """The femur in the tibia (here the fixed body is the one that carries the elements) from the tibia in the femur."""
-    tibia = turn(2, -stored["knee_flex_r_rad"]) @ turn(0, stored["knee_add_r_rad"]) @ turn(1, stored["knee_rot_r_rad"])
+    angles = np.stack([-stored["knee_flex_r_rad"], stored["knee_add_r_rad"], stored["knee_rot_r_rad"]], axis=1)
+    femur = Rotation.from_euler("ZXY", angles).inv()
     t = 1000.0 * np.stack([stored[f"knee_t{axis}_r_m"] for axis in "xyz"], axis=1)
-    R = np.swapaxes(tibia, 1, 2)
-    rx, ry, rz = np.arctan2(-R[:, 1, 2], R[:, 2, 2]), np.arcsin(R[:, 0, 2]), np.arctan2(-R[:, 0, 1], R[:, 0, 0])
-    return np.column_stack([-np.einsum("nij,nj->ni", R, t), rx, ry, rz])
+    return np.column_stack([-femur.apply(t), femur.as_euler("XYZ")])
 
 
 def jam_scene(folder, **options):

@@ -35,12 +35,7 @@ def test_directions_are_those_of_the_scaled_jacobian():
 
 @pytest.mark.parametrize(
     ("name", "sensitive"),
-    [
-        ("knee", ("ty", "rx")),
-        ("hip", ("tx", "ty", "tz")),
-        ("patellofemoral", ("tx", "tz")),
-        ("glenohumeral", ("tz",)),
-    ],
+    [("knee", ("ty", "rx")), ("hip", ("tx", "ty", "tz")), ("patellofemoral", ("tx", "tz")), ("glenohumeral", ("tz",))],
 )
 def test_those_found_are_those_declared(name, sensitive):
     scene = cc.load_scene(name)

@@ -80,28 +80,22 @@ INLINE Place place_of(const double *pose, const Frame *frame) {
 INLINE Choice is_beyond(Eight square, Eight x) { return square > x * absolute(x); }
 INLINE Choice is_below(Eight square, Eight x) { return square < x * absolute(x); }
 
-/* The boxes' middles in axes of the body, from the origin of its grid, and from the nodes nearest to them: there, and
- * where the grid is left, at its edge. Which nodes these are. */
-INLINE Choice nearest_nodes(const Boxes *boxes, const Place *place, Eight away[3], Eight away_within[3]) {
+INLINE void find_tangents(const Boxes *boxes, const Place *place, Nearest *found) {
   const int counts[3] = {FIELD_X, FIELD_Y, FIELD_Z}, rows[3] = {TANGENTS_X, TANGENTS_Y, TANGENTS_Z};
   const float spacing = (float)FIELD_SPACING, stride = (float)TANGENT_SPACING, whole = 12582912.0f;
   const Eight none = {0.0f};
-  Eight from[3], node = none;
+  Eight from[3], from_edge[3], node = none;
+  Choice nodes;
   for (int i = 0; i < 3; i++) from[i] = boxes->middle[i] - place->from[i];
   for (int i = 0; i < 3; i++) {
     const Eight q = place->r[0][i] * from[0] + place->r[1][i] * from[1] + place->r[2][i] * from[2];
     const Eight within = least_of(most_of(q, none + spacing), none + (float)(counts[i] - 2) * spacing);
     const Eight nearest = least_of((within * (1.0f / stride) + whole) - whole, none + (float)(rows[i] - 1));
-    away[i] = q - nearest * stride, away_within[i] = within - nearest * stride;
+    found->away[i] = q - nearest * stride, from_edge[i] = within - nearest * stride;
     node = node * (float)rows[i] + nearest;
   }
-  return __builtin_convertvector(node, Choice);
-}
-
-INLINE void find_tangents(const Boxes *boxes, const Place *place, Nearest *found) {
-  Eight within[3];
-  const Choice nodes = nearest_nodes(boxes, place, found->away, within);
-  found->square_within = sum3(within, within);
+  found->square_within = sum3(from_edge, from_edge);
+  nodes = __builtin_convertvector(node, Choice);
   memcpy(found->nodes, &nodes, sizeof nodes);
 }
 

@@ -159,23 +159,14 @@ INLINE void one_pose(const Body *body, long long blocks, const double *boxes, co
   add_touching(body, &held, slopes, sums);
 }
 
-/* Not inlined: each is compiled for what it gives. */
-FUNCTION void values_of(const Body *body, long long blocks, const double *boxes, const double *members, Sums *sums) {
-  one_pose(body, blocks, boxes, members, 0, sums);
-}
-
-FUNCTION void slopes_of(const Body *body, long long blocks, const double *boxes, const double *members, Sums *sums) {
-  one_pose(body, blocks, boxes, members, 1, sums);
-}
-
 EXPORT void element_wrenches(long long n, const double *rotations, const double *translations, double *wrenches,
                              double *stiffnesses, const long long *blocks, const double *surface, const double *boxes,
                              const double *members) {
   for (long long i = 0; i < n; i++) {
     const Body body = {rotations + 9 * i, translations + 3 * i, surface};
     Sums sums;
-    if (stiffnesses) slopes_of(&body, *blocks, boxes, members, &sums);
-    else values_of(&body, *blocks, boxes, members, &sums);
+    if (stiffnesses) one_pose(&body, *blocks, boxes, members, 1, &sums);
+    else one_pose(&body, *blocks, boxes, members, 0, &sums);
     for (int k = 0; k < 6; k++) {
       wrenches[6 * i + k] = sum_of(sums.wrench[k]);
       for (int a = 0; stiffnesses && a < 6; a++) stiffnesses[36 * i + 6 * k + a] = sum_of(sums.stiffness[k][a]);

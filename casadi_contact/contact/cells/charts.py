@@ -187,9 +187,8 @@ class MeshChart(Chart):
         self._field = body_field(scene.geometry, "fixed")
         box = patch_box(scene.geometry, patch)
         self.low, self.high, _ = self._projection.bounds(self._mesh, box)
-        counts = np.clip(np.ceil((self.high - self.low) / self.raster_mm), self.fewest_parts, self.most_parts).astype(
-            int
-        )
+        wanted = np.ceil((self.high - self.low) / self.raster_mm).astype(int)
+        counts = np.clip(wanted, self.fewest_parts, self.most_parts)
         self._step = (self.high - self.low) / counts
         u, v = (self.low[k] + self._step[k] * (np.arange(count) + 0.5) for k, count in enumerate(counts))
         surface = partial(body_surface, scene.geometry, "fixed")
@@ -207,10 +206,8 @@ class MeshChart(Chart):
         self._followed = self._smooth & ~rounded
         self._whole: MeshChart | None = None
         nearest = tuple(ndimage.distance_transform_edt(~self._smooth, return_distances=False, return_indices=True))
-        self._sheets, self._faces = (
-            numbers[nearest]
-            for numbers in segment_surface(self._smooth, self._heights, normals, self._step, self.fewest)
-        )
+        segments = segment_surface(self._smooth, self._heights, normals, self._step, self.fewest)
+        self._sheets, self._faces = (numbers[nearest] for numbers in segments)
         self.densities = self._densities(u[1::2], v[1::2])
 
     def present(self, u: Array, v: Array) -> np.ndarray:

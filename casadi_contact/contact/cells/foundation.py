@@ -33,13 +33,7 @@ class CellFoundation(CompiledFoundation):
 
     lanes = 8
 
-    def __init__(
-        self,
-        scene: Scene,
-        cells: Cells = Cells(1.2, 0.75),  # noqa: B008
-        *,
-        compiled: bool = True,
-    ) -> None:
+    def __init__(self, scene: Scene, cells: Cells = Cells(1.2, 0.75), *, compiled: bool = True) -> None:  # noqa: B008
         super().__init__(scene, compiled=compiled)
         if min(cells.u_mm, cells.v_mm) <= 0.0 or min(cells.along_u, cells.along_v) < 1:
             raise ValueError(f"{cells}, expected sizes above 0 mm and at least 1 sub-point along each")

@@ -117,12 +117,13 @@ def _lay(chart: Chart, cells: Cells, cut: int) -> CellPatch:
     lattice, index = lattice[order], index[order]
     numbers = np.stack([np.column_stack([lattice, index + np.array(end)]) for end in product((0, 1), repeat=2)], 1)
     nodes, corners = np.unique(numbers.reshape(-1, 3), axis=0, return_inverse=True)
-    places, sizes = np.empty((2, len(nodes), 2))
+    laid = np.empty((2, len(nodes), 2))
     present = np.empty((len(index), cells.sub_points))
     for number, of in enumerate(lattices):
         at, here = nodes[:, 0] == number, lattice == number
-        places[at], sizes[at] = of.places(nodes[at, 1:]), of.sizes(nodes[at, 1:])
+        laid[:, at] = of.at(nodes[at, 1:])
         present[here] = of.present[tuple(index[here].T)]
+    places, sizes = laid
     surface = chart.surface(*places.T)
     N = np.cross(surface.tangents[:, 1], surface.tangents[:, 0]) * sizes.prod(axis=1)[:, None]
     N *= np.sign(np.einsum("ij,ij->i", N, surface.n))[:, None]
@@ -173,13 +174,10 @@ class _Lattice:
         whole = np.pad((self.present == 1.0).all(axis=-1), 1)
         return ~(whole[1:-1, 1:-1] & whole[2:, 1:-1] & whole[:-2, 1:-1] & whole[1:-1, 2:] & whole[1:-1, :-2])
 
-    def places(self, nodes: np.ndarray) -> Array:
-        """(u, v) of nodes (m, 2), by the numbers of their lines."""
-        return np.stack([self.u.places[nodes[:, 0]], self.v.places[nodes[:, 1]]], 1)
-
-    def sizes(self, nodes: np.ndarray) -> Array:
-        """Sizes of cells at nodes (m, 2) [mm]."""
-        return np.stack([self.u.sizes[nodes[:, 0]], self.v.sizes[nodes[:, 1]]], 1)
+    def at(self, nodes: np.ndarray) -> Array:
+        """(u, v) of nodes (m, 2), by the numbers of their lines, and the sizes of cells there: (2, m, 2) [mm]."""
+        pairs = ((self.u.places, self.v.places), (self.u.sizes, self.v.sizes))
+        return np.stack([np.stack([u[nodes[:, 0]], v[nodes[:, 1]]], 1) for u, v in pairs])
 
 
 def _single(x: Array) -> Array:

@@ -217,9 +217,8 @@ def _body(surface: MovingSurface, tables: _Tables, largest_mm: float | None) -> 
         settings = _Tangents()
         reach_mm = settings.reach_mm(largest_mm, spacing)
         rows, index = tangents(coefficients, spacing, reach_mm, settings)
-        sizes["CONCAVITY_REACH"] = reach_mm
         sizes |= {f"TANGENTS_{axis}": count for axis, count in zip("XYZ", index.shape, strict=True)}
-        sizes["TANGENT_SPACING"] = settings.stride * spacing
+        sizes |= {"CONCAVITY_REACH": reach_mm, "TANGENT_SPACING": settings.stride * spacing}
         sizes["FIELD_TANGENTS"] = f"((const Tangent *)(cells_data + {tables.place(rows)}))"
         sizes["FIELD_INDEX"] = f"((const int *)(cells_data + {tables.place(index)}))"
     lines = [f"#define {name} {value}" for name, value in sizes.items()]

@@ -17,14 +17,7 @@ from casadi_contact.contact.pressure_law import law_of, pressures
 from casadi_contact.contact.pressures import PressedElements, PressureMap, PressureSummary
 from casadi_contact.core.compilation import threads_for
 from casadi_contact.core.compiler import CompilerError, call_in_shares, shared_library
-from casadi_contact.core.conventions import (
-    Array,
-    as_poses,
-    batched,
-    load_selection,
-    rotation,
-    twist_to_pose_gradient,
-)
+from casadi_contact.core.conventions import Array, as_poses, batched, rotation, twist_to_pose_gradient
 from casadi_contact.geometry.elements import BLOCK_SIDE, ElementGrid
 from casadi_contact.geometry.moving_surface import SWEPT_ARCS, MovingSurface
 from casadi_contact.networks.kernel.source import c_text
@@ -125,18 +118,13 @@ class ElasticFoundation(WrenchLoads):
     """
 
     def __init__(self, scene: Scene, grid: tuple[int, int] | None = None, *, compiled: bool = True) -> None:
-        material = scene.material
-        grid = scene.grids["fine"] if grid is None else grid_size("grid", grid)
-        self.scene = scene
-        self.grid = grid
-        self.load_names = scene.load_names
-        self.patch_names = scene.patch_names
-        self._selection = load_selection(self.load_names, self.patch_names)
+        super().__init__(scene)
+        self.grid = scene.grids["fine"] if grid is None else grid_size("grid", grid)
         grids = scene.elements(self.grid)
         self._edges = [e.edge_centres_mm for e in grids]
-        self._material = material if compiled else None
+        self._material = scene.material if compiled else None
         self._patches = [PatchElements.of(s, e, self._material) for s, e in zip(scene.surfaces(), grids, strict=True)]
-        self._law = law_of(material)
+        self._law = law_of(scene.material)
 
     def __repr__(self) -> str:
         return f"ElasticFoundation({self.scene.name}, grid={grid_text(self.grid)})"

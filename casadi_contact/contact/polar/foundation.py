@@ -83,9 +83,8 @@ def _surfaces(patch: SmoothPatch) -> str:
     spread = rim.spread if np.isfinite(rim.spread) else 0.0
     numbers = [torus.offset, torus.radius, torus.height, torus.rho_sign, torus.w_sign, *rim.u, *rim.v, spread]
     numbers += [patch.z_0, patch.tube_radius, patch.centre_z, fits_closely(patch)]
-    fields = [repr(float(number)) for number in numbers]
-    fields += [f"{{{', '.join(map(braces, patch.turn))}}}"]
-    return f"{{{', '.join(fields)}, {{{', '.join(map(braces, patch.arcs))}}}}}"
+    rows = (f"{{{', '.join(map(braces, table))}}}" for table in (patch.turn, patch.arcs))
+    return f"{{{', '.join([*(repr(float(number)) for number in numbers), *rows])}}}"
 
 
 class PolarFoundation(CompiledFoundation):
@@ -99,13 +98,7 @@ class PolarFoundation(CompiledFoundation):
     rays: multiples of 4. Raises ValueError for another number, or a scene of another shape than `POLAR_SHAPES`.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        rays: Rays = Rays(16, 3),  # noqa: B008
-        *,
-        compiled: bool = True,
-    ) -> None:
+    def __init__(self, scene: Scene, rays: Rays = Rays(16, 3), *, compiled: bool = True) -> None:  # noqa: B008
         super().__init__(scene, compiled=compiled)
         if rays.count < 4 or rays.count % 4 or rays.points < 1:
             raise ValueError(f"rays = {rays}, expected a multiple of 4 rays and at least 1 point")
@@ -146,22 +139,15 @@ class RayChoice:
 
 
 def pressed_poses(
-    patch: SmoothPatch,
-    law: tuple[int, float, float],
-    loads_n: tuple[float, float],
-    count: int,
-    *,
-    beyond_deg: float = 25.0,
-    lean_deg: float = 5.0,
-    spin_deg: float = 10.0,
+    patch: SmoothPatch, law: tuple[int, float, float], loads_n: tuple[float, float], count: int
 ) -> tuple[Array, Array]:
     """Rotations (m, 3, 3) and translations (m, 3) of the body, m <= count, that press the patch within its rim.
 
-    The deepest point lies anywhere on the patch, faced by any place of the moving arcs, up to beyond_deg beyond their
-    outermost junctions, turned about its normal and leant a little. Forces spread evenly on a logarithmic scale between
-    loads_n [N]. Poses whose contact the rim cuts are left out.
+    The deepest point lies anywhere on the patch, faced by any place of the moving arcs, up to 25° beyond their
+    outermost junctions, turned about its normal by up to 10° and leant by up to 5°. Forces spread evenly on a
+    logarithmic scale between loads_n [N]. Poses whose contact the rim cuts are left out.
     """
-    beyond, most_lean, most_spin = np.deg2rad([beyond_deg, lean_deg, spin_deg])
+    beyond, most_lean, most_spin = np.deg2rad([25.0, 5.0, 10.0])
     random = np.random.default_rng(0)
     v = random.uniform(*patch.rim.v, count)
     low, high = u_range(patch, v)
@@ -274,8 +260,8 @@ def _poses_for_elements(
 def _errors(model: PolarFoundation, truth: Truth) -> Array:
     """Errors of the named loads (poses, loads), each pose with one patch pressed."""
     selection = load_selection(model.load_names, model.patch_names)
-    errors = []
-    for p, (patch, (R, t, wrench)) in enumerate(zip(model.patches, truth, strict=True)):
-        missed = patch_loads(patch, model.law, model.rays, R, t).wrench - wrench
-        errors.append(missed @ selection[:, p].T)
-    return np.concatenate(errors)
+    pairs = enumerate(zip(model.patches, truth, strict=True))
+    loads = (
+        (p, patch_loads(patch, model.law, model.rays, R, t).wrench - wrench) for p, (patch, (R, t, wrench)) in pairs
+    )
+    return np.concatenate([missed @ selection[:, p].T for p, missed in loads])

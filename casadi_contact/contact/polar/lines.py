@@ -141,18 +141,14 @@ class Rays:
         return f"{self.count} rays × {self.points} points"
 
 
-def rays_from(patch: SmoothPatch, peak: Peak, rays: Rays) -> list[Lines]:
-    """Rays from the peak through the torus of its arc, which goes on beyond the arc's ends; where the rim may cut the
-    contact area through each ray's own. A set of rays has no area in the poses that it is not for."""
-    return [_fan_out(patch, peak, rays.count, peak.whole[:, None]), *rays_at_rim(patch, peak, rays, ~peak.whole)]
+def rays_from(patch: SmoothPatch, peak: Peak, count: int, used: np.ndarray) -> list[Lines]:
+    """Rays from the peak in the poses where they are used (n,), without area in others; none if that is nowhere.
 
-
-def rays_at_rim(patch: SmoothPatch, peak: Peak, rays: Rays, used: np.ndarray) -> list[Lines]:
-    """Rays from the peak where used (n,) through each ray's own torus; none if that is nowhere."""
-    return [_fan_out(patch, peak, rays.at_rim, used[:, None])] if used.any() else []
-
-
-def _fan_out(patch: SmoothPatch, peak: Peak, count: int, used: np.ndarray) -> Lines:
+    Through the torus of the peak's arc, which goes on beyond the arc's ends; where the rim may cut the contact area
+    through each ray's own.
+    """
+    if len(used) and not used.any():
+        return []
     m = peak.local
     cosine, sine = ray_angles(count)
     directions = np.einsum("nab,jb->nja", peak.form, np.stack([cosine, sine], -1))
@@ -161,8 +157,8 @@ def _fan_out(patch: SmoothPatch, peak: Peak, count: int, used: np.ndarray) -> Li
     k = np.einsum("njr,nrs,njs->nj", directions, m.curvature, directions)
     edge = edge_distance(np.maximum(m.depth, 0.0)[:, None], slope, k, patch.tuning.least_curvature)
     u, v, arc = (np.broadcast_to(x[:, None], one.shape) for x in (m.u, m.v, np.where(peak.whole, m.ends.arc, -1)))
-    spread = np.where(used, 2.0 * np.pi / count, 0.0) * one
-    return Lines(u, v, directions, np.where(used, edge, 0.0), arc, 0.0 * one, spread)
+    spread = np.where(used[:, None], 2.0 * np.pi / count, 0.0) * one
+    return [Lines(u, v, directions, np.where(used[:, None], edge, 0.0), arc, 0.0 * one, spread)]
 
 
 def ray_angles(count: int) -> tuple[Array, Array]:

@@ -22,15 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from casadi_contact.contact.model import PatchLoads
-from casadi_contact.contact.polar.lines import (
-    Lines,
-    Rays,
-    curvature_jump_segments,
-    joined,
-    rays_at_rim,
-    rays_from,
-    to_edges,
-)
+from casadi_contact.contact.polar.lines import Lines, Rays, curvature_jump_segments, joined, rays_from, to_edges
 from casadi_contact.contact.polar.peak import (
     ACROSS,
     Peak,
@@ -111,14 +103,11 @@ def patch_loads(patch: SmoothPatch, law: tuple[int, float, float], rays: Rays, R
     m = peak(patch, R, t)
     free = ~(m.local.depth > 0.0)
     found = integration(patch, R, t, m, rays)
-    ends, weight = found.ends, found.weight
+    ends, weight = found.ends, np.where(free[:, None, None], 0.0, found.weight)
     p, dp = pressure_derivatives(*law, ends.depth)
-    weight = np.where(free[:, None, None], 0.0, weight)
     V = np.concatenate([ends.N, np.cross(ends.c, ends.N)], -1)
-    arm = ends.x - t[:, None, None]
-    by_twist = wrench_about_origin(ends.G, arm) / ends.cosine[..., None]  # -dd/dtwist
     wrench = -np.einsum("nmg,nmgk->nk", weight * p, V)
-    stiffness = np.einsum("nmg,nmgk,nmga->nka", weight * dp, V, by_twist)
+    stiffness = -np.einsum("nmg,nmgk,nmga->nka", weight * dp, V, _depth_gradient(ends, t))
     near = nearest(patch, R, t, m.local.u, m.local.v)
     gap_gradient = -wrench_about_origin(near.ends.G_start, near.ends.c - t)
     cut = found.cut.any(axis=1) & ~free
@@ -143,8 +132,9 @@ def integration(patch: SmoothPatch, R: Array, t: Array, m: Peak, rays: Rays) -> 
     """Rays from the peak of each contact area, the lines of its caps, and rays of a second contact area on the rim."""
     beside, there = second_peak(patch, R, t, m)
     sets = [
-        *rays_from(patch, m, rays),
-        *rays_at_rim(patch, beside, rays, there),
+        *rays_from(patch, m, rays.count, m.whole),
+        *rays_from(patch, m, rays.at_rim, ~m.whole),
+        *rays_from(patch, beside, rays.at_rim, there),
         *curvature_jump_segments(patch, R, t, m, rays.in_caps),
     ]
     lines, cut = to_edges(patch, R, t, joined(sets))
