@@ -6,10 +6,9 @@ triangles are dropped and counted.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -32,28 +31,22 @@ FILE_AXES = ("x", "y", "z")  # axes as they are in the file
 
 @dataclass(frozen=True)
 class Placement:
-    """p' = R·M·p + offset for points p [mm] of a mesh in the library's axes.
+    """p' = R·M·p + offset [mm] for points p [mm] of a mesh in the library's axes: a scene's [geometry.placement].
 
-    offset_mm: along x, y, z. rotation_deg: about x, y, z as of a pose, R = Rx·Ry·Rz. mirror: the axis whose sign M
+    offset: along x, y, z. rotation_deg: about x, y, z as of a pose, R = Rx·Ry·Rz. mirror: the axis whose sign M
     turns ("z" makes a left joint a right one), none if empty.
     """
 
-    offset_mm: tuple[float, ...] = (0.0, 0.0, 0.0)
+    offset: tuple[float, ...] = (0.0, 0.0, 0.0)
     rotation_deg: tuple[float, ...] = (0.0, 0.0, 0.0)
     mirror: str = ""
-
-    @classmethod
-    def from_table(cls, table: Mapping[str, Any]) -> Placement:
-        """From a scene's checked [geometry.placement] of one body; where the file puts it for an empty one."""
-        offset, turned = (tuple(table.get(key, (0.0, 0.0, 0.0))) for key in ("offset", "rotation_deg"))
-        return cls(offset, turned, table.get("mirror", ""))
 
     def points(self, points_mm: Array) -> Array:
         """Points (n, 3) [mm] where they lie in the body's frame."""
         if self == Placement():
             return points_mm
         signs = [-1.0 if axis == self.mirror else 1.0 for axis in FILE_AXES]
-        return (points_mm * signs) @ rotation(np.radians(self.rotation_deg)).T + self.offset_mm
+        return (points_mm * signs) @ rotation(np.radians(self.rotation_deg)).T + self.offset
 
     def faces(self, faces: np.ndarray) -> np.ndarray:
         """Triangles (f, 3) whose outside is still outside: turned where the mesh is mirrored."""

@@ -26,7 +26,7 @@ from casadi_contact.scenes.columns import TextColumns, check_lengths, check_radi
 from casadi_contact.scenes.load_cycle import OverTime
 from casadi_contact.scenes.opensim import UNITS
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.scenes.shapes.checks import fail, number, table_of
+from casadi_contact.scenes.shapes.checks import fail, number, numbers, table_of
 
 MOST_CYCLES, MOST_COEFFICIENTS = 1000, 99
 _CENTRES = ("cop_x", "cop_y", "cop_z", "cop_ap", "cop_ml")  # the last two are the names of a knee's load cycle
@@ -35,7 +35,7 @@ _CENTRES = ("cop_x", "cop_y", "cop_z", "cop_ap", "cop_ml")  # the last two are t
 @dataclass(frozen=True)
 class JointCycle(OverTime):
     """Measured pose parameters [mm, rad], loads [N, N·mm] and centres of pressure [mm] by name over time_s [s], each
-    (n,). Raises ValueError as `checked_curves` does, for names of others, for no load, for angles too large for
+    (n,). Raises ValueError as `checked_curves` does, for no load, for angles too large for
     radians, and for lengths beyond 1 m."""
 
     name: str
@@ -45,12 +45,6 @@ class JointCycle(OverTime):
     centres: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        unknown = [name for name in self.pose if name not in POSE_NAMES]
-        unknown += [name for name in (*self.loads, *self.centres) if name in POSE_NAMES]
-        if unknown:
-            raise ValueError(
-                f"cycle {self.name}: {', '.join(unknown)} given as a pose parameter or a load that it is not"
-            )
         curves = {"time_s": self.time_s, **self.pose, **self.loads, **self.centres}
         checked = checked_curves(self.name, curves)
         object.__setattr__(self, "time_s", checked["time_s"])
@@ -166,9 +160,9 @@ def scene_cycles(scene: Scene, *, frames: int = 101, seed: int = 2015) -> list[J
     means = {}
     for column, coefficients in harmonics.items():
         key, sizes = f"motion.harmonics.{column}", range(1, MOST_COEFFICIENTS + 1, 2)
-        if not isinstance(coefficients, list | tuple) or len(coefficients) not in sizes:
+        means[columns[column]] = np.array(numbers(key, coefficients, None, quantity(columns[column]).unit))
+        if len(coefficients) not in sizes:
             raise fail(key, coefficients, f"1, 3, 5, ... numbers, {MOST_COEFFICIENTS} at most")
-        means[columns[column]] = np.array([number(key, value) for value in coefficients])
     rng = np.random.default_rng(seed)
     time = np.linspace(0.0, float(duration), frames)
     cycles = []
@@ -176,14 +170,14 @@ def scene_cycles(scene: Scene, *, frames: int = 101, seed: int = 2015) -> list[J
         curves = {}
         for name, mean in means.items():
             spread = deviation * np.abs(mean[1:] if len(mean) > 1 else mean).max()
-            curves[name] = _curve(mean + spread * rng.standard_normal(len(mean)), time / duration)
+            curves[name] = harmonic_curve(mean + spread * rng.standard_normal(len(mean)), time / duration)
         pose = {name: curve for name, curve in curves.items() if name in POSE_NAMES}
         loads = {name: curve for name, curve in curves.items() if name not in POSE_NAMES}
         cycles.append(JointCycle(f"reference {k + 1}", time, pose, loads))
     return cycles
 
 
-def _curve(coefficients: Array, share: Array) -> Array:
+def harmonic_curve(coefficients: Array, share: Array) -> Array:
     """c_0 + Σ_k c_{2k-1} cos(2πkp) + c_{2k} sin(2πkp) over the share p of the cycle."""
     angles = 2.0 * np.pi * np.outer(share, np.arange(1, len(coefficients) // 2 + 1))
     return coefficients[0] + np.cos(angles) @ coefficients[1::2] + np.sin(angles) @ coefficients[2::2]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import tomli_w
 
-from casadi_contact.core.conventions import POSE_NAMES, Array, load_selection
+from casadi_contact.core.conventions import Array, load_selection
 from casadi_contact.core.files.reading import toml_tables
 from casadi_contact.geometry.elements import EVERYWHERE, ElementGrid
 from casadi_contact.geometry.moving_surface import MovingSurface
@@ -206,11 +206,6 @@ class Scene:
         """True where the joint's two patches, and the poses it can take, mirror each other in the plane z = 0."""
         space = self.pose_space
         return shape_named(self.shape).symmetric(self.geometry) and len(self.parts) == 2 and space.symmetric
-
-    @property
-    def insensitive_pose(self) -> tuple[str, ...]:
-        """The pose parameters that are not sensitive [EF15 §2.1], locked and tied ones among them, in pose order."""
-        return tuple(name for name in POSE_NAMES if name not in self.sensitive_pose)
 
     def with_overrides(self, **overrides: Any) -> Scene:
         """A copy with single keys replaced, each found in the one table that holds it: radius=30.0, law="log".

@@ -19,37 +19,31 @@ import numpy as np
 
 from casadi_contact.core.conventions import POSE_NAMES, Array
 from casadi_contact.scenes.columns import TextColumns
-from casadi_contact.scenes.joint_cycle import JointCycle, column_names, driving_loads, read_joint_cycle, scene_cycles
+from casadi_contact.scenes.joint_cycle import (
+    JointCycle,
+    column_names,
+    driving_loads,
+    harmonic_curve,
+    read_joint_cycle,
+    scene_cycles,
+)
 from casadi_contact.scenes.load_cycle import COLUMNS, KNEE_POSE_COLUMNS, LoadCycle, read_cycle
 from casadi_contact.scenes.scene import Scene
 
 CONDYLE_OFFSET_MM = 22.0
-ORDERS = {"rz": 6, "ry": 6, "log_fy_med": 10, "log_fy_lat": 10, "cop_ap_mm": 8, "cop_shift_mm": 4}
-
-
-def _basis(share: Array, order: int) -> Array:
-    """1, cos(2πp), sin(2πp), ... up to the order, (n, 2·order + 1)."""
-    angles = 2.0 * np.pi * np.outer(share, np.arange(1, order + 1))
-    waves = np.stack([np.cos(angles), np.sin(angles)], axis=-1).reshape(len(share), -1)
-    return np.column_stack([np.ones(len(share)), waves])
-
-
-def _split_point(fy_med: Array, fy_lat: Array) -> Array:
-    """Medial-lateral centre of pressure [mm] of two forces at the condyles' centres."""
-    return CONDYLE_OFFSET_MM * (fy_med - fy_lat) / (fy_med + fy_lat)
+CURVES = ("rz", "ry", "log_fy_med", "log_fy_lat", "cop_ap_mm", "cop_shift_mm")
 
 
 def walking_description() -> dict[str, Any]:
     """The figures of ``walking.toml``."""
-    text = (resources.files(__package__) / "walking.toml").read_text("utf-8")
-    return tomllib.loads(text)
+    return tomllib.loads((resources.files(__package__) / "walking.toml").read_text("utf-8"))
 
 
 def _random_curve(figures: Mapping[str, Any], name: str, frames: int, rng: np.random.Generator | None) -> Array:
     coefficients = np.array(figures[name]["mean"])
     if rng is not None and name != "ry":
         coefficients = coefficients + rng.standard_normal(len(coefficients)) * figures[name]["deviation"]
-    return _basis(np.linspace(0.0, 1.0, frames), (len(coefficients) - 1) // 2) @ coefficients
+    return harmonic_curve(coefficients, np.linspace(0.0, 1.0, frames))
 
 
 def reference_cycle(frames: int = 101) -> LoadCycle:
@@ -64,7 +58,7 @@ def reference_cycles(count: int = 14, frames: int = 101, seed: int = 2015) -> li
 
 
 def _cycle(figures: Mapping[str, Any], name: str, frames: int, rng: np.random.Generator | None) -> LoadCycle:
-    curves = {key: _random_curve(figures, key, frames, rng) for key in ORDERS}
+    curves = {key: _random_curve(figures, key, frames, rng) for key in CURVES}
     mean, deviation = figures["duration_s"]
     duration = mean + (rng.standard_normal() * deviation if rng is not None else 0.0)
     fy_med, fy_lat = -np.exp(curves["log_fy_med"]), -np.exp(curves["log_fy_lat"])
@@ -76,7 +70,7 @@ def _cycle(figures: Mapping[str, Any], name: str, frames: int, rng: np.random.Ge
         fy_med=fy_med,
         fy_lat=fy_lat,
         cop_ap_mm=curves["cop_ap_mm"],
-        cop_ml_mm=curves["cop_shift_mm"] + _split_point(fy_med, fy_lat),
+        cop_ml_mm=curves["cop_shift_mm"] + CONDYLE_OFFSET_MM * (fy_med - fy_lat) / (fy_med + fy_lat),
     )
 
 

@@ -229,9 +229,9 @@ class Surrogate(SurrogateFunctions, ContactModel):
     def confidence_columns(self) -> Sequence[int]:
         """Columns of the pose that, with the root loads, describe a contact: the insensitive parameters where the root
         loads stand for the sensitive ones, else (a ball in a cup) all six."""
-        scene = self.scene
-        described = len(scene.sensitive_pose) <= len(scene.patch_names)
-        return [pose_index(name) for name in (scene.insensitive_pose if described else POSE_NAMES)]
+        sensitive = self.scene.sensitive_pose
+        left = sensitive if len(sensitive) <= len(self.scene.patch_names) else ()
+        return [k for k, name in enumerate(POSE_NAMES) if name not in left]
 
     def confidence_roots(self, poses: Array) -> Array:
         """Signed root loads (n, P) that validity and expected error depend on."""

@@ -37,6 +37,13 @@ def number(key: str, value: object, *, low: float = -math.inf, high: float = mat
     return float(value)
 
 
+def numbers(key: str, value: object, count: int | None, unit: str, **bounds: float) -> list[float]:
+    """A list of so many numbers (None: any) in a unit, each as `number`."""
+    if not isinstance(value, list | tuple) or count not in (None, len(value)):
+        raise fail(key, value, f"a list of {'' if count is None else f'{count} '}numbers [{unit}]")
+    return [number(key, each, **bounds) for each in value]
+
+
 def grid_size(key: str, value: object) -> tuple[int, int]:
     """Elements per patch (along x, along z), at most MOST_ELEMENTS in all."""
     if (

@@ -37,10 +37,7 @@ class Knee(Shape):
     def check(self, table: object) -> dict[str, Any]:
         """The numbers of both sides and of each side, checked together."""
         known = {parameter.name: parameter for parameter in self.parameters}
-        given = table_of("geometry", table, (*known, *SIDES), complete=False)
-        missing = [name for name in known if name not in given]
-        if missing:
-            raise ValueError(f"scene: geometry lacks {', '.join(missing)}")
+        given = table_of("geometry", table, tuple(known), complete=True, optional=SIDES)
         checked: dict[str, Any] = {name: parameter.check(given[name]) for name, parameter in known.items()}
         for side in SIDES:
             if side in given:

@@ -43,7 +43,7 @@ from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.elements import Cells, ElementGrid, grid_elements, scattered_elements
 from casadi_contact.geometry.mesh import FILE_AXES, MM_PER_UNIT, axes_rotation, file_digest
 from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface
-from casadi_contact.scenes.shapes.checks import fail, identifier, number, table_of
+from casadi_contact.scenes.shapes.checks import fail, identifier, number, numbers, table_of
 from casadi_contact.scenes.shapes.own_model import patch_anchors
 from casadi_contact.scenes.shapes.shape import Geometry, Range, Shape
 
@@ -66,7 +66,7 @@ def _patch(key: str, table: object) -> dict[str, Any]:
     values = table_of(key, table, ("x", "y", "z", "anchor", "pressing", "split_z"), complete=False)
     for name, length in (("x", 2), ("y", 2), ("z", 2), ("anchor", 3), ("pressing", 3)):
         if name in values:
-            listed = _numbers(f"{key}.{name}", values[name], length)
+            listed = _list(f"{key}.{name}", values[name], length)
             if length == 2 and listed[0] >= listed[1]:
                 raise fail(f"{key}.{name}", listed, "two rising numbers [mm]")
     if "split_z" in values:
@@ -74,21 +74,18 @@ def _patch(key: str, table: object) -> dict[str, Any]:
     return values
 
 
-def _numbers(key: str, value: object, length: int) -> list[float]:
+def _list(key: str, value: object, length: int) -> list[float]:
     """So many numbers, and of a direction to press in not only zeros."""
-    if not isinstance(value, list | tuple) or len(value) != length:
-        unit = "tx, ty, tz [mm], rx, ry, rz [rad]" if length == 6 else "[mm]"
-        raise fail(key, value, f"{length} numbers {unit}")
-    numbers = [number(key, each) for each in value]
-    if key.endswith("pressing") and math.hypot(*numbers) < 1e-6:
+    listed = numbers(key, value, length, "mm, mm, mm, rad, rad, rad" if length == 6 else "mm")
+    if key.endswith("pressing") and math.hypot(*listed) < 1e-6:
         raise fail(key, value, "a direction, for example [0.0, -1.0, 0.0]")
-    return numbers
+    return listed
 
 
 def _placement(key: str, table: object) -> dict[str, Any]:
     values = table_of(key, table, ("mirror", "rotation_deg", "offset"), complete=False)
     for name in sorted({"rotation_deg", "offset"} & set(values)):
-        values[name] = _numbers(f"{key}.{name}", values[name], 3)
+        values[name] = _list(f"{key}.{name}", values[name], 3)
     if values.get("mirror", "x") not in FILE_AXES:
         raise fail(f"{key}.mirror", values["mirror"], " or ".join(FILE_AXES))
     return values
@@ -97,8 +94,7 @@ def _placement(key: str, table: object) -> dict[str, Any]:
 def _check_cuts(key: str, cuts: object, bounds: Sequence[float] | None) -> None:
     if bounds is None:
         raise ValueError(f"scene: {key} = {cuts!r} needs the patch's z, its bounds [mm]")
-    listed = [number(key, value) for value in cuts] if isinstance(cuts, list | tuple) else [math.nan]
-    if not all(a < b for a, b in itertools.pairwise([bounds[0], *listed, bounds[1]])):
+    if not all(a < b for a, b in itertools.pairwise([bounds[0], *numbers(key, cuts, None, "mm"), bounds[1]])):
         raise fail(key, cuts, f"a list of rising numbers between {bounds[0]:g} and {bounds[1]:g} [mm]")
 
 
@@ -121,7 +117,7 @@ class Mesh(Shape):
                 raise fail(f"geometry.{key}", values[key], " or ".join(_CHOICES[key]))
         axes_rotation(values["axes"])
         for key in sorted(set(_LISTS) & set(values)):
-            values[key] = _numbers(f"geometry.{key}", values[key], _LISTS[key])
+            values[key] = _list(f"geometry.{key}", values[key], _LISTS[key])
         placed = table_of("geometry.placement", values.get("placement", {}), BODIES, complete=False)
         values["placement"] = {body: _placement(f"geometry.placement.{body}", each) for body, each in placed.items()}
         if isinstance(spacing := values["spacing"], Mapping):
@@ -158,11 +154,8 @@ class Mesh(Shape):
         from casadi_contact.scenes.shapes import mesh_bodies as bodies
 
         bodies.check_patches(geometry)
-        field, surface, cells = (
-            bodies.body_field(geometry, "fixed"),
-            partial(bodies.body_surface, geometry, "fixed"),
-            [],
-        )
+        field, surface = bodies.body_field(geometry, "fixed"), partial(bodies.body_surface, geometry, "fixed")
+        cells = []
         for patch in geometry["patches"]:
             mesh, box = bodies.patch_mesh(geometry, patch, reaching=True), bodies.patch_box(geometry, patch)
             cells.append(grid_on_mesh(mesh, field, grid, box, bodies.patch_projection(geometry, patch), surface))

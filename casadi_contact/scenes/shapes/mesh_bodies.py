@@ -52,7 +52,7 @@ def body_mesh(geometry: Geometry, body: str) -> TriangleMesh:
 
 def body_field(geometry: Geometry, body: str) -> DistanceField:
     """The signed distance from the body's smooth surface, in the body's own frame; its `fit` says how good it is."""
-    return _field(_source(geometry, body), field_spacing(geometry, body))
+    return _field(body_mesh(geometry, body), field_spacing(geometry, body))
 
 
 def field_spacing(geometry: Geometry, body: str) -> float:
@@ -63,7 +63,7 @@ def field_spacing(geometry: Geometry, body: str) -> float:
 
 def body_surface(geometry: Geometry, body: str) -> SmoothSurface:
     """The body's smooth surface, in the body's own frame."""
-    return _surface(_source(geometry, body))
+    return _surface(body_mesh(geometry, body))
 
 
 def check_shells(geometry: Geometry, most_spacing: float = 0.4) -> None:
@@ -71,7 +71,7 @@ def check_shells(geometry: Geometry, most_spacing: float = 0.4) -> None:
     shell whose field's spacing exceeds 0.4 times its thickness: its surface would be wrong by 0.01 mm and more."""
     for body in ("moving", "fixed"):
         source = _source(geometry, body)
-        if source.about_mm is not None or (thickness := _shell_thickness(source)) > THIN_MM:
+        if source.about_mm is not None or (thickness := shell_thickness(_mesh(source))) > THIN_MM:
             continue
         what = f"scene: the {body} mesh {Path(source.path).name} is a thin shell about {thickness:.2g} mm thick"
         if body == "moving" and "shell" not in geometry:
@@ -83,6 +83,7 @@ def check_shells(geometry: Geometry, most_spacing: float = 0.4) -> None:
             raise ValueError(f"{what}, geometry.spacing = {spacing:g} mm is too coarse: expected {allowed:.2g} at most")
 
 
+@lru_cache(maxsize=8)
 def shell_thickness(mesh: TriangleMesh) -> float:
     """The way [mm] from its triangles straight through a body, the median; infinite where most rays do not come out of
     it, as behind a single open surface. A shell with a hole, or of two sheets that nothing joins, is as thin as a
@@ -138,7 +139,9 @@ def _source(geometry: Geometry, body: str) -> _Source:
         contact = tuple((tuple(low), tuple(high)) for low, high in boxes)
     elif geometry.get("shell") == "outer":
         about = tuple(map(tuple, patch_anchors(geometry).tolist()))
-    placement = Placement.from_table(geometry.get("placement", {}).get(body, {}))
+    placed: dict[str, Any] = dict(geometry.get("placement", {}).get(body, {}))
+    placed |= {key: tuple(placed[key]) for key in placed if key != "mirror"}
+    placement = Placement(**placed)
     return _Source(str(path), digest, geometry["units"], tuple(geometry["axes"]), contact, placement, about)
 
 
@@ -157,19 +160,7 @@ def _mesh(source: _Source) -> TriangleMesh:
     return mesh.part(outer)
 
 
-@lru_cache(maxsize=8)
-def _shell_thickness(source: _Source) -> float:
-    return shell_thickness(_mesh(source))
-
-
-@lru_cache(maxsize=4)
-def _surface(source: _Source) -> SmoothSurface:
-    return SmoothSurface(_mesh(source))
-
-
-@lru_cache(maxsize=4)
-def _field(source: _Source, spacing_mm: float) -> DistanceField:
-    return build_field(_mesh(source), spacing_mm)
+_surface, _field = lru_cache(maxsize=4)(SmoothSurface), lru_cache(maxsize=4)(build_field)
 
 
 def patch_mesh(geometry: Geometry, patch: str, *, reaching: bool = False) -> TriangleMesh:

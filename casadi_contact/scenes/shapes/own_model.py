@@ -15,10 +15,8 @@ from typing import Any, NoReturn
 import numpy as np
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.scenes.shapes.checks import fail, identifier, number, table_of
+from casadi_contact.scenes.shapes.checks import fail, identifier, numbers, table_of
 from casadi_contact.scenes.shapes.shape import Geometry, Shape
-
-_CURE = "expected [geometry.patches] with a table for each patch, for example contact = { anchor = [0.0, 0.0, 0.0] }"
 
 
 class OwnModel(Shape):
@@ -31,14 +29,16 @@ class OwnModel(Shape):
         values = table_of("geometry", table, ("patches",), complete=True)
         patches = values["patches"]
         if not isinstance(patches, Mapping) or not patches:
-            raise ValueError(f"scene: geometry.patches = {patches!r}, {_CURE}")
+            raise fail(
+                "geometry.patches", patches, "a table for each patch, e.g. contact = { anchor = [0.0, 0.0, 0.0] }"
+            )
         for name, patch in patches.items():
             identifier("geometry.patches (a patch's name)", name)
             if "_" in name:
                 raise fail("geometry.patches (a patch's name)", name, "a name without _, which sets it off in Fy_med")
-            if not isinstance(patch, Mapping) or set(patch) - {"anchor"}:
-                raise ValueError(f"scene: geometry.patches.{name} = {patch!r}, {_CURE}")
-            check_anchor(f"geometry.patches.{name}.anchor", patch)
+            key = f"geometry.patches.{name}"
+            given = table_of(key, patch, (), complete=False, optional=("anchor",))
+            numbers(f"{key}.anchor", given.get("anchor", [0.0] * 3), 3, "mm")
         return values
 
     def patches(self, geometry: Geometry) -> tuple[str, ...]:
@@ -52,15 +52,6 @@ class OwnModel(Shape):
 
     def cells(self, geometry: Geometry, grid: tuple[int, int]) -> NoReturn:
         self.surfaces(geometry)
-
-
-def check_anchor(key: str, patch: Mapping[str, Any]) -> None:
-    """A patch's anchor, if it names one, is three numbers [mm]."""
-    anchor = patch.get("anchor", [0.0, 0.0, 0.0])
-    if not isinstance(anchor, list | tuple) or len(anchor) != 3:
-        raise fail(key, anchor, "3 numbers [mm]")
-    for value in anchor:
-        number(key, value)
 
 
 def patch_anchors(geometry: Geometry) -> Array:

@@ -19,7 +19,7 @@ import numpy as np
 from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.elements import Cells, ElementGrid, grid_elements
 from casadi_contact.geometry.moving_surface import MovingSurface
-from casadi_contact.scenes.shapes.checks import fail, number, table_of
+from casadi_contact.scenes.shapes.checks import number, numbers, table_of
 
 Geometry = Mapping[str, Any]
 Range = tuple[float, float]
@@ -37,12 +37,10 @@ class Parameter:
 
     def check(self, value: object) -> float | list[float]:
         """The value as floats; raises ValueError with the parameter's name."""
-        key = f"geometry.{self.name}"
+        key, bounds = f"geometry.{self.name}", {"low": self.low, "high": self.high}
         if self.count == 1:
-            return number(key, value, low=self.low, high=self.high)
-        if not isinstance(value, list | tuple) or (self.count is not None and len(value) != self.count):
-            raise fail(key, value, f"a list of {'' if self.count is None else f'{self.count} '}numbers [{self.unit}]")
-        return [number(key, each, low=self.low, high=self.high) for each in value]
+            return number(key, value, **bounds)
+        return numbers(key, value, self.count, self.unit, **bounds)
 
 
 class Shape(ABC):
