@@ -1,15 +1,18 @@
-"""The contact model and the cycle that a problem runs on, by name or path."""
+"""The contact model, its wrench and the cycle that a problem runs on."""
 
 from __future__ import annotations
 
 import warnings
 from pathlib import Path
 
+import casadi as ca
+
 from casadi_contact.contact.choice import foundation
 from casadi_contact.contact.convergence import NotGoodEnoughError
 from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.symbolic import SymbolicContact, symbolic
-from casadi_contact.optimisation.joint_mechanics import whole_wrench
+from casadi_contact.optimisation.joint_mechanics import total_selection, whole_wrench
 from casadi_contact.samples.reference import found_sensitive_pose
 from casadi_contact.scenes.joint_cycle import JointCycle
 from casadi_contact.scenes.load_cycle import LoadCycle
@@ -42,6 +45,19 @@ def load_cycle(scene: Scene, path: Path | None = None) -> LoadCycle | JointCycle
     if path is None and has_gait(scene):
         return reference_cycle()
     return reference_motion_cycles(scene, [] if path is None else [path])[0]
+
+
+def wrench_function(model: ContactModel, name: str = "contact_wrench") -> ca.Function:
+    """casadi.Function pose (6) -> total contact wrench on the fixed body (6), about its origin [N, N·mm].
+
+    A surrogate or foundation gives its own compiled function with exact derivatives; any other contact model is called
+    back, with its analytic Jacobian and differences of that. Raises ValueError where the model lacks a component of the
+    wrench.
+    """
+    total = ca.sparsify(ca.DM(total_selection(model.load_names, model.patch_names)))
+    pose = ca.MX.sym("pose", 6)
+    loads = symbolic(model).function(name=f"{name}_loads", compiled=True)(pose)
+    return ca.Function(name, [pose], [ca.mtimes(total, loads)])
 
 
 def _untrained(scene: Scene) -> SymbolicContact:

@@ -27,12 +27,13 @@ from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.symbolic import symbolic
 from casadi_contact.core.conventions import POSE_NAMES, Array
 from casadi_contact.core.terminal import run_program
-from casadi_contact.optimisation.joint_mechanics import generalised_forces, wrench_function
+from casadi_contact.optimisation.joint_mechanics import generalised_forces
 from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.optimisation.starts import KNEE_STEPS, press_together
 from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.page import new_page, save_page
 from casadi_contact.scenes.pose_file import write_poses
+from problems.contact_source import wrench_function
 
 
 @dataclass(frozen=True)

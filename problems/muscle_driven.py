@@ -27,7 +27,7 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.terminal import run_program
-from casadi_contact.optimisation.joint_mechanics import generalised_forces, wrench_function
+from casadi_contact.optimisation.joint_mechanics import generalised_forces
 from casadi_contact.optimisation.knee import SIDES
 from casadi_contact.optimisation.muscle import rigid_tendon_forces
 from casadi_contact.optimisation.muscle_contact import MuscleContact, MuscleContactResult
@@ -35,6 +35,7 @@ from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.page import FOUNDATION, SURROGATE, TARGET, new_page, save_page
 from casadi_contact.scenes.pose_file import write_poses
+from problems.contact_source import wrench_function
 from problems.knee_simulator import integrated
 from problems.muscle_contact import walk_of
 

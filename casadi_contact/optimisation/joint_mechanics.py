@@ -16,8 +16,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from casadi_contact.contact.model import ContactModel
-from casadi_contact.contact.symbolic import symbolic
 from casadi_contact.core.conventions import LEVER_MM, WRENCH_NAMES, Array, loads_of_total
 from casadi_contact.core.quantities import TORQUE, quantity
 from casadi_contact.scenes.scene import Scene
@@ -50,19 +48,6 @@ def total_selection(load_names: Sequence[str], patch_names: Sequence[str]) -> Ar
             f"expected all of {', '.join(WRENCH_NAMES)} in total or of every patch"
         )
     return np.array([[float(name in parts[component]) for name in load_names] for component in WRENCH_NAMES])
-
-
-def wrench_function(model: ContactModel, name: str = "contact_wrench") -> ca.Function:
-    """casadi.Function pose (6) -> total contact wrench on the fixed body (6), about its origin [N, N·mm].
-
-    A surrogate or foundation gives its own compiled function with exact derivatives; any other contact model is called
-    back, with its analytic Jacobian and differences of that. Raises ValueError where the model lacks a component of the
-    wrench.
-    """
-    total = ca.sparsify(ca.DM(total_selection(model.load_names, model.patch_names)))
-    pose = ca.MX.sym("pose", 6)
-    loads = symbolic(model).function(name=f"{name}_loads", compiled=True)(pose)
-    return ca.Function(name, [pose], [ca.mtimes(total, loads)])
 
 
 def whole_wrench(scene: Scene) -> Scene:

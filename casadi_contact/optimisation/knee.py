@@ -18,7 +18,7 @@ import numpy as np
 from casadi_contact.contact.continuity import leaps
 from casadi_contact.contact.settle import settle
 from casadi_contact.contact.symbolic import SymbolicContact
-from casadi_contact.core.conventions import LEVER_MM, POSE_NAMES, Array, angular_velocity_map
+from casadi_contact.core.conventions import LEVER_MM, POSE_NAMES, Array
 from casadi_contact.optimisation.joint_mechanics import generalised_forces
 from casadi_contact.optimisation.starts import middle_pose, pose_bounds
 from casadi_contact.scenes.scene import Scene
@@ -65,18 +65,8 @@ def in_newtons(coordinate: str) -> float:
     return 1.0 if is_translation(coordinate) else 1000.0 / LEVER_MM
 
 
-def contact_on_femur(poses: Array, loads: Array) -> dict[str, Array]:
-    """Generalised loads (n,) [N, N·m] on the femur by coordinate, for poses (n, 6) and loads (n, 7) as in
-    `KNEE_LOADS`."""
-    by_name = dict(zip(KNEE_LOADS, loads.T, strict=True))
-    force = np.column_stack([by_name["Fx"], by_name["Fy_med"] + by_name["Fy_lat"], by_name["Fz"]])
-    moment = np.column_stack([by_name["Tx"], by_name["Ty"], by_name["Tz"]]) - np.cross(poses[:, :3], force)
-    about_axes = np.einsum("nji,nj->ni", angular_velocity_map(poses[:, 3:]), moment)
-    return dict(zip(COORDINATES, -np.column_stack([force, 1e-3 * about_axes]).T, strict=True))
-
-
-def contact_expression(pose: ca.MX, loads: ca.MX) -> dict[str, ca.MX]:
-    """`contact_on_femur` of one frame as CasADi expressions."""
+def contact_on_femur(pose: ca.MX, loads: ca.MX) -> dict[str, ca.MX]:
+    """Generalised loads [N, N·m] on the femur by coordinate, for a pose (6) and loads (7) as in `KNEE_LOADS`."""
     by_name = dict(zip(KNEE_LOADS, ca.vertsplit(loads), strict=True))
     fy = by_name["Fy_med"] + by_name["Fy_lat"]
     wrench = ca.vertcat(by_name["Fx"], fy, *(by_name[name] for name in ("Fz", "Tx", "Ty", "Tz")))

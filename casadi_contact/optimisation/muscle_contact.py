@@ -9,7 +9,7 @@ frames at once, activations a (13), free pose parameters q (ty and rx; tx and tz
     s_med(q), s_lat(q) >= √(least/N0),   least activation <= a <= 1,   q in the learned range
 
 F is linear in a (`force_capacity`). contact(q) is the contact model's generalised load on the femur
-(`knee.contact_expression`), s the signed root load. tx and tz, where they are not free, stand where equal forces on
+(`knee.contact_on_femur`), s the signed root load. tx and tz, where they are not free, stand where equal forces on
 both sides cause no shear; ry and rz are prescribed. Measured contact forces enter nowhere. Co-contraction follows from
 three rules, each by choice:
 
@@ -41,7 +41,6 @@ from casadi_contact.optimisation.knee import (
     COORDINATES,
     KNEE_LOADS,
     check_knee,
-    contact_expression,
     contact_on_femur,
     in_newtons,
     shear_free_poses,
@@ -122,7 +121,8 @@ class MuscleContact:
 
     nlp: CasADi's x, f and g; lower, upper, lower_g, upper_g, start: bounds and start. Variables of a frame, scaled:
     activations, free pose parameters, reserves over their sizes, and soleus' activation, which is not held below 1.
-    solution: x -> activations (m, n), poses (6, n), forces (m, n) [N], reserves (b, n) [N, N·m], soleus (0 or 1, n).
+    solution: x -> activations (m, n), poses (6, n), forces (m, n) [N], contact and reserves (b, n)
+    [N, N·m], soleus (0 or 1, n).
     Raises ValueError for a model of no knee with two sides and a walk without the coordinates that are needed.
     """
 
@@ -149,7 +149,7 @@ class MuscleContact:
 
         constraints: list[tuple[ca.MX, Array | float, float]] = []  # low <= expression <= high
         at, loads = ca.MX.sym("pose", 6), ca.MX.sym("loads", len(KNEE_LOADS))
-        on_femur = contact_expression(at, loads)
+        on_femur = contact_on_femur(at, loads)
         of_frame = ca.Function("contact", [at, loads], [ca.vertcat(*(on_femur[name] for name in balanced))])
         contact = of_frame.map(frames)(knee.pose, knee.loads)
         for row, name in enumerate(balanced):
@@ -173,7 +173,7 @@ class MuscleContact:
         effort = ca.sum2(ca.sum1(a**settings.exponent)) + ca.sum2(ca.sum1(soleus**settings.exponent))
         g = ca.vertcat(*(ca.vec(expression) for expression, _, _ in constraints))
         self.nlp: dict[str, Any] = {"x": ca.vec(x), "f": effort + ca.sumsqr(r), "g": g}
-        self.solution = ca.Function("solution", [ca.vec(x)], [a, knee.pose, forces, reserves, soleus])
+        self.solution = ca.Function("solution", [ca.vec(x)], [a, knee.pose, forces, contact, reserves, soleus])
 
         start, lower, upper = (np.zeros((frames, ends[-1])) for _ in range(3))
         activations, pose, reserve, driven = (slice(*pair) for pair in itertools.pairwise(ends))
@@ -191,15 +191,16 @@ class MuscleContact:
         solver = ca.nlpsol("muscle_contact", "ipopt", self.nlp, options)
         answer = solver(x0=self.start, lbx=self.lower, ubx=self.upper, lbg=self.lower_g, ubg=self.upper_g)
         seconds, ipopt = time.perf_counter() - began, IpoptOutcome.of(solver)
-        activations, poses, forces, reserves, soleus = (np.asarray(part).T for part in self.solution(answer["x"]))
+        activations, poses, forces, contact, reserves, soleus = (
+            np.asarray(part).T for part in self.solution(answer["x"])
+        )
 
         walk, settings = self.walk, self.settings
         loads = self.contact_model(poses, KNEE_LOADS)
-        contact = contact_on_femur(poses, loads)
         given = dict(zip(settings.balanced, reserves.T, strict=True))
         left = {
-            name: (walk.arms[name] * forces).sum(axis=1) + contact[name] + given[name] - walk.loads[name]
-            for name in settings.balanced
+            name: (walk.arms[name] * forces).sum(axis=1) + on_femur + given[name] - walk.loads[name]
+            for name, on_femur in zip(settings.balanced, contact.T, strict=True)
         }
         worst_n = np.abs([in_newtons(name) * curve for name, curve in left.items()]).max(axis=0)
         shares = [np.abs(curve) / settings.reserve_sizes[name] for name, curve in given.items()]

@@ -31,11 +31,14 @@ def continue_on(problem: PoseEstimation, result: PoseResult, reference: ContactM
     is found on the reference is solved again on the problem's model from there, where that has learned the pose; else
     it stays ON_REFERENCE. With smoothness, which couples frames, the result stays as it is.
     """
-    loads = problem.targets.as_loads()
-    if problem.smoothness > 0.0 or not loads:
+    motion = motion_of(problem)
+    if motion is None:
         return result
     began = time.perf_counter()
-    result = without_leaps(problem, result)
+    poses = motion.without_leaps(result.poses, result.solved)
+    moved = np.any(poses != result.poses, axis=1)
+    if moved.any() and (tried := problem.evaluate(poses, result.ipopt)).solved[moved].all():
+        result = replace(tried, seconds=result.seconds)
     left = (result.outcome == FrameOutcome.NOT_SOLVED) & problem.targets.loaded
     if left.any():
         result = _on_reference(problem, result, reference or problem.model, left)
@@ -51,17 +54,6 @@ def motion_of(problem: PoseEstimation) -> Motion | None:
     low, high = pose_bounds(problem.model)
     tolerance_n = np.minimum(targets.settle_tolerance_n, 1e-4)
     return Motion(problem.model, problem.free, loads, tolerance_n, targets.loaded, low, high)
-
-
-def without_leaps(problem: PoseEstimation, result: PoseResult) -> PoseResult:
-    """The result with frames moved to other poses that meet their targets, where the motion then leaps less."""
-    motion = motion_of(problem)
-    if motion is None:
-        return result
-    poses = motion.without_leaps(result.poses, result.solved)
-    moved = np.any(poses != result.poses, axis=1)
-    tried = problem.evaluate(poses, result.ipopt)
-    return replace(tried, seconds=result.seconds) if moved.any() and tried.solved[moved].all() else result
 
 
 def _on_reference(problem: PoseEstimation, result: PoseResult, reference: ContactModel, left: np.ndarray) -> PoseResult:

@@ -14,9 +14,9 @@ from casadi_contact.optimisation.joint_mechanics import (
     generalised_forces,
     total_selection,
     whole_wrench,
-    wrench_function,
 )
 from casadi_contact.optimisation.pose_targets import PoseTargets
+from problems.contact_source import wrench_function
 
 POSE = np.array([0.7, 27.3, 0.1, 0.002, -0.04, -0.5])
 
@@ -69,7 +69,7 @@ def test_a_called_back_foundation_gives_its_wrench_and_analytic_jacobian():
 
 
 def test_a_called_back_model_has_second_derivatives_and_no_wrench_where_there_is_no_pose():
-    model = cc.foundation("knee")
+    model = cc.load_surrogate("knee")
     own, called = (wrench_function(each, "wrench") for each in (model, Bare(model)))
     x, weights = ca.MX.sym("x", 6), np.array([1.0, 1.0, 1.0, 0.01, 0.01, 0.01])
     exact, differenced = (
