@@ -10,8 +10,7 @@ with σ the network's activation (see `casadi_contact.networks.activations`).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -32,6 +31,10 @@ class Network:
     biases: tuple[Array, ...]
     output_scale: float | Array = 1.0
     activation: str = "algebraic"
+    hidden: tuple[int, ...] = field(init=False)
+    """Neurons per hidden layer, for example (32, 32)."""
+    outputs: int = field(init=False)
+    """Number m of outputs."""
 
     def __post_init__(self) -> None:
         activation_of(self.activation)
@@ -53,16 +56,8 @@ class Network:
                 f"network of {len(self.weights)} layers has input scales {np.asarray(self.input_scale).tolist()}, "
                 "expected at least one layer, and no scale of 0"
             )
-
-    @cached_property
-    def hidden(self) -> tuple[int, ...]:
-        """Neurons per hidden layer, for example (32, 32)."""
-        return tuple(len(bias) for bias in self.biases[:-1])
-
-    @cached_property
-    def outputs(self) -> int:
-        """Number m of outputs."""
-        return len(self.biases[-1])
+        object.__setattr__(self, "hidden", tuple(len(bias) for bias in self.biases[:-1]))
+        object.__setattr__(self, "outputs", len(self.biases[-1]))
 
     @property
     def parameter_count(self) -> int:

@@ -12,7 +12,7 @@ import numpy as np
 
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.settle import settle
-from casadi_contact.core.conventions import Array, Progress
+from casadi_contact.core.conventions import Array
 from casadi_contact.samples.chunk import WrenchModel, part_wrenches
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Dropped, Samples
 from casadi_contact.scenes.scene import Scene
@@ -99,18 +99,16 @@ def self_settled_poses(surrogate: ContactModel, samples: Samples, count: int) ->
     return poses[report.converged]
 
 
-def label_poses(model: WrenchModel, scene: Scene, poses: Array, progress: Progress | None = None) -> Samples:
+def label_poses(model: WrenchModel, scene: Scene, poses: Array) -> Samples:
     """Poses (n, 6) with the model's loads, also where contact runs off its elements; validation and test rows in turn.
 
     Gaps are NaN: they take longer and are not needed. Poses at which the model gives no finite loads are among the
-    dropped ones. progress(done, all) is called as the model is evaluated.
+    dropped ones.
     """
     count, width, at_once = len(poses), len(scene.parts), 1000
     wrenches = np.zeros((count, width, 6))
     for first in range(0, count, at_once):
         wrenches[first : first + at_once] = part_wrenches(model, poses[first : first + at_once], width)
-        if progress is not None:
-            progress(min(first + at_once, count), count)
     kept = np.isfinite(wrenches).all(axis=(1, 2))
     role = np.where(np.arange(count) % 2 == 0, VALIDATION, TEST).astype(np.uint8)
     domain = np.ones(count, dtype=np.uint8)

@@ -215,16 +215,6 @@ class Surrogate(SurrogateFunctions, ContactModel):
         if missing:
             raise ValueError(f"root loads need the network {', '.join(missing)} that this surrogate lacks")
 
-    def require_confidence(self) -> Confidence:
-        """The numbers behind validity and expected error; raises ValueError for a surrogate without."""
-        if self.confidence is None:
-            raise ValueError(
-                "this surrogate has no validity and expected error, because it was never calibrated: build it again, "
-                "or run casadi-contact calibrate on its samples"
-            )
-        self.check_roots()
-        return self.confidence
-
     @property
     def confidence_columns(self) -> Sequence[int]:
         """Columns of the pose that, with the root loads, describe a contact: the insensitive parameters where the root

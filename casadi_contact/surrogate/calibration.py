@@ -10,7 +10,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -101,12 +100,12 @@ def calibrate(
         if not len(part):
             raise ValueError(f"samples hold no {what} rows, expected some: draw samples with a validation share")
     blank = _distance(surrogate, training, validation, settings)
-    labelling, fitting = (stage_progress(update, f"{surrogate.structure}: {w}") for w in ("other poses", "confidence"))
+    progress = stage_progress(update, f"{surrogate.structure}: other poses")
     others: dict[str, Samples] = {}
     if model is not None:
-        others = _other_poses(surrogate, blank, samples, model, settings, labelling)
+        others = _other_poses(surrogate, blank, samples, model, settings, progress)
     rows = _rows(surrogate, validation, [part.select(role=VALIDATION) for part in others.values()], settings)
-    confidence = _fit(surrogate, blank, rows, settings, fitting)
+    confidence = _fit(surrogate, blank, rows, settings)
     calibrated = kind(surrogate.scene, surrogate.networks, surrogate.record, confidence)
     test = samples.select(role=TEST)
     unseen = {name: part.select(role=TEST) for name, part in others.items()}
@@ -174,16 +173,12 @@ def _other_poses(
         "range": poses_in_range(samples, count, near, surrogate.confidence_roots),
         "settled": settled[near(settled)] if own and len(settled) else settled,
     }
-    total, done, parts = sum(len(part) for part in poses.values()), 0, {}
-
-    def advanced(before: int, now: int, _: int) -> None:
-        if progress is not None:
-            progress(before + now, total)
-
-    for name, part in poses.items():
+    parts = {}
+    for k, (name, part) in enumerate(poses.items(), start=1):
         if len(part):
-            parts[name] = label_poses(model, samples.scene, part, partial(advanced, done))
-        done += len(part)
+            parts[name] = label_poses(model, samples.scene, part)
+        if progress is not None:
+            progress(k, len(poses))
     return parts
 
 
@@ -209,9 +204,7 @@ def _rows(surrogate: Surrogate, validation: Samples, others: Sequence[Samples], 
     return _Rows(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
-def _fit(
-    surrogate: Surrogate, confidence: Confidence, rows: _Rows, settings: CalibrationSettings, progress: Progress | None
-) -> Confidence:
+def _fit(surrogate: Surrogate, confidence: Confidence, rows: _Rows, settings: CalibrationSettings) -> Confidence:
     """The network and the growth.
 
     Hidden layers are fitted to the classifier's target 2q²/(1 + q²) - 1, with q the largest error over the limit: -1
@@ -222,7 +215,7 @@ def _fit(
     tolerances = surrogate.scene.tolerances_of(surrogate.load_names)
     q = np.minimum((rows.errors / (settings.tolerances * tolerances)).max(axis=1), 1e3)
     wrong, x = q > 1.0, confidence.inputs(rows.poses, rows.roots)
-    network = _classifier(x, 2.0 * q**2 / (1.0 + q**2) - 1.0, settings, progress)
+    network = _classifier(x, 2.0 * q**2 / (1.0 + q**2) - 1.0, settings)
     answer, near = network.value(x), confidence.distance(rows.poses) < confidence.edge
     from_samples = (rows.group > 0) & (rows.group <= len(DOMAINS))
     half = _threshold(answer, wrong, near, from_samples, settings)
@@ -252,23 +245,14 @@ def _fit(
     return replace(confidence, network=whole, growth=growth)
 
 
-def _classifier(x: Array, target: Array, settings: CalibrationSettings, progress: Progress | None) -> Network:
+def _classifier(x: Array, target: Array, settings: CalibrationSettings) -> Network:
     """Network of one output that is fitted to the target; a tenth of the rows stop the fit."""
     wrong = target > 0.0
     share = np.clip(wrong.mean(), 0.5 / len(wrong), 1.0 - 0.5 / len(wrong))
     weights = np.sqrt(0.5 / np.where(wrong, share, 1.0 - share))
     regression = Regression("classifier", x, target, weights, np.arange(len(x)) % 10 == 9, tolerance=0.0)
     effort = TrainingSettings(sizes=(settings.hidden,), max_iterations=settings.iterations, restarts=0)
-    done = iter(range(1, 2 * settings.iterations))
-
-    def advanced(*_: object) -> None:
-        if progress is not None:
-            progress(min(next(done), settings.iterations - 1), settings.iterations)
-
-    network = fit(regression, effort, progress=advanced).network
-    if progress is not None:
-        progress(settings.iterations, settings.iterations)
-    return network
+    return fit(regression, effort).network
 
 
 def _threshold(

@@ -35,7 +35,6 @@ from scipy.special import logsumexp
 
 from casadi_contact.core.conventions import Array
 from casadi_contact.networks.graph import network_values
-from casadi_contact.networks.kernel.networks import Bundle
 from casadi_contact.networks.network import Network
 
 SURELY_VALID, VALID, SURELY_INVALID = 0.9, 0.5, 0.1  # validities
@@ -147,10 +146,6 @@ class Confidence:
         u = ca.logsumexp(ca.vertcat(self.sharpness * (distance - self.edge), y[0]))
         outside = growth_outside(ca.fmax(u + SURE, 0.0))
         return _validity(ca, u), ca.exp(ca.vertcat(*y[1:])) + outside * ca.DM(self.growth)
-
-    def bundle(self) -> Bundle:
-        """C functions confidence_value and its like."""
-        return Bundle("confidence", len(self.network.input_shift), {"confidence": self.network})
 
 
 def _clip_expression(values: ca.MX) -> ca.MX:

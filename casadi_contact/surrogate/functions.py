@@ -40,9 +40,15 @@ class SurrogateFunctions(ContactFunctions):
     ready_name = ""
     """Name under which `load_surrogate` finds it; empty for one that does not come with the library."""
 
-    @abstractmethod
     def require_confidence(self) -> Confidence:
         """The numbers behind validity and expected error; raises ValueError for a surrogate without."""
+        if self.confidence is None:
+            raise ValueError(
+                "this surrogate has no validity and expected error, because it was never calibrated: build it again, "
+                "or run casadi-contact calibrate on its samples"
+            )
+        self.check_roots()
+        return self.confidence
 
     @abstractmethod
     def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
@@ -113,14 +119,11 @@ class SurrogateFunctions(ContactFunctions):
         function = function_with_derivatives(name, pose, self._outputs(pose, loads, outputs))
         return function if batch is None else function.map(batch)
 
-    def _graph(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
-        return nan_if_not_finite(pose, self._expressions(pose, loads, order))
-
     def _outputs(
         self, pose: ca.MX, loads: Sequence[str], outputs: Sequence[str]
     ) -> dict[str, tuple[ca.MX, ca.MX, ca.MX]]:
         """Value, Jacobian and second derivatives of "loads" and "roots", each as a graph of its own."""
-        values, slopes, bends = (self._graph(pose, loads, order) for order in range(3))
+        values, slopes, bends = (nan_if_not_finite(pose, self._expressions(pose, loads, order)) for order in range(3))
         return {
             key: (getattr(values, key).value, getattr(slopes, key).jacobian, getattr(bends, key).second)
             for key in outputs
@@ -133,7 +136,8 @@ class SurrogateFunctions(ContactFunctions):
         bundles, roots_source = list(kernel.bundles), ""
         if confidence is not None:
             beside, roots_source = self._confidence_roots_source()
-            bundles += [*beside, confidence.bundle()]
+            network = confidence.network
+            bundles += [*beside, Bundle("confidence", len(network.input_shift), {"confidence": network})]
         bounds = self._root_bounds if roots else ()
         whole = Kernel(bundles, kernel.code)
         return SurrogateKernel(whole, tuple(loads), self.load_names, bounds, confidence, roots_source)
@@ -157,7 +161,7 @@ class SurrogateFunctions(ContactFunctions):
     def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
         """C of the loads, and of all that the surrogate knows of them."""
         kernel = self.whole_kernel(self.check_loads(loads))
-        condition, made_for = kernel.outside(self.record.get("pose_range", {}))
+        condition, made_for = kernel.outside()
         return ExportedModel(
             self._export_name(),
             f"{kernel.source()}\n{condition}",

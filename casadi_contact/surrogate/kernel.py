@@ -7,14 +7,14 @@ NumPy takes 20 ms for that many, and compiling once some seconds.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from casadi_contact.core.compiler import CompilerError, call_in_shares, shared_library, warn_once
-from casadi_contact.core.conventions import POSE_NAMES, Array
+from casadi_contact.core.conventions import Array
 from casadi_contact.networks.kernel.networks import filled_up
 from casadi_contact.networks.kernel.source import Kernel, c_text, roots_source, table
 from casadi_contact.surrogate.confidence import SURE, Confidence
@@ -25,14 +25,6 @@ OWN_ROOTS = """\
 INLINE void confidence_roots(const double *pose, const double *parts, double *roots) {
   (void)pose;
   patch_roots(first_part, parts, roots, 0);
-}
-"""
-_BEYOND = """\
-INLINE int beyond(const double *pose) {
-  for (int j = 0; j < 6; j++) {
-    if (pose[j] < low[j] || pose[j] > high[j]) return 1;
-  }
-  return 0;
 }
 """
 _OUTSIDE = """\
@@ -98,22 +90,12 @@ class SurrogateKernel:
         parts += [table(name, np.asarray(values)) for name, values in tables.items()]
         return "\n".join([*parts, self.confidence_roots, c_text("confidence.h", __package__)])
 
-    def outside(self, pose_range: Mapping[str, Sequence[float]]) -> tuple[str, str]:
-        """C function outside(pose, parts), 1 for a pose that was not learned; and in words when it is 0.
-
-        By validity; without, by the sampled range of each pose parameter; without that, never.
-        """
-        bounds = np.array([pose_range.get(name, (-np.inf, np.inf)) for name in POSE_NAMES], dtype=float)
-        if self.confidence is not None:
-            meaning, condition = "validity of at least 1/2", "!(confidence_at(pose, parts, 0) >= 0.5)"
-        elif np.isfinite(bounds).all():
-            meaning, condition = "each pose parameter within its sampled range", "beyond(pose)"
-        else:
-            meaning, condition = "unknown: this surrogate was never calibrated", "0"
-        ranges = ""
-        if "beyond" in condition:
-            ranges = f"{table('low', bounds[:, 0])}\n{table('high', bounds[:, 1])}\n{_BEYOND}"
-        return ranges + _OUTSIDE.format(condition=condition), meaning
+    def outside(self) -> tuple[str, str]:
+        """C function outside(pose, parts), 1 for a pose that was not learned, as validity says; and in words when it is
+        0."""
+        if self.confidence is None:
+            return _OUTSIDE.format(condition="0"), "unknown: this surrogate was never calibrated"
+        return _OUTSIDE.format(condition="!(confidence_at(pose, parts, 0) >= 0.5)"), "validity of at least 1/2"
 
 
 @dataclass(frozen=True)

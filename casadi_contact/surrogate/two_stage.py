@@ -70,7 +70,7 @@ class TwoStageSurrogate(Surrogate):
 
         The second stage is trained on the samples' own sensitive loads. Raises ValueError for NaN or no samples.
         """
-        from casadi_contact.surrogate.patch.regressions import root_regressions
+        from casadi_contact.surrogate.patch.regressions import patch_regressions
         from casadi_contact.surrogate.sample_rows import finite, fitted_rows
 
         scene = samples.scene
@@ -92,7 +92,8 @@ class TwoStageSurrogate(Surrogate):
             )
             for column, name in enumerate(names)
         ]
-        return [*of_loads, *(root_regressions(samples) if np.isfinite(samples.gaps).all() else [])]
+        beside = patch_regressions(samples) if np.isfinite(samples.gaps).all() else []
+        return [*of_loads, *(each for each in beside if each.name.startswith(root_name("")))]
 
     @cached_property
     def _validity_roots(self) -> Surrogate:  # type: ignore[override]

@@ -14,37 +14,8 @@ from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.core.compiler import compiler_command
 from casadi_contact.scenes.loading import load_scene
-from tests.support.agreement import close
 from tests.support.compiler import needs_compiler
 from tests.support.random_surrogates import IN_PARTS, random_poses, random_surrogate, scene_called
-
-
-@needs_compiler
-@pytest.mark.parametrize(("structure", "activation"), [("patch", "algebraic"), ("two_stage", "tanh")])
-def test_compiled_c_equals_numpy(structure, activation, tmp_path):
-    surrogate = random_surrogate(load_scene("knee"), structure, activation, seed=6)
-    poses = random_poses(3, seed=3)
-    written = cc.export_c(surrogate, tmp_path, "knee_contact", example_pose=poses[0])
-    names = {path.name for path in written}
-    assert names == {p.name for p in tmp_path.iterdir()}
-    assert {"knee_contact.h", "knee_contact.c", "example.c", "Makefile"} <= names
-    flags = ["-std=c99", "-O1", "-Wall", "-Wextra", "-pedantic", "-Werror", "-o"]
-    command = [*compiler_command(), *flags, str(tmp_path / "example")]
-    sources = [str(path) for path in written if path.suffix == ".c" and not path.stem.endswith("_mex")]
-    subprocess.run([*command, *sources, "-lm"], check=True, capture_output=True, text=True)
-
-    text = "\n".join(" ".join(f"{x:.17g}" for x in pose) for pose in poses)
-    result = subprocess.run([tmp_path / "example"], input=text, check=True, capture_output=True, text=True).stdout
-    rows = result.split("\n")
-    values, jacobians = surrogate.jacobian(poses)
-    for i, want in enumerate(surrogate.hessian(poses, np.ones(len(surrogate.load_names)))):
-        block = [np.array(row.split(), dtype=float) for row in rows[14 * i : 14 * i + 14]]
-        close(block[0], values[i], 9)
-        close(np.stack(block[1:8]), jacobians[i], 9)
-        close(np.stack(block[8:]), want, 9)
-    demo = subprocess.run([tmp_path / "example", "demo"], check=True, capture_output=True, text=True).stdout
-    assert [line.split()[0] for line in demo.splitlines()] == list(surrogate.load_names)
-    np.testing.assert_allclose([float(line.split()[1]) for line in demo.splitlines()], values[0], atol=1e-6)
 
 
 def in_parts():

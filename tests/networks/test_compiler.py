@@ -32,27 +32,20 @@ def surrogate():
     return random_surrogate(load_scene("sphere_on_plane"), "patch")
 
 
-def test_the_same_source_is_compiled_once(cache):
-    first = compiler.shared_library(SOURCE)
-    made = first.stat().st_mtime_ns
-    assert compiler.shared_library(SOURCE) == first
-    assert first.stat().st_mtime_ns == made
-    other = compiler.shared_library(SOURCE.replace("42", "43"))
-    assert {path.name for path in cache.iterdir()} == {first.name, other.name}
-
-
 def test_an_environment_variable_chooses_the_instruction_set_and_each_choice_is_kept(cache, monkeypatch):
     """The compiler names in its macros what it was asked for; the cache tells libraries apart by it."""
     source = "#ifndef WANTED\n#define WANTED 0\n#endif\nint answer(void) { return WANTED; }"
-    answers = {}
+    answers, made = {}, {}
     for flags in (None, "", "-DWANTED=1", "-DWANTED=2 -O1"):
         monkeypatch.delenv(compiler.CFLAGS_VARIABLE, raising=False)
         if flags is not None:
             monkeypatch.setenv(compiler.CFLAGS_VARIABLE, flags)
         library = compiler.shared_library(source)
+        made[library] = library.stat().st_mtime_ns
         assert compiler.shared_library(source) == library
         answers[library] = ctypes.CDLL(str(library)).answer()
     assert list(answers.values()) == [0, 0, 1, 2]
+    assert made == {path: path.stat().st_mtime_ns for path in cache.iterdir()}, "each is compiled once"
     monkeypatch.setenv(compiler.CFLAGS_VARIABLE, "-march=no-such-processor")
     with pytest.raises(compiler.CompilerError, match="failed"):
         compiler.shared_library(SOURCE)

@@ -8,7 +8,15 @@ from casadi_contact.core.conventions import local_poses
 from casadi_contact.networks.activations import ACTIVATIONS
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.surrogate.load import load_surrogate
-from tests.support.agreement import CANCELLED, agree, by_hessians, by_jacobian_of_jacobian, evaluated
+from tests.support.agreement import (
+    CANCELLED,
+    agree,
+    by_hessians,
+    by_jacobian_of_jacobian,
+    check_hessians,
+    check_jacobian,
+    evaluated,
+)
 from tests.support.compiler import needs_compiler
 from tests.support.meshes import ball_mesh, scene_of, sheet_mesh
 from tests.support.random_surrogates import (
@@ -46,7 +54,7 @@ def at_liftoff(surrogate, poses: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize(("scene", "structure", "activation"), CASES)
 def test_graph_and_kernel_equal_numpy(scene, structure, activation):
-    """Loads and root loads, their Jacobians and Hessians, near and far and on both sides of liftoff."""
+    """Loads and root loads, their Jacobians and Hessians, near and far, on both sides of liftoff, and not finite."""
     surrogate = random_surrogate(scene_called(scene), structure, activation, seed=3)
     touching = at_liftoff(surrogate, random_poses(1, seed=2))
     if scene == IN_PARTS:  # in the very kink rounding decides which bears, and so the curvature
@@ -61,10 +69,8 @@ def test_graph_and_kernel_equal_numpy(scene, structure, activation):
         ("roots", surrogate.root_loads(poses), stiff),
     ):
         weights = np.random.default_rng(5).normal(size=in_numpy[0].shape)
-        in_graph, in_kernel = (
-            evaluated(ca.Function(what, [pose], [function(pose)[what == "roots"]]), poses, weights)
-            for function in (graph, kernel)
-        )
+        single = [ca.Function(what, [pose], [function(pose)[what == "roots"]]) for function in (graph, kernel)]
+        in_graph, in_kernel = (evaluated(function, poses, weights) for function in single)
         for order, (got, want) in enumerate(zip(in_kernel, in_graph, strict=True)):
             agree(got, want, order, amplified=amplified)
         for order, want in enumerate(in_numpy):
@@ -73,7 +79,17 @@ def test_graph_and_kernel_equal_numpy(scene, structure, activation):
             np.testing.assert_array_equal(in_graph[order][:6] == 0.0, zero)
             np.testing.assert_array_equal(in_kernel[order][:6] == 0.0, zero)
         agree([alone[what](each).full().ravel() for each in poses], in_numpy[0], amplified=amplified)
+        bad = np.where(np.eye(6) > 0.0, np.array([[np.nan], [np.inf], [-np.inf]] * 2), poses[0])
+        for part in (part for function in single for part in evaluated(function, bad, weights[:6])):
+            assert np.isnan(part).all(), "in every output and derivative"
     np.testing.assert_array_equal(surrogate(poses), surrogate.jacobian(poses)[0])
+
+
+@pytest.mark.parametrize(("scene", "structure"), [("knee", "patch"), (IN_PARTS, "patch"), ("knee", "two_stage")])
+def test_derivatives_are_those_of_differences(scene, structure):
+    surrogate = random_surrogate(scene_called(scene), structure, seed=3)
+    check_jacobian(surrogate, random_poses(20, seed=6), 1e-4)
+    check_hessians(surrogate, random_poses(3, seed=7))
 
 
 @pytest.mark.usefixtures("as_shipped")
@@ -85,11 +101,16 @@ def test_batches_equal_single_calls(structure):
     values, roots = function(poses.T)
     agree(values.full().T, surrogate(poses))
     agree(roots.full().T, surrogate.root_loads(poses)[0])
+    bad = poses.copy()
+    bad[::5, 1] = np.nan
+    values = function(bad.T)[0].full().T
+    agree(values[np.isfinite(bad).all(axis=1)], surrogate(poses[np.isfinite(bad).all(axis=1)]))
+    assert np.isnan(values[::5]).all(), "only the bad poses of a batch give NaN"
     mapped = function.map(2, "thread")(np.vstack([poses, poses]).T)[0]
     agree(mapped.full().T[batch:], surrogate(poses))
     jacobian = function.jacobian()(poses.T, 0, 0)[0]
-    assert jacobian.nnz() == batch * 6 * values.shape[0]
-    whole = jacobian.full().reshape(batch, values.shape[0], batch, 6)
+    assert jacobian.nnz() == batch * 6 * values.shape[1]
+    whole = jacobian.full().reshape(batch, values.shape[1], batch, 6)
     agree(whole[range(batch), :, range(batch)], surrogate.jacobian(poses)[1], 1)
 
     pose = ca.MX.sym("pose", 6 * batch)

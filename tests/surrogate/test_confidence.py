@@ -110,6 +110,7 @@ def test_any_distance_gives_numbers(knee, far):
     derivative = ca.Function("d", [pose], [both, ca.jacobian(both, pose)])
     for p in poses[:5]:
         assert all(np.isfinite(np.asarray(part)).all() for part in derivative(p))
+        assert all(np.isnan(np.asarray(part)).all() for part in derivative(np.r_[p[:5], np.inf]))
 
 
 @pytest.mark.parametrize("name", ["knee", "knee_two_stage"])

@@ -32,6 +32,9 @@ def test_no_load_out_of_contact_and_nothing_pulls(surrogate):
     np.testing.assert_allclose(normal, KNEE.reference_load * np.maximum(roots, 0.0) ** 2, rtol=1e-14)
     of_loads = load_selection(surrogate.load_names, KNEE.patch_names)
     np.testing.assert_allclose(surrogate(poses), np.einsum("lpk,npk->nl", of_loads, wrenches), rtol=1e-12, atol=1e-9)
+    of_tx, contact = ratio_outputs(KNEE)["ratios_med"].index("Tx"), ~lifted[:, 0]
+    ratio = surrogate.networks["ratios_med"].value(local_poses(poses[contact], KNEE.anchors_mm[0]))[:, of_tx]
+    np.testing.assert_allclose(wrenches[contact, 0, WRENCH_NAMES.index("Tx")] / normal[contact, 0], ratio, rtol=1e-9)
     loads, slopes = surrogate.jacobian(np.empty((0, 6)))
     assert (loads.shape, slopes.shape) == ((0, 7), (0, 7, 6))
 

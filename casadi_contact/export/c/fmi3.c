@@ -53,11 +53,6 @@ static int status_of(Instance *of, int status) {
 
 FMI const char *fmi3GetVersion(void) { return "3.0"; }
 
-FMI int fmi3SetDebugLogging(void *instance, bool on, size_t n, const char *const *categories) {
-  (void)instance, (void)on, (void)n, (void)categories;
-  return OK;
-}
-
 static void *new_instance(const char *token, void *environment, Log log) {
   Instance *made;
   if (!token || strcmp(token, TOKEN) != 0) {
@@ -101,15 +96,10 @@ FMI int fmi3EnterInitializationMode(void *instance, bool tolerant, double tolera
 }
 
 #define NOTHING_TO_DO(function) \
-  FMI int function(void *instance) { return (void)instance, OK; }
-NOTHING_TO_DO(fmi3ExitInitializationMode)
-NOTHING_TO_DO(fmi3EnterEventMode)
-NOTHING_TO_DO(fmi3Terminate)
-NOTHING_TO_DO(fmi3EnterConfigurationMode)
-NOTHING_TO_DO(fmi3ExitConfigurationMode)
-NOTHING_TO_DO(fmi3EvaluateDiscreteStates)
-NOTHING_TO_DO(fmi3EnterContinuousTimeMode)
-NOTHING_TO_DO(fmi3EnterStepMode)
+  FMI int function(void *instance, ...) { return (void)instance, OK; }
+NOTHING_TO_DO(fmi3SetDebugLogging) NOTHING_TO_DO(fmi3ExitInitializationMode) NOTHING_TO_DO(fmi3EnterEventMode)
+NOTHING_TO_DO(fmi3Terminate) NOTHING_TO_DO(fmi3EnterConfigurationMode) NOTHING_TO_DO(fmi3ExitConfigurationMode)
+NOTHING_TO_DO(fmi3EvaluateDiscreteStates) NOTHING_TO_DO(fmi3EnterContinuousTimeMode) NOTHING_TO_DO(fmi3EnterStepMode)
 
 FMI int fmi3UpdateDiscreteStates(void *instance, bool *again, bool *terminate, bool *nominals, bool *values, bool *defined,
                                  double *next) {

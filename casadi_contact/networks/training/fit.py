@@ -51,11 +51,6 @@ class Fit:
         """Neurons per hidden layer."""
         return self.network.hidden
 
-    @property
-    def progress_text(self) -> str:
-        """Hidden layers and training RMS, for an `Update`."""
-        return progress_text(self.hidden, self.rms)
-
 
 def progress_text(hidden: tuple[int, ...], rms: float) -> str:
     """What an `Update` says beside the work of a fit: its unit, hidden layers and training RMS."""
@@ -106,7 +101,7 @@ def fit(
     settings = settings or TrainingSettings()
     check(regression)
     identity = _identity(regression, settings, start)
-    with threadpool_limits(settings.threads):
+    with threadpool_limits(1):  # keeps weights reproducible
         trainer, cpu_s = _begun(regression, settings, start, checkpoint, identity)
         content, written = trainer.content(), time.monotonic()
 
@@ -135,10 +130,10 @@ def fit(
 def _identity(r: Regression, settings: TrainingSettings, start: Network | None) -> dict[str, Any]:
     """What a checkpoint is of. digest: SHA-256 of the settings, name and all data but floating-point numbers; sums
     (2·arrays,) of these, which processors round differently: Σ|a| of each array, and Σw·a with irregular weights
-    |w| ≤ 1/2. More work or iterations continue a fit; chunks, threads and saving do not change what is fitted.
+    |w| ≤ 1/2. More work or iterations continue a fit; saving does not change what is fitted.
     """
     chosen = asdict(settings)
-    for key in ("max_gflop", "max_iterations", "chunk_rows", "checkpoint_every_s", "threads"):
+    for key in ("max_gflop", "max_iterations", "checkpoint_every_s"):
         del chosen[key]
     digest = hashlib.sha256(json.dumps([r.name, chosen], sort_keys=True).encode())
     arrays: list[Any] = [r.inputs, r.targets, r.weights, r.validation, np.asarray(r.false_load, float), r.tolerance]

@@ -20,7 +20,7 @@ from casadi_contact.core.conventions import Update
 from casadi_contact.core.files.writing import replacing
 from casadi_contact.core.workers import cancelled_if_left
 from casadi_contact.networks.network import Network, Regression
-from casadi_contact.networks.training.fit import Fit, check, fit
+from casadi_contact.networks.training.fit import Fit, check, fit, progress_text
 from casadi_contact.networks.training.settings import TrainingSettings
 
 
@@ -102,7 +102,7 @@ def _collect(futures: dict[str, Future[Fit]], jobs: dict[str, _Job], progress: U
             if future in done:
                 ended = future.result()
                 if progress:
-                    progress(name, ended.gflop, ended.gflop, ended.progress_text)
+                    progress(name, ended.gflop, ended.gflop, progress_text(ended.hidden, ended.rms))
         for name, job in jobs.items():
             line = _last_report(job.report)
             if progress and line and reported.get(name) != line:

@@ -31,11 +31,7 @@ class TrainingSettings:
     by iterations instead.
     max_validation_rises: criterion 3 of [EF15 §2.6]. restarts: how often a stalled fit begins again from another seed.
     stall_window, stall_improvement: stalled if the error falls by less than this share over so many iterations.
-    growth_share: share of the budget that a size gets, and growth_iterations the iterations, before its trend decides.
-    share_for_another: a larger or restarted network needs work of its own; with a smaller share of the budget left the
-    present one goes on.
-    chunk_rows: rows worked on at once (cache). checkpoint_every_s: a killed fit loses at most so much. threads: BLAS
-    threads; 1 keeps weights reproducible.
+    checkpoint_every_s: a killed fit loses at most so much.
     """
 
     sizes: tuple[tuple[int, ...], ...] = ((8,), (12, 12), (16, 16, 16), (20, 20, 20), (24, 24, 24))
@@ -47,12 +43,7 @@ class TrainingSettings:
     restarts: int = 2
     stall_window: int = 60
     stall_improvement: float = 2e-3
-    growth_share: float = 0.05
-    growth_iterations: int = 20
-    share_for_another: float = 0.2
-    chunk_rows: int = 2000
     checkpoint_every_s: float = 5.0
-    threads: int = 1
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "sizes", check_sizes(self.sizes))

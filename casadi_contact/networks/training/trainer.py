@@ -26,6 +26,9 @@ from casadi_contact.networks.training.settings import (
 )
 from casadi_contact.networks.training.weights import flatten, initial_network, unflatten, widen
 
+# A size gets this share of the budget, and so many iterations, before its trend decides; a larger or restarted network
+# needs work of its own: with a smaller share of the budget left the present one goes on.
+_GROWTH_SHARE, _GROWTH_ITERATIONS, _SHARE_FOR_ANOTHER = 0.05, 20, 0.2
 HISTORY = ("training_rms", "validation_rms", "gflop", "size")
 _KEPT = ("level", "attempt", "began", "stop_reason", "flop", "best", "best_level", "best_score")
 
@@ -162,7 +165,7 @@ class Trainer:
 
     def _can_begin_another(self) -> bool:
         effort, end = self._effort()
-        return bool(end - effort[-1] >= self.settings.share_for_another * end)
+        return bool(end - effort[-1] >= _SHARE_FOR_ANOTHER * end)
 
     def _can_grow(self) -> bool:
         return self.level + 1 < len(self.settings.sizes)
@@ -174,7 +177,7 @@ class Trainer:
         effort, end = self._effort()
         before = effort[self.began - 1] if self.began else 0.0
         own = effort[self.began :] - before
-        if len(own) < self.settings.growth_iterations or own[-1] < self.settings.growth_share * end:
+        if len(own) < _GROWTH_ITERATIONS or own[-1] < _GROWTH_SHARE * end:
             return False
         expected = extrapolated_error(own, self._phase("training_rms"), end - before)
         return not expected <= self.regression.tolerance
@@ -209,7 +212,7 @@ class Trainer:
     def _start(self, network: Network, state: State | None = None) -> None:
         def mlp(rows: np.ndarray) -> Mlp:
             kind = Mlp if network.outputs == 1 else SeveralOutputsMlp
-            return kind(network, self.regression.of_rows(rows), self.settings.chunk_rows)
+            return kind(network, self.regression.of_rows(rows))
 
         seed = int(np.random.default_rng(self._seed(self.level)).integers(2**31))
         validation = self.regression.validation

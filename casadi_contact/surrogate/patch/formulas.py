@@ -27,7 +27,6 @@ from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.surrogate.patch.networks import PartNetworks
 
 LEAST_ROOT = 1e-9  # a part that just touches counts as this far off, so that no quotient is 0/0
-_FEW = 2  # patches, of which both are pressed as a rule
 
 
 # --- CasADi
@@ -221,7 +220,6 @@ def patch_kernel(
     held, by_free = _held(space)
     made = [_part_functions(part, p, selection[:, p], reference_load) for p, part in enumerate(parts)]
     roots, ratios, functions = zip(*made, strict=True)
-    count, many = len(parts), len(parts) > _FEW
 
     def each(call: str) -> str:
         return _lines(call.format(p=p, name=part.name) for p, part in enumerate(parts))
@@ -229,16 +227,12 @@ def patch_kernel(
     slopes = "local + {p}, normal[{p}], s[{p}], ds[{p}], ratio[{p}], d_ratio[{p}], loads, loads_jacobian"
     whole = _template("patches.h").substitute(
         held=held,
-        patches=count,
+        patches=len(parts),
         anchors=", ".join(f"{{{_anchor(part)}}}" for part in parts),
         n0=repr(float(reference_load)),
         values=each("if (normal[{p}] > 0.0) loads_on_{name}(normal[{p}], ratio[{p}], loads);"),
         jacobians=each(f"if (normal[{{p}}] > 0.0) slopes_on_{{name}}({slopes});"),
-        bent=_template("bent.h").substitute(patches=count) if many else "",
-        hessians=each(
-            ("if (bent[{p}]) " if many else "")
-            + "hessian_on_{name}(pose, &frame, loads_weight, roots_weight, hessian);"
-        ),
+        hessians=each("BENT({p}) hessian_on_{name}(pose, &frame, loads_weight, roots_weight, hessian);"),
         batches=each("batch_on_{name}(pose, frame, loads, roots);"),
     )
     code = [

@@ -43,11 +43,6 @@ def root_weight(target: Array, scene: Scene) -> Array:
     return 2.0 * scene.reference_load * floor * relative
 
 
-def root_regressions(samples: Samples) -> list[Regression]:
-    """Those of `patch_regressions` that are of root loads."""
-    return [r for r in patch_regressions(samples) if r.name.startswith(root_name(""))]
-
-
 def patch_regressions(samples: Samples) -> list[Regression]:
     """Regressions for the root load of every part of a patch, which validity goes by, and for the ratios that the
     scene's loads need.

@@ -59,16 +59,7 @@ def test_a_domain_of_few_rows_that_is_off_does_not_hide_behind_the_many_that_are
 def test_a_budget_counts_operations_so_that_a_busy_machine_gives_the_same_weights():
     """Growth and restarts too go by work: nothing but the data, the settings and the budget shapes the result."""
     settings = replace(GROWING, max_gflop=0.15, max_iterations=None)
-    quiet = fit(smooth(), settings)
-    seen = 0
-
-    def held_up(*_):  # a thief of CPU time at every fifth iteration
-        nonlocal seen
-        seen += 1
-        if seen % 5 == 0:
-            smooth(20_000)
-
-    busy = fit(smooth(), settings, progress=held_up)
+    quiet, busy = fit(smooth(), settings), fit(smooth(), settings, progress=lambda *_: smooth(5000))  # takes CPU time
     assert quiet.stop_reason == busy.stop_reason == "budget used"
     assert len(sizes_in_order(quiet, settings)) > 1
     np.testing.assert_array_equal(flatten(quiet.network), flatten(busy.network))
@@ -226,23 +217,14 @@ INPUTS = np.random.default_rng(5).uniform(-1.0, 1.0, (600, 2))
 ROUGH = np.sin(3.0 * INPUTS[:, 0]) * np.cos(2.0 * INPUTS[:, 1])
 
 
-def regression(**columns):
-    alone = Regression("root", INPUTS, ROUGH, np.ones(600), np.zeros(600, bool), 0.0, domain=DOMAIN)
-    return replace(alone, **columns)
-
-
-def by_domain(residuals):
-    """Sum of squares of each domain's rows."""
-    return np.sum(residuals.reshape(3, -1) ** 2, axis=1)
-
-
 @pytest.mark.parametrize("outputs", [1, 2])
 def test_residuals_are_multiplied_and_their_mean_square_is_kept(outputs):
-    columns = {} if outputs == 1 else {"targets": np.stack([ROUGH, ROUGH], 1), "weights": np.ones((600, 2))}
-    before = regression(false_load=0.5 if outputs == 1 else 0.0, **columns)
-    after = before.weighted({1: 4.0, 3: 2.0})
+    before = Regression("root", INPUTS, ROUGH, np.ones(600), np.zeros(600, bool), 0.0, 0.5, domain=DOMAIN)
+    if outputs == 2:
+        before = replace(before, targets=np.stack([ROUGH, ROUGH], 1), weights=np.ones((600, 2)), false_load=0.0)
     network = initial_network(INPUTS, before.targets, (4,), "tanh", 0)
-    ratio = by_domain(after.residuals(network)) / by_domain(before.residuals(network))
+    squares = [r.residuals(network).reshape(3, -1) ** 2 for r in (before.weighted({1: 4.0, 3: 2.0}), before)]
+    ratio = squares[0].sum(axis=1) / squares[1].sum(axis=1)
     with pytest.raises(ValueError, match="domain"):
         replace(before, domain=None).weighted({1: 2.0})
     np.testing.assert_allclose(ratio, 3.0 * np.array([16.0, 4.0, 1.0]) / 21.0)
