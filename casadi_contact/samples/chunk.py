@@ -63,10 +63,8 @@ class DrawnChunk:
 
 
 def plan_chunks(scene: Scene, motion: ReferenceMotion, settings: SamplingSettings) -> list[Chunk]:
-    """The whole sampling plan, cut into chunks of at most `chunk_size` static analyses.
-
-    Raises ValueError for a plan that cannot be drawn, before any of it is: as `plan_domains` and `check_liftable` do.
-    """
+    """The whole sampling plan, cut into chunks of at most `chunk_size` static analyses; ValueError for a plan that
+    cannot be drawn, before any of it is."""
     chunks = []
     point = motion.point
     for block in plan_domains(motion.envelopes, scene.controllable_normal_loads, scene.boundary_load, settings):
@@ -169,10 +167,7 @@ def _raised(model: ContactModel, poses: Array, settings: SamplingSettings) -> Ar
 
 
 def part_wrenches(teacher: WrenchModel, poses: Array, parts: int) -> Array:
-    """Wrenches (n, parts, 6): the model's part_wrenches, or its wrenches where each patch is one part.
-
-    Raises ValueError for a model without part_wrenches where the scene cuts patches into parts.
-    """
+    """Wrenches (n, parts, 6): the model's part_wrenches, or its wrenches where each patch is one part."""
     if not len(poses):
         return np.zeros((0, parts, 6))  # a user's own model need not accept no poses
     wrenches: Array = getattr(teacher, "part_wrenches", teacher.wrenches)(poses)

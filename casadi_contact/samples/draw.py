@@ -75,13 +75,12 @@ def draw_samples(
 ) -> Samples:
     """Draw the whole sampling plan into the HDF5 file `path`, or finish it where an earlier run was killed.
 
-    executor: any `concurrent.futures.Executor` (processes on all cores if left out); models: makes the two contact
-    models in each worker, an importable function; progress(done, all) is called after every chunk.
+    executor: processes on all cores if left out; models: makes the two contact models in each worker, an importable
+    function; progress(done, all) is called after every chunk.
 
     Samples that do not settle, that pull, or that touch where they should be lifted off are dropped and counted with
     the reason in provenance["dropped"]; domains that the plan leaves out stand in provenance["left_out"]. Raises
-    ValueError if `path` holds samples of another plan, or of a user's own model that has changed since
-    (`check_same_model`).
+    ValueError if `path` holds samples of another plan, or of a user's own model that has changed since.
     """
     path = Path(path)
     settings = SamplingSettings.from_scene(scene) if settings is None else settings
@@ -116,18 +115,18 @@ def draw_samples(
     return samples
 
 
-def check_same_model(model: WrenchModel, samples: Samples, where: Path, *, most: int = 10, share: float = 0.01) -> None:
+def check_same_model(model: WrenchModel, samples: Samples, where: Path) -> None:
     """Raise ValueError where a user's model gives other loads than samples drawn from it.
 
-    It is evaluated at up to `most` samples with a load; each load may differ by its tolerance, or by `share` of the
-    largest force (torque) of these, RMS.
+    It is evaluated at up to 10 samples with a load; each load may differ by its tolerance, or by 1 % of the largest
+    force (torque) of these, RMS.
     """
     loaded = np.flatnonzero((samples.wrenches != 0.0).any(axis=(1, 2)))
-    before = samples.rows(loaded[evenly_spaced_indices(len(loaded), most)] if len(loaded) else loaded)
+    before = samples.rows(loaded[evenly_spaced_indices(len(loaded), 10)] if len(loaded) else loaded)
     now = replace(before, wrenches=part_wrenches(model, before.poses, len(before.scene.parts)))
     size = np.repeat(np.abs(before.wrenches).reshape(-1, 2, 3).max(axis=(0, 2), initial=0.0), 3)
     for name, off in zip(before.scene.load_names, (now.loads() - before.loads()).T, strict=True):
-        limit = max(before.scene.tolerances[name], share * size[WRENCH_NAMES.index(name.partition("_")[0])])
+        limit = max(before.scene.tolerances[name], 0.01 * size[WRENCH_NAMES.index(name.partition("_")[0])])
         rms = float(np.sqrt(np.mean(off**2))) if len(off) else 0.0
         if not rms <= limit:
             raise ValueError(

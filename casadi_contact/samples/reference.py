@@ -91,11 +91,7 @@ def reference_motion(
     model: ContactModel, cycles: Sequence[Cycle], settings: SamplingSettings, progress: Progress | None = None
 ) -> tuple[ReferenceMotion, ReferenceReport]:
     """Estimate the poses of the cycles and pick the sample-point inputs: pose parameters from the estimated poses,
-    loads from the measured ones. progress: as in `reference_poses`.
-
-    Raises ValueError, before it seeks poses, for an input that is neither a pose parameter nor a load of the cycles,
-    and for a load that is zero throughout; see `reference_poses`.
-    """
+    loads from the measured ones. progress: as in `reference_poses`."""
     point = settings.sample_point(model.scene)
     curves = _on_frames(cycles, settings.frames)
     if missing := [name for name in point.load_inputs if name not in curves]:
@@ -194,10 +190,8 @@ def reference_poses(
 
 
 def found_sensitive_pose(model: ContactModel, cycles: Sequence[Cycle]) -> tuple[str, ...]:
-    """The most sensitive pose parameters, one for each sensitive load of the scene, in pose order.
-
-    The reference pose is the first cycle's most loaded one. Raises ValueError like `reference_poses`.
-    """
+    """The most sensitive pose parameters, one for each sensitive load of the scene, in pose order, at the most loaded
+    pose of the first cycle."""
     poses, _ = reference_poses(model, cycles[:1], frames=21)
     roots, _ = model.root_loads(poses[0])
     reference = poses[0][int(np.argmax((np.maximum(roots, 0.0) ** 2).sum(axis=1)))]

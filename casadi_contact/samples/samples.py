@@ -134,11 +134,7 @@ def write_samples(path: str | Path, samples: Samples) -> None:
 
 
 def read_samples(path: str | Path) -> Samples:
-    """Read a samples file.
-
-    Raises FileNotFoundError if it does not exist or is not complete yet, ValueError if it is damaged, is something
-    else, or has another format.
-    """
+    """Read a samples file; ValueError for one that is damaged, is something else, or has another format."""
     path = Path(path)
     if not path.exists() and partial_folder(path).is_dir():
         raise FileNotFoundError(f"{path} is not complete: run the same sampling again to finish it")
@@ -168,10 +164,7 @@ class LoadModel(Protocol):
 
 
 def load_errors(names: Sequence[str], got: Array, reference: Array) -> LoadErrors:
-    """{load: {"rms": √mean(e²), "max": max|e|, "mean": mean|e|}} of loads (n, loads), in N and N·mm; ValueError for
-    shapes that differ."""
-    if got.shape != reference.shape or got.shape[1] != len(names):
-        raise ValueError(f"loads have shapes {got.shape} and {reference.shape}, expected (n, {len(names)}) twice")
+    """{load: {"rms": √mean(e²), "max": max|e|, "mean": mean|e|}} of loads (n, loads), in N and N·mm."""
     off = np.abs(got - reference)
     found = {"rms": np.sqrt(np.mean(off**2, axis=0)), "max": off.max(axis=0), "mean": off.mean(axis=0)}
     return {load: {what: float(values[k]) for what, values in found.items()} for k, load in enumerate(names)}

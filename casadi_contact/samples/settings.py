@@ -70,10 +70,7 @@ class SamplePoint:
     @classmethod
     def of_scene(cls, scene: Scene) -> SamplePoint:
         """[EF15 §3.2]: the pose parameters, each sensitive one replaced by a load of
-        `Scene.controllable_normal_loads`.
-
-        Raises ValueError unless the scene has as many sensitive pose parameters as sensitive loads.
-        """
+        `Scene.controllable_normal_loads`."""
         if not scene.sensitive_pose:
             raise ValueError(
                 f"scene {scene.name} leaves loads.sensitive_pose out: find it first "

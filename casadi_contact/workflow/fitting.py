@@ -58,10 +58,9 @@ def fit_surrogate(
     """A surrogate of one structure, its networks fitted side by side, with a record of how it was made.
 
     Of a joint that is its own mirror image one side is fitted, on the samples of both. update is called as (title and
-    network, Gflop used, Gflop allotted, remark). One logged warning names the networks that stopped because their
-    budget was used up, where all are fitted: sizes that are only tried may be too small. onward: a surrogate
-    whose networks go on from their weights, widened to the first size of their effort; a fit that stalls does not begin
-    again from random ones.
+    network, Gflop used, Gflop allotted, remark). A logged warning names the networks whose budget was used up, where
+    all are fitted: sizes that are only tried may be too small. onward: a surrogate whose networks go on from their
+    weights, widened to the first size of their effort; a fit that stalls does not begin again from random ones.
     """
     kind, scene, title = STRUCTURES[fitting.structure], project.scene, fitting.title or fitting.structure
     weights = {DOMAINS.index(name) + 1: weight for name, weight in project.preset.domain_weights.items()}
@@ -107,12 +106,11 @@ def fit_surrogate(
     return surrogate
 
 
-def _random_rows(regression: Regression, rows: int | None, seed: int = 0) -> Regression:
+def _random_rows(regression: Regression, rows: int | None) -> Regression:
     """A random subset of a regression's rows, as in [EF15 §3.5]."""
     if rows is None or len(regression.targets) <= rows:
         return regression
-    kept = np.sort(np.random.default_rng(seed).choice(len(regression.targets), rows, replace=False))
-    return regression.of_rows(kept)
+    return regression.of_rows(np.sort(np.random.default_rng(0).choice(len(regression.targets), rows, replace=False)))
 
 
 # --- the record of a surrogate's training
@@ -151,9 +149,5 @@ def continued_record(before: Mapping[str, Any], record: Mapping[str, Any]) -> di
     """The record of networks trained on from others: work and time are summed, the share of rejected samples is that of
     `before` (a round keeps only the worst of what it draws), all else is the later's."""
     added = sum(record["samples"].values()) - sum(before["samples"].values())
-    return {
-        **record,
-        **summed_work(before, record),
-        "dropped": before["dropped"],
-        "active": [*before.get("active", []), added],
-    }
+    of_both = {"dropped": before["dropped"], "active": [*before.get("active", []), added]}
+    return {**record, **summed_work(before, record), **of_both}

@@ -45,8 +45,6 @@ class Project:
         scene: name of a ready scene or path of a .toml, or a surrogate by its name or .h5 file, which stands for its
         scene and for what was trained on it.
         The sensitive pose parameters of a scene that leaves them out are found, and kept in the folder's scene.toml.
-
-        Raises ValueError for an unknown scene or preset, OSError for a folder that cannot be made or written.
         """
         surrogate = surrogate_named(scene)
         loaded = load_scene(scene) if surrogate is None else surrogate.scene
@@ -94,10 +92,7 @@ class Project:
         return any(path.is_file() for path in (self.samples_path, *map(self.surrogate_path, STRUCTURES)))
 
     def samples(self) -> Samples:
-        """The drawn samples, of a scene that may have had other tolerances.
-
-        Raises FileNotFoundError if there are none, ValueError if they belong to another scene.
-        """
+        """The drawn samples, of a scene that may have had other tolerances."""
         if not self.samples_path.is_file() and not partial_folder(self.samples_path).is_dir():
             raise FileNotFoundError(f"{self.samples_path} does not exist: run {self.command('sample')} first")
         samples = read_samples(self.samples_path)
@@ -114,10 +109,7 @@ class Project:
 
 
 def surrogate_named(name: str | Path) -> Surrogate | None:
-    """The surrogate of a .h5 file or a ready name; None for what names a scene, as "knee" does, which is both.
-
-    Raises FileNotFoundError for a file that is not there, ValueError for one that is no surrogate.
-    """
+    """The surrogate of a .h5 file or a ready name; None for what names a scene, as "knee" does, which is both."""
     named = Path(name).suffix == ".h5" or (str(name) in ready_surrogates() and str(name) not in ready_scenes())
     return load_surrogate(name) if named else None
 
@@ -156,10 +148,7 @@ def _completed(scene: Scene, path: Path) -> Scene:
 
 
 def read_motion(project: Project) -> KeptMotion:
-    """The reference motion that the samples were drawn around.
-
-    Raises FileNotFoundError before samples are drawn, and ValueError for a damaged file and samples of a table.
-    """
+    """The reference motion that the samples were drawn around."""
     if project.samples_path.is_file() and not has_motion(project):
         raise ValueError(f"{project.samples_path} was made from a table, which has no motion: sample in another --out")
     if not project.motion_path.is_file():
@@ -200,10 +189,7 @@ def shipped_surrogates(scene: Scene) -> dict[str, Surrogate]:
 
 
 def available_surrogates(project: Project) -> dict[str, Surrogate]:
-    """The given surrogate, or the project's by structure, or its scene's shipped ones where nothing was built.
-
-    Raises FileNotFoundError if there are neither.
-    """
+    """The given surrogate, or the project's by structure, or its scene's shipped ones where nothing was built."""
     shipped = () if project.has_results or project.surrogate is not None else shipped_surrogates(project.scene).values()
     return {surrogate.structure: surrogate for surrogate in shipped} or project_surrogates(project)
 

@@ -68,10 +68,7 @@ class ToleranceSettings:
 
 
 def scene_to_tolerance(scene: Scene, force_n: float | None, torque_nmm: float | None) -> Scene:
-    """The scene with one tolerance for all forces [N] and one for all torques [N·mm]; its own where None.
-
-    Raises ValueError for a tolerance that is not above 0, and for one of a kind of load that the scene has not.
-    """
+    """The scene with one tolerance for all forces [N] and one for all torques [N·mm]; its own where None."""
     Tolerance.of_kinds(force_n, torque_nmm)
     wanted: dict[str, float] = {}
     for kind, value in ((FORCE, force_n), (TORQUE, torque_nmm)):

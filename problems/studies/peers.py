@@ -32,7 +32,7 @@ from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.sample_rows import finite, fitted_rows
 from casadi_contact.workflow.benchmark.candidates import Candidate
 from casadi_contact.workflow.benchmark.front_file import Point
-from casadi_contact.workflow.benchmark.timing import time_batch, time_calls
+from casadi_contact.workflow.benchmark.timing import time_batch
 from casadi_contact.workflow.project import Project
 from problems.studies.history_models import HISTORY_MODELS, Cycles
 
@@ -202,8 +202,12 @@ def history_candidates(
 
 
 def _candidate(name: str, family: str, model: Peer, samples: int, seconds: float, remark: str) -> Candidate:
+    def one_by_one(poses: Array) -> None:
+        for pose in poses:
+            model.one(pose)
+
     point = Point(name, family, samples=samples, training_seconds=seconds, remark=remark)
-    return Candidate(point, model, {"value": partial(time_calls, model.one), "batch": partial(time_batch, model)})
+    return Candidate(point, model, {"value": partial(time_batch, one_by_one), "batch": partial(time_batch, model)})
 
 
 FAMILIES = (*REGRESSORS, *HISTORY_MODELS)

@@ -133,10 +133,7 @@ def _checked_request(
 
 
 def within_tolerance(project: Project, front: Front, tolerance: Tolerance, loads: Sequence[str]) -> list[Offer]:
-    """Every model of the chart that meets the tolerance for the loads.
-
-    Raises ValueError, naming the nearest, if none does.
-    """
+    """Every model of the chart that meets the tolerance for the loads; ValueError, naming the nearest, if none does."""
     offers = []
     for point in front.models:
         if point.value is None or any(load not in point.load_rms for load in loads):

@@ -77,8 +77,6 @@ def speed(project: Project) -> Path:
     """Time the kernels of the project's surrogates on poses of its cycles or table; write ``kernel_speed.json``.
 
     Where nothing has been built: of the scene's shipped surrogates, on poses of the built-in cycles.
-
-    Raises FileNotFoundError without a trained surrogate, CompilerError without a compiler.
     """
     surrogates = available_surrogates(project)
     poses = available_poses(project)[:_POSES]

@@ -37,14 +37,6 @@ def time_batch(evaluate: Callable[[Array], object], poses: Array) -> float:
     return (time.perf_counter() - start) / len(poses)
 
 
-def time_calls(call: Callable[[Array], object], poses: Array) -> float:
-    """Seconds per pose of call(pose (6,)), one pose after the other."""
-    start = time.perf_counter()
-    for pose in poses:
-        call(pose)
-    return (time.perf_counter() - start) / len(poses)
-
-
 def time_single_calls(function: ca.Function, poses: Array, *others: Array) -> float:
     """Seconds per pose of a CasADi function (pose, *others) -> outputs, called pose by pose through its buffer.
 
