@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -23,37 +22,23 @@ MARKERS = ("s", "o", "^", "D", "v", "P", "X", "*")
 _FIRST = ("patch", "EF", "two_stage", "foundation")
 
 
-@dataclass(frozen=True)
-class Style:
-    """How a family is drawn; hollow tells apart families beyond the eight colours."""
-
-    colour: str
-    marker: str
-    hollow: bool = False
-
-    @property
-    def text_colour(self) -> str:
-        """The colour darkened, so that light ones can be read as text."""
-        return "#" + "".join(f"{int(0.6 * int(self.colour[i : i + 2], 16)):02x}" for i in (1, 3, 5))
-
-    @property
-    def keywords(self) -> dict[str, str | float]:
-        """Keyword arguments of matplotlib's ``plot`` for the markers."""
-        face = "white" if self.hollow else self.colour
-        return {"color": self.colour, "marker": self.marker, "markerfacecolor": face, "markeredgewidth": 1.0}
-
-
-def family_styles(families: Sequence[str]) -> dict[str, Style]:
-    """A colour and a marker for each family: our own structures and the EF always the same ones."""
+def family_styles(families: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Keywords of matplotlib's ``plot`` for the markers of each family, no two alike: our own structures and the EF
+    always have the same ones; a second turn through the colours is hollow and takes other markers."""
     colours = list(COLOURS.values())
     others = [family for family in dict.fromkeys(families) if family not in _FIRST]
     styles = {}
     for place, family in enumerate((*_FIRST, *others)):
         turn, index = divmod(place, len(colours))
-        # A second turn through the colours is hollow and takes other markers, so no pair is used twice.
         colour, marker = colours[(index + 2 * turn) % len(colours)], MARKERS[(index + 3 * turn) % len(MARKERS)]
-        styles[family] = Style(colour, marker, hollow=turn % 2 == 1)
+        face = "white" if turn % 2 else colour
+        styles[family] = {"color": colour, "marker": marker, "markerfacecolor": face, "markeredgewidth": 1.0}
     return {family: styles[family] for family in dict.fromkeys(families)}
+
+
+def _darker(colour: str) -> str:
+    """A colour "#rrggbb" that can be read as text."""
+    return "#" + "".join(f"{int(0.6 * int(colour[i : i + 2], 16)):02x}" for i in (1, 3, 5))
 
 
 _ERRORS = ((FORCE, "force_rms_n"), (TORQUE, "torque_rms_nmm"))
@@ -102,12 +87,6 @@ def log_scale(axes: Any) -> None:
         axis.set_minor_formatter(NullFormatter())
 
 
-def legend_beside(figure: Any, axes: Any) -> None:
-    """One legend for all panels, right of them, with everything that any shows."""
-    entries = {name: handle for axis in axes for handle, name in zip(*axis.get_legend_handles_labels(), strict=True)}
-    figure.legend(list(entries.values()), list(entries), loc="outside right upper", fontsize=8, frameon=False)
-
-
 def save(figure: Any, folder: Path, name: str) -> list[Path]:
     """Write a figure as .png and .svg."""
     paths = {folder / f"{name}.png": None, folder / f"{name}.svg": {"Date": None}}
@@ -116,10 +95,8 @@ def save(figure: Any, folder: Path, name: str) -> list[Path]:
     return list(paths)
 
 
-def family_name(family: str) -> str:
-    """A family as the legend calls it."""
-    known = {"EF": "elastic foundation (EF), elements", "foundation": "foundation, smooth quadrature"}
-    return STRUCTURES[family].title if family in STRUCTURES else known.get(family, family)
+_NAMES = {"EF": "elastic foundation (EF), elements", "foundation": "foundation, smooth quadrature"}
+_NAMES |= {name: structure.title for name, structure in STRUCTURES.items()}
 
 
 def families(points: Sequence[Point]) -> list[str]:
@@ -133,25 +110,37 @@ Measured: TypeAlias = "tuple[Point, Timing, float]"
 def draw_speed_accuracy(front: Front, title: str = "time per pose against error", measured: str | None = None) -> Any:
     """Time per pose against RMS error, for forces and for torques, as far as the scene has them; measured: on what
     (unseen poses of the scene's motion if left out)."""
-    errors = errors_of(front)
-    figure, axes = panels(front, len(errors), title, measured)
-    shown = []
-    for axis, (kind, error) in zip(axes, errors, strict=True):
-        shown.append(_scatter(axis, front, "value", error))
-        axis.set(xlabel="time per pose [µs]", ylabel=f"RMS {kind.name} error [{kind.unit}]")
-    return _labelled(figure, axes, shown, front)
+    return _draw(front, title, [("value", "pose", *error) for error in errors_of(front)], measured)
 
 
 def draw_gradient_hessian_time(front: Front) -> Any:
     """Time of the Jacobian and of the Lagrangian Hessian against the RMS error of the forces, of a scene without these
     of the torques, on unseen poses of its motion."""
-    kind, error = errors_of(front)[0]
-    figure, axes = panels(front, 2, "time of derivatives of all loads against error")
+    first = errors_of(front)[0]
+    drawn = [("jacobian", "Jacobian", *first), ("hessian", "Lagrangian Hessian", *first)]
+    return _draw(front, "time of derivatives of all loads against error", drawn)
+
+
+def _draw(front: Front, title: str, drawn: Sequence[tuple[str, str, Kind, str]], measured: str | None = None) -> Any:
+    """Panels of (what of a `Point` is timed, its name, the kind of load, what a `Point` calls its error); the labels
+    last, when nothing moves any more."""
+    figure, axes = panels(front, len(drawn), title, measured)
     shown = []
-    for axis, (what, label) in zip(axes, (("jacobian", "Jacobian"), ("hessian", "Lagrangian Hessian")), strict=True):
+    for axis, (what, name, kind, error) in zip(axes, drawn, strict=True):
         shown.append(_scatter(axis, front, what, error))
-        axis.set(xlabel=f"time per {label} [µs]", ylabel=f"RMS {kind.name} error [{kind.unit}]")
-    return _labelled(figure, axes, shown, front)
+        axis.set(xlabel=f"time per {name} [µs]", ylabel=f"RMS {kind.name} error [{kind.unit}]")
+    entries = {name: handle for axis in axes for handle, name in zip(*axis.get_legend_handles_labels(), strict=True)}
+    figure.legend(list(entries.values()), list(entries), loc="outside right upper", fontsize=8, frameon=False)
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    styles = family_styles(families(front.points))
+    for axis, points in zip(axes, shown, strict=True):
+        labels = [
+            (timing.median_us, rms, point.name.removeprefix(f"{point.family} "), _darker(styles[point.family]["color"]))
+            for point, timing, rms in points
+        ]
+        place_labels(axis, labels)
+    return figure
 
 
 def _scatter(axis: Any, front: Front, what: str, error: str) -> list[Measured]:
@@ -164,7 +153,7 @@ def _scatter(axis: Any, front: Front, what: str, error: str) -> list[Measured]:
             continue
         times, errors = [timing.median_us for _, timing, _ in mine], [rms for *_, rms in mine]
         spread = [[t.median_us - t.low_us for _, t, _ in mine], [t.high_us - t.median_us for _, t, _ in mine]]
-        keywords = {"ls": "none", "ms": 6, "elinewidth": 0.8, "label": family_name(family), **style.keywords}
+        keywords = {"ls": "none", "ms": 6, "elinewidth": 0.8, "label": _NAMES.get(family, family), **style}
         axis.errorbar(times, errors, xerr=spread, **keywords)
         shown += mine
     best = [shown[i] for i in pareto([(timing.median_us, rms) for _, timing, rms in shown])]
@@ -183,21 +172,6 @@ def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
             best = points[index][1]
             front.append(index)
     return front
-
-
-def _labelled(figure: Any, axes: Any, shown: list[list[Measured]], front: Front) -> Any:
-    """Legend, then the labels, when nothing moves any more."""
-    legend_beside(figure, axes)
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")
-    styles = family_styles(families(front.points))
-    for axis, points in zip(axes, shown, strict=True):
-        labels = [
-            (timing.median_us, rms, point.name.removeprefix(f"{point.family} "), styles[point.family].text_colour)
-            for point, timing, rms in points
-        ]
-        place_labels(axis, labels)
-    return figure
 
 
 CHARTS = {"speed_accuracy": draw_speed_accuracy, "gradient_hessian_time": draw_gradient_hessian_time}

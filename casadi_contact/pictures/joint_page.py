@@ -171,9 +171,9 @@ def _content(
     scene = contact.scene
     free, target = settled_by(scene)
     pressed = normal_forces(scene.normal_loads, contact.wrenches(cycle.poses)).sum(axis=1)
-    begun = {"stance": cycle.poses[pressed.argmax()], "swing": cycle.poses[pressed.argmin()]}
+    stance = int(pressed.argmax())
     points = np.concatenate([surface.triangles.points_mm for surface in surfaces])
-    start = contact(begun["stance"])
+    start = contact(cycle.poses[stance])
     return {
         "scene": scene.name,
         "patches": [
@@ -195,7 +195,7 @@ def _content(
         "space": None
         if (space := scene.pose_space).unconstrained
         else {"matrix": space.matrix.tolist(), "offset": space.offset.tolist()},
-        "presets": {name: pose.tolist() for name, pose in begun.items()},
+        "presets": {"stance": stance, "swing": int(pressed.argmin())},
         "settle": {
             "free": list(free),
             "loads": list(target),

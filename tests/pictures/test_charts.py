@@ -36,7 +36,7 @@ def test_forces_alone_and_torques_alone_have_one_panel(front, loads, drawn):
 
 def test_no_two_families_look_the_same():
     styles = family_styles([f"family {i}" for i in range(24)])
-    assert len({(s.colour, s.marker, s.hollow) for s in styles.values()}) == 24
+    assert len({tuple(style.values()) for style in styles.values()}) == 24
 
 
 def test_every_point_is_labelled_no_label_covers_another_and_failures_are_in_the_footnote(front):

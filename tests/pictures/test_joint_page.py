@@ -1,7 +1,6 @@
 """The joint in a page, driven in headless Chromium: its numbers are Python's, and its controls do what they say."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from casadi_contact.scenes.pose_file import read_poses, write_poses
 from tests.support.agreement import agree
 from tests.support.browser import opened, require_browser, until
 from tests.support.drawn_surfaces import point_areas_mm2
-from tests.support.shared_data import shared_file
+from tests.support.meshes import ball_mesh, scene_of, sheet_mesh
 
 pytest.importorskip("ziglang", reason="pages need the extra: pip install casadi_contact[page]")
 
@@ -25,13 +24,8 @@ READY = "window.joint !== undefined && joint.later === null"
 POSES = {  # pressed on all patches, pressed otherwise, apart
     "knee": [[5.8, 27.94, 0.2, 0.01, -0.06, 0.05], [0.5, 27.4, 0.1, 0.03, 0.0, -0.3], [0.0, 29.5, 0.0, 0.0, 0.1, -1.0]],
     "hip": [[69.9, -65.56, -83.9, 0.0, 0.1, -0.2], [70.1, -65.8, -84.0, 0.0, 0.0, 0.3], [70.0, -66.0, -84.0, 0, 0, 0]],
-    "tka_mesh": [
-        [-6.2, 41.55, -0.2, 0.0, -0.05, -0.07],
-        [-4.0, 41.3, 0.0, 0.01, 0.0, -0.2],
-        [-6.2, 43.0, 0.0, 0, 0, 0],
-    ],
+    "meshes": [[0.2, 19.7, -0.1, 0.0, -0.05, 0.07], [0.5, 19.8, 0.3, 0.1, 0.0, -0.2], [0.0, 21.0, 0.0, 0.0, 0.0, 0.0]],
 }
-MESHES = Path(__file__).parents[2] / "problems" / "scenes" / "tka_mesh.toml"
 
 
 class Live:
@@ -59,12 +53,14 @@ def made(tmp_path_factory):
 
     def page(scene):
         require_browser()
-        if scene == "tka_mesh":
-            shared_file("data/dm_tka/femoral_component.stl")  # real meshes, which are not part of the project
         if scene not in pages:
             poses = np.array(POSES[scene][0]) + np.linspace(0.0, 0.1, 7)[:, None] * np.eye(6)[1]
             write_poses(np.linspace(0.0, 1.0, len(poses)), poses, folder / "poses.csv")
-            path, named = folder / f"{scene}.html", str(MESHES) if scene == "tka_mesh" else scene
+            path, named = folder / f"{scene}.html", scene
+            if scene == "meshes":
+                dish = sheet_mesh(24.0, 1.0, lambda x, z: x**2 / 80.0 + z**2 / 100.0)
+                scene_of(folder, ball_mesh(20.0, 2.0), dish, grid=(20, 20))
+                named = str(folder / "scene.toml")
             path.write_text(joint_page(named, str(folder / "poses.csv"))[0], "utf-8")
             pages[scene] = (path, page_contact(cc.load_scene(named)))
         return pages[scene]
@@ -92,7 +88,7 @@ def test_without_webgl_the_page_says_so_where_the_bodies_would_be_and_goes_on(ma
         until(tab, READY)
         assert "got no WebGL 2, expected a browser that allows it" in tab.inner_text(".view [role=alert]")
         before = tab.inner_text("#rows")
-        tab.evaluate("joint.go(joint.content.cycle.poses[1])")
+        tab.evaluate("joint.at(1)")
         until(tab, "joint.later === null")
         assert tab.inner_text("#rows") != before
 
@@ -115,7 +111,7 @@ def live(request, made):
 def knee(live):
     if live.surrogate is None:
         pytest.skip("once is enough: the knee's page has all of it")
-    live.ask("joint.go(joint.content.cycle.poses[0], 0)")
+    live.ask("joint.at(0)")
     until(live.tab, READY)
     return live
 
@@ -241,5 +237,4 @@ def test_saved_tables_are_read_back_by_the_library(knee, tmp_path):
     table, loads = read_opensim_table(path), knee.surrogate(poses)
     np.testing.assert_allclose(table.columns["Fy_med"], loads[:, 0], atol=1e-8)
     np.testing.assert_allclose(table.columns["Tx"], loads[:, 4] / 1000.0, atol=1e-8)
-    knee.ask("void (navigator.clipboard.writeText = () => Promise.reject(new Error('none')))")
     assert "ContactInOpti" in saved(knee, "opti", tmp_path).read_text("utf-8")

@@ -25,6 +25,15 @@ export function cleared(canvas) {
   return { context, width, height };
 }
 
+/** Texts [text, how it is aligned, x, y] in one colour. */
+export function write(context, colour, texts) {
+  context.fillStyle = colour;
+  for (const [text, align, x, y] of texts) {
+    context.textAlign = align;
+    context.fillText(text, x, y);
+  }
+}
+
 /** The path through points, drawn in the context's style. */
 export function line(context, points) {
   context.beginPath();

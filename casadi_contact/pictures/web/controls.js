@@ -41,11 +41,11 @@ export function sliders(place, content, changed) {
   };
 }
 
-/** A button for each preset; chosen(pose). */
+/** A button for each preset, a frame of the cycle; chosen(frame). */
 export function presets(place, content, chosen) {
-  for (const [name, pose] of Object.entries(content.presets)) {
+  for (const [name, frame] of Object.entries(content.presets)) {
     const button = element("button", { type: "button", textContent: name });
-    button.addEventListener("click", () => chosen(pose));
+    button.addEventListener("click", () => chosen(frame));
     place.append(button);
   }
 }

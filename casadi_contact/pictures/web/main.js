@@ -36,10 +36,10 @@ class Page {
     this.content = content;
     this.panel = new LoadsPanel(content, Boolean(content.surrogateLoads));
     this.wanted = content.settle.start;
-    this.pose = Object.values(content.presets)[0] ?? content.cycle.poses[0];
+    this.pose = content.cycle.poses[content.presets.stance];
     this.moveSliders = sliders(byId("sliders"), content, (pose) => this.go(pose));
     this.moveSliders(this.pose);
-    presets(byId("presets"), content, (pose) => this.go(pose));
+    presets(byId("presets"), content, (frame) => this.at(frame));
     targets(byId("settle"), content, (wanted) => this.settle(wanted));
   }
 
@@ -62,28 +62,27 @@ class Page {
       const k = content.loads.findIndex((load) => load.name === name);
       return { name, values: this.frameLoads.map((row) => row[k]) };
     });
-    this.timeline = new Timeline(content, curves, (frame) => this.go(content.cycle.poses[frame], frame));
+    this.timeline = new Timeline(content, curves, (frame) => this.at(frame));
     this.saving();
     window.addEventListener("resize", () => this.draw());
-    this.go(this.pose);
+    this.at(content.presets.stance);
     document.body.inert = false;
   }
 
-  /** frame: of the cycle, where the pose is one of it, null elsewhere. */
-  go(pose, frame = this.frameOf(pose)) {
+  at(frame) {
+    this.timeline.show(frame);
+    this.go(this.content.cycle.poses[frame], frame);
+  }
+
+  /** frame: of the cycle, where the pose is one of it. */
+  go(pose, frame = null) {
     this.pose = Array.from(pose);
     this.frame = frame;
-    if (frame !== null) this.timeline.show(frame);
     this.state = evaluated(this.models, this.content, this.pose);
     this.later ??= requestAnimationFrame(() => {
       this.later = null;
       this.draw();
     });
-  }
-
-  frameOf(pose) {
-    const frame = this.content.cycle.poses.findIndex((of) => of.every((value, k) => value === pose[k]));
-    return frame < 0 ? null : frame;
   }
 
   draw() {
@@ -122,20 +121,13 @@ class Page {
   }
 
   saving() {
-    const { content } = this;
-    const text = (of) => new Blob([of], { type: "text/plain" });
-    byId("csv").addEventListener("click", () => download(`${content.scene}.csv`, text(csvOf(content, this.frameLoads))));
-    byId("sto").addEventListener("click", () => download(`${content.scene}.sto`, text(stoOf(content, this.frameLoads))));
-    byId("opti").addEventListener("click", async () => {
-      const code = optiOf(content, this.pose, this.wanted);
-      try {
-        await navigator.clipboard.writeText(code);
-        byId("saved").textContent = "Python is in the clipboard";
-      } catch {
-        download(`${content.scene}_opti.py`, text(code)); // a page from a file may not have the clipboard
-        byId("saved").textContent = "no clipboard here: saved as a file";
-      }
-    });
+    const { content, frameLoads } = this;
+    const files = {
+      csv: [`${content.scene}.csv`, () => csvOf(content, frameLoads)],
+      sto: [`${content.scene}.sto`, () => stoOf(content, frameLoads)],
+      opti: [`${content.scene}_opti.py`, () => optiOf(content, this.pose, this.wanted)],
+    };
+    for (const [id, [name, text]] of Object.entries(files)) byId(id).addEventListener("click", () => download(name, text()));
   }
 }
 

@@ -1,6 +1,6 @@
 /** The pressure on the fixed surface seen from where the moving body lies, with the trail of the centre of pressure. */
 
-import { ACCENT, BONE, FAINT, INK, LINE, cleared, css } from "./canvas.js";
+import { ACCENT, BONE, FAINT, INK, LINE, cleared, css, write } from "./canvas.js";
 import { dot, heights } from "./linear.js";
 
 const SCALE_WIDTH = 10;
@@ -21,7 +21,9 @@ export class PressureMap {
     const { width: wide, height: high } = this.canvas;
     if (this.bare?.width !== wide || this.bare.height !== high || this.largest !== largest) {
       for (const surface of this.surfaces) fill(context, place, surface, surface.corners, css(BONE));
-      this.names(context, width, height);
+      const { left, right, top, bottom } = this.content.view.names;
+      const middle = 0.5 * (width - 46);
+      write(context, FAINT, [[left, "left", 10, 14], [top, "center", middle, 14], [right, "right", width - 56, 14], [bottom, "center", middle, height - 6]]);
       this.scale(context, width, height, largest);
       this.bare = context.getImageData(0, 0, wide, high); // what stays the same from pose to pose
       this.largest = largest;
@@ -73,21 +75,6 @@ export class PressureMap {
     context.lineWidth = 1;
   }
 
-  names(context, width, height) {
-    const { left, right, top, bottom } = this.content.view.names;
-    context.fillStyle = FAINT;
-    context.textAlign = "center";
-    context.fillText(top, 0.5 * (width - 46), 14);
-    context.fillText(bottom, 0.5 * (width - 46), height - 6);
-    for (const [text, x, turn] of [[left, 16, -1], [right, width - 66, 1]]) {
-      context.save();
-      context.translate(x, 0.5 * height);
-      context.rotate((turn * Math.PI) / 2);
-      context.fillText(text, 0, 0);
-      context.restore();
-    }
-  }
-
   /** Colours with their pressures [MPa]. */
   scale(context, width, height, largest) {
     const x = width - 46;
@@ -98,10 +85,8 @@ export class PressureMap {
     }
     context.strokeStyle = LINE;
     context.strokeRect(x, 30, SCALE_WIDTH, tall);
-    context.fillStyle = INK;
-    context.textAlign = "left";
-    context.fillText("MPa", x - 2, 22);
-    for (const share of [0, 0.5, 1]) context.fillText((share * largest).toFixed(largest < 10 ? 1 : 0), x + 14, 34 + tall * (1 - share));
+    const at = (share) => [(share * largest).toFixed(largest < 10 ? 1 : 0), "left", x + 14, 34 + tall * (1 - share)];
+    write(context, INK, [["MPa", "left", x - 2, 22], ...[0, 0.5, 1].map(at)]);
   }
 }
 

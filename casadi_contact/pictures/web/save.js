@@ -42,9 +42,9 @@ export function optiOf(content, pose, wanted) {
   ].join("\n");
 }
 
-export function download(name, blob) {
+export function download(name, text) {
   const link = document.createElement("a");
-  link.href = URL.createObjectURL(blob);
+  link.href = URL.createObjectURL(new Blob([text], { type: "text/plain" }));
   link.download = name;
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);

@@ -1,6 +1,6 @@
 /** A section through both bodies: what a plane cuts out of their triangles. */
 
-import { ACCENT, FAINT, INK, cleared } from "./canvas.js";
+import { ACCENT, FAINT, INK, cleared, write } from "./canvas.js";
 import { dot, heights, rotation } from "./linear.js";
 
 const MARGIN_MM = 8;
@@ -47,21 +47,13 @@ export class Section {
     lines(context, place, this.fixed.flatMap(({ part, of }) => cut(part, of, at, [right, toward])), INK, 1.6);
     lines(context, place, moved, ACCENT, 1.6);
     context.restore();
-    this.names(context, width);
+    write(context, FAINT, [[this.view.names.left, "left", 10, 14], [this.view.names.right, "right", width - 10, 14]]);
   }
 
   placed(width, height) {
     const [[left, end], , [low, high]] = this.view.bounds;
     const factor = Math.min((width - 40) / (end - left), (height - 36) / (high - low + 4 * MARGIN_MM));
     return ([x, y]) => [0.5 * width + factor * (x - 0.5 * (left + end)), 0.56 * height - factor * (y - 0.5 * (low + high))];
-  }
-
-  names(context, width) {
-    context.textAlign = "left";
-    context.fillStyle = FAINT;
-    context.fillText(this.view.names.left, 10, 14);
-    context.textAlign = "right";
-    context.fillText(this.view.names.right, width - 10, 14);
   }
 }
 

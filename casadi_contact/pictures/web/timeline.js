@@ -1,6 +1,6 @@
 /** The loads over the cycle, and a scrubber through it. */
 
-import { FAINT, LINE, cleared, line } from "./canvas.js";
+import { FAINT, LINE, cleared, line, write } from "./canvas.js";
 import { readable } from "./format.js";
 
 const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"];
@@ -60,9 +60,7 @@ export class Timeline {
     const [low, high] = [Math.min(...values), Math.max(...values)];
     const x = (frame) => LEFT + ((width - LEFT - RIGHT) * frame) / (this.count - 1);
     const y = (value) => 8 + ((height - 16) * (high - value)) / (high - low || 1);
-    context.fillStyle = FAINT;
-    context.textAlign = "right";
-    for (const value of [low, high]) context.fillText(`${readable(value)} N`, LEFT - 8, y(value) + 4);
+    write(context, FAINT, [low, high].map((value) => [`${readable(value)} N`, "right", LEFT - 8, y(value) + 4]));
     context.strokeStyle = LINE;
     line(context, [[LEFT, y(0)], [width - RIGHT, y(0)]]);
     this.curves.forEach(({ values: of }, k) => {
