@@ -216,8 +216,7 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
         self, name: str, loads: Sequence[str], outputs: Sequence[str], compiled: bool, batch: int | None
     ) -> ca.Function:
         symbol = name_of_batch(check_name(name), batch or 1)
-        path = self._kernel(symbol, loads, outputs, batch or 1) if compiled else None
-        if path is not None:
+        if compiled and (path := self._kernel(symbol, loads, outputs, batch or 1)):
             return ca.external(symbol, str(path))
         return model_callback(with_loads(self, loads), name, loads, outputs, batch)
 
@@ -271,11 +270,8 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
 
     def _wrenches_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
         found = self._evaluate(poses, slopes=True, gaps=True)
-
-        def gaps(rows: np.ndarray) -> tuple[Array, Array]:
-            return found.gap[rows], found.gap_gradient[rows]
-
-        return found.wrench, found.stiffness, *signed_roots(self.scene, found.wrench, found.stiffness, gaps)
+        loads = found.wrench, found.stiffness
+        return *loads, *signed_roots(self.scene, *loads, lambda rows: (found.gap[rows], found.gap_gradient[rows]))
 
     def _gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
         found = self._evaluate(poses, wrenches=False, gaps=True)

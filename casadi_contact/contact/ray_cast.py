@@ -1,8 +1,8 @@
 """The elastic foundation on flat triangles, by exact rays: slow and plain, to check others against.
 
 It is the articular contact model of OpenSim JAM (Smith et al. 2018) without its smoothing: a ray runs from the centre
-of every fixed triangle along minus its normal to where it leaves the moving mesh; the distance is the depth. At the
-overlaps of implants its facets are wrong by tens of per cent (`geometry.smooth_surface`).
+of every fixed triangle along minus its normal to where it leaves the moving mesh; the distance, below 20 mm, is the
+depth. At the overlaps of implants its facets are wrong by tens of per cent (`geometry.smooth_surface`).
 """
 
 from __future__ import annotations
@@ -27,9 +27,8 @@ class RayCastFoundation(CallableModel):
     Raises ValueError for a scene of another shape, ImportError without the extra `mesh`.
     """
 
-    def __init__(self, scene: Scene, *, largest_depth_mm: float = 20.0) -> None:
+    def __init__(self, scene: Scene) -> None:
         super().__init__(scene, self._all_wrenches)
-        self.largest_depth_mm = largest_depth_mm
         self._caster = RayCaster(body_mesh(scene.geometry, "moving"))
         self._patches = []
         for patch in scene.patch_names:
@@ -67,5 +66,5 @@ class RayCastFoundation(CallableModel):
             for p, (centres, normals, _) in enumerate(self._patches):
                 directions = -normals @ R
                 depth, face = self._caster.first_hits((centres - t) @ R, directions)
-                touching = self._caster.leaves(directions, face) & (depth > 0.0) & (depth < self.largest_depth_mm)
+                touching = self._caster.leaves(directions, face) & (depth > 0.0) & (depth < 20.0)
                 yield n, p, np.where(touching, depth, 0.0)

@@ -218,9 +218,8 @@ def settle(
     """
     check_above_zero(tolerance=tolerance)
     poses = model.scene.pose_space.project(as_poses(poses).copy())
-    count = len(poses)
-    equations = Equilibrium.of(model, count, free, targets)
-    pressing, pressed = equations.pressing(), np.zeros(count, dtype=int)
+    equations = Equilibrium.of(model, len(poses), free, targets)
+    pressing, pressed = equations.pressing(), np.zeros(len(poses), dtype=int)
     if pressing is not None:
         poses, _, pressed, _ = _newton_with_restarts(pressing, poses, tolerance, max_iterations, progress)
     poses, misfit, iterations, stalled = _newton_with_restarts(equations, poses, tolerance, max_iterations, progress)
@@ -228,7 +227,7 @@ def settle(
         short = stalled & ~equations.pulls() & (equations.in_newtons(misfit) > tolerance)
         for row in map(int, np.flatnonzero(short)):
             iterations[row] += _trust_region(equations, row, poses, misfit, tolerance, max_iterations)
-    residual, reason = equations.in_newtons(misfit), np.full(count, "", dtype=object)
+    residual, reason = equations.in_newtons(misfit), np.full(len(poses), "", dtype=object)
     for row in map(int, np.flatnonzero(~(residual <= tolerance))):
         reason[row] = equations.reason(row, misfit[row], stalled[row])
     misfits = dict(zip(equations.names, misfit.T, strict=True))

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import casadi_contact as cc
-from casadi_contact.contact.approach import advance_to_contact, first_crossing, press_until
+from casadi_contact.contact.approach import advance_to_contact, first_crossing
 
 
 def test_a_sphere_touches_a_plane_at_its_radius():
@@ -51,11 +51,3 @@ def test_what_holds_from_a_place_on_is_found_there(begins, step):
     missed = ways - np.minimum(begins, REACH)
     assert (missed >= 0.0).all()
     assert (missed <= step / 2**11).all()
-
-
-def test_pressing_finds_the_depth_of_a_force_that_grows_between_linearly_and_cubically():
-    target = np.geomspace(5.0, 2500.0, 7)
-    for power in (1.0, 2.0, 3.0):
-        depth, force = press_until(lambda d, power=power: 3000.0 * d**power, target, 0.05, rounds=30)
-        np.testing.assert_allclose(force, target, rtol=1e-3)
-        np.testing.assert_allclose(depth, (target / 3000.0) ** (1.0 / power), rtol=1e-3)
