@@ -34,7 +34,7 @@ from casadi_contact.pictures.page import new_page, save_page
 from casadi_contact.scenes.columns import TextColumns, check_radians, check_rising, write_columns
 from casadi_contact.scenes.load_cycle import OverTime
 from casadi_contact.scenes.walking import reference_cycle
-from problems.example_walk import example_walk
+from problems.walks import example_walk
 
 CENTRES = ("cop_ap", "cop_ml", "cop_x", "cop_y", "cop_z")
 

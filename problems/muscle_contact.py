@@ -21,7 +21,7 @@ from casadi_contact.core.quantities import quantity
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.knee import COORDINATES, KNEE_LOADS, SIDES, coordinate_unit
 from casadi_contact.optimisation.muscle_contact import MuscleContact, MuscleContactResult, MuscleSettings
-from casadi_contact.optimisation.muscle_walk import ROTATION_MAPS, MuscleWalk, at_times, read_walk
+from casadi_contact.optimisation.muscle_walk import MuscleWalk
 from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.page import SURROGATE, TARGET, frame, new_page, save_page
@@ -29,7 +29,7 @@ from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.load_cycle import read_cycle
 from casadi_contact.scenes.opensim import ColumnMap
 from problems.contact_source import load_contact
-from problems.example_walk import example_walk
+from problems.walks import ROTATION_MAPS, at_times, example_walk, read_walk
 
 
 def main(

@@ -116,7 +116,7 @@ class MuscleContactResult:
 class MuscleContact:
     """The problem over all frames of a walk, which can be inspected unsolved.
 
-        problem = MuscleContact(cc.load_surrogate("knee"), read_walk(*files))
+        problem = MuscleContact(cc.load_surrogate("knee"), walk)
         result = problem.solve()
 
     nlp: CasADi's x, f and g; lower, upper, lower_g, upper_g, start: bounds and start. Variables of a frame, scaled:

@@ -16,9 +16,8 @@ from casadi_contact.optimisation.knee import (
     in_newtons,
 )
 from casadi_contact.optimisation.muscle_contact import MuscleContact, MuscleSettings, ankle_moment
-from casadi_contact.optimisation.muscle_walk import read_walk
 from casadi_contact.scenes.load_cycle import read_cycle
-from problems.example_walk import example_walk
+from problems.walks import example_walk, read_walk
 from tests.support.shared_data import shared_file
 
 WALK = example_walk(frames=5)

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from casadi_contact.optimisation.muscle_walk import at_times, read_walk
 from casadi_contact.scenes.opensim import ColumnMap, Table, write_table
-from problems.example_walk import example_walk
+from problems.walks import at_times, example_walk, read_walk
 from tests.support.muscle_files import write_walk
 
 WALK = example_walk(frames=41)

@@ -8,7 +8,7 @@ import pytest
 from casadi_contact.scenes.load_cycle import write_cycle
 from casadi_contact.scenes.walking import reference_cycle
 from problems import muscle_contact, pose_estimation, static_equilibrium
-from problems.example_walk import example_walk
+from problems.walks import example_walk
 from tests.support.muscle_files import write_walk
 
 

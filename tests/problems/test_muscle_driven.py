@@ -9,8 +9,8 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.optimisation.muscle_contact import MuscleContact
 from problems import muscle_driven
-from problems.example_walk import example_walk
 from problems.muscle_driven import MOVING, Leg
+from problems.walks import example_walk
 
 
 @pytest.fixture(scope="module")

@@ -3,8 +3,8 @@
 import numpy as np
 
 from casadi_contact.optimisation.knee import coordinate_unit
-from casadi_contact.optimisation.muscle_walk import PARAMETER_COLUMNS
 from casadi_contact.scenes.columns import write_columns
+from problems.walks import PARAMETER_COLUMNS
 
 
 def write_walk(folder, walk):
