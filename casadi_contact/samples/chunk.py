@@ -70,7 +70,7 @@ def plan_chunks(scene: Scene, motion: ReferenceMotion, settings: SamplingSetting
     for block in plan_domains(motion.envelopes, scene.controllable_normal_loads, scene.boundary_load, settings):
         if DOMAINS[block.domain - 1] == "D4":
             check_liftable(scene)
-        starts = motion.starts(block.inputs, scene.pose_space)
+        starts = motion.starts(block.inputs)
         for k in range(0, len(block.inputs), settings.chunk_size):
             rows = slice(k, k + settings.chunk_size)
             loads = {name: block.inputs[rows, point.inputs.index(name)] for name in point.load_inputs}

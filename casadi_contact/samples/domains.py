@@ -34,8 +34,6 @@ from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.normal_load import NormalLoad
 
 _FILLING, _VERTICES, _ROLES = 0, 1, 2  # streams of random numbers within one domain
-
-
 _ROUNDING = 1e-9  # a frame of exactly mean width is not narrow
 _SAME = 1e-3  # of the assumed width: smaller differences come from the tolerance of settling
 _SHARE_OF_RANGE, _SHARE_OF_LOAD = 0.1, 0.05
@@ -108,12 +106,9 @@ class Envelopes:
 
     def at_least(self, widths: Mapping[str, float]) -> Envelopes:
         """The same boxes, with the inputs named in widths [mm, rad or N] widened about their middle where narrower."""
-        lower, upper = self.lower.copy(), self.upper.copy()
-        for column, name in enumerate(self.names):
-            grow = np.maximum(widths.get(name, 0.0) - self.widths[:, column], 0.0)
-            lower[:, column] -= 0.5 * grow
-            upper[:, column] += 0.5 * grow
-        return Envelopes(self.names, lower, upper)
+        least = np.array([widths.get(name, 0.0) for name in self.names])
+        grow = 0.5 * np.maximum(least - self.widths, 0.0)
+        return Envelopes(self.names, self.lower - grow, self.upper + grow)
 
     def without_pull(self, normals: Sequence[NormalLoad], boundary_load: float) -> Envelopes:
         """The same boxes without pulling surfaces: bounds of normal loads end at the boundary load [N] [EF15 §2.2].
@@ -149,8 +144,7 @@ def plan_domains(
 ) -> list[Block]:
     """The inputs of all domains, in domain order.
 
-    normals: the normal load of each patch, in patch order; boundary_load: its size [N] at the contact boundary. Raises
-    ValueError where D4 to D7 are wanted and a normal load is no input.
+    normals: the normal load of each patch, in patch order; boundary_load: its size [N] at the contact boundary.
     """
     fixed = {d: {name: pair[d] for name, pair in settings.fixed_offsets.items()} for d in (0, 1)}
     if settings.reach:

@@ -20,7 +20,6 @@ from casadi_contact.samples.domains import Envelopes
 from casadi_contact.samples.settings import SamplePoint, SamplingSettings
 from casadi_contact.scenes.joint_cycle import JointCycle, driving_loads
 from casadi_contact.scenes.load_cycle import LoadCycle
-from casadi_contact.scenes.pose_space import PoseSpace
 
 Cycle = LoadCycle | JointCycle
 
@@ -71,11 +70,11 @@ class ReferenceMotion:
         """The reference envelopes of the inputs."""
         return Envelopes.over(self.point.inputs, self.curves)
 
-    def starts(self, inputs: Array, space: PoseSpace | None = None) -> Array:
+    def starts(self, inputs: Array) -> Array:
         """Start poses (n, 6) for static analyses of inputs (n, inputs).
 
         The free parameters are those of the reference pose nearest in the pose inputs, each measured in its range
-        over the reference motion; locked and tied ones are as the space says.
+        over the reference motion.
         """
         columns = [self.point.inputs.index(name) for name in self.point.pose_inputs]
         curves = self.curves.reshape(-1, self.curves.shape[2])[:, columns]
@@ -84,7 +83,7 @@ class ReferenceMotion:
         _, nearest = cKDTree(curves / scale).query(inputs[:, columns] / scale)
         starts = self.poses.reshape(-1, 6)[nearest]
         starts[:, [pose_index(name) for name in self.point.pose_inputs]] = inputs[:, columns]
-        return starts if space is None else space.project(starts)
+        return starts
 
 
 def reference_motion(
@@ -150,7 +149,6 @@ def reference_poses(
     begin = np.asarray(scene.start_pose if start is None else start)
     starts = np.tile(begin, (len(cycles) * frames, 1))
     starts[:, columns] = np.stack([curves[name].ravel() for name in given], axis=1)
-    starts = scene.pose_space.project(starts)
     if start is None:
         starts = advance_to_contact(model, starts, loads)
         if model.has_wrenches:

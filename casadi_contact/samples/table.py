@@ -114,7 +114,7 @@ def _check_units(samples: Samples, where: str) -> None:
     scene, poses = samples.scene, samples.poses
     largest = np.abs(poses[:, 3:]).max(axis=0)
     if largest.max() > _MOST_ANGLE_RAD:
-        name = ("rx", "ry", "rz")[int(largest.argmax())]
+        name = POSE_NAMES[3 + int(largest.argmax())]
         raise ValueError(f"{where}: {name} reaches {largest.max():g}, expected radians: convert degrees")
     if (travel_mm := float(np.ptp(poses[:, :3], axis=0).max())) < _LEAST_TRAVEL_MM:
         raise ValueError(
