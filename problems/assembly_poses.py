@@ -31,7 +31,7 @@ from casadi_contact.optimisation.pose_estimation import PoseEstimation
 from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.page import new_page, save_page
-from casadi_contact.scenes.columns import TextColumns, check_radians, check_rising, write_columns
+from casadi_contact.scenes.columns import TextColumns, check_reach, check_rising, write_columns
 from casadi_contact.scenes.load_cycle import OverTime
 from casadi_contact.scenes.walking import reference_cycle
 from problems.walks import example_walk
@@ -70,7 +70,7 @@ def read_assembly_cycle(path: Path, assembly: Assembly) -> AssemblyCycle:
     for column in table.header:
         curve, (what, owner, name) = np.asarray(table.numbers(column)), known[column]
         if column.endswith("_rad"):
-            check_radians(str(path), column, curve)
+            check_reach(str(path), {name: curve})
         found.setdefault(what, {}).setdefault(owner, {})[name] = curve
     time_s, loads = found["time"][""][""], found.get("loads", {})
     check_rising(str(path), time_s)

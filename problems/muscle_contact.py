@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.core.conventions import POSE_NAMES, Array
-from casadi_contact.core.machine import write_summary
 from casadi_contact.core.quantities import quantity
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.knee import COORDINATES, KNEE_LOADS, SIDES, coordinate_unit
@@ -29,6 +28,7 @@ from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.load_cycle import read_cycle
 from casadi_contact.scenes.opensim import ColumnMap
 from problems.contact_source import load_contact
+from problems.summary import write_summary
 from problems.walks import ROTATION_MAPS, at_times, example_walk, read_walk
 
 

@@ -20,7 +20,6 @@ import numpy as np
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import POSE_NAMES, Array
-from casadi_contact.core.machine import write_summary
 from casadi_contact.core.quantities import FORCE, LENGTH, TORQUE, quantity
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.pose_continuation import continue_on, motion_of
@@ -34,6 +33,7 @@ from casadi_contact.scenes.joint_cycle import JointCycle
 from casadi_contact.scenes.load_cycle import LoadCycle
 from casadi_contact.scenes.opensim import poses_table, write_table
 from problems.contact_source import load_contact, load_cycle
+from problems.summary import write_summary
 
 
 def main(

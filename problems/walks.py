@@ -12,7 +12,7 @@ from casadi_contact.core.conventions import Array
 from casadi_contact.optimisation.knee import COORDINATES, coordinate_unit
 from casadi_contact.optimisation.muscle import MuscleParameters
 from casadi_contact.optimisation.muscle_walk import MuscleWalk
-from casadi_contact.scenes.columns import TextColumns, check_radians, check_rising, read_columns
+from casadi_contact.scenes.columns import TextColumns, check_reach, check_rising, read_columns
 from casadi_contact.scenes.opensim import ColumnMap, Table, mapped_curves, read_opensim_table
 from casadi_contact.scenes.walking import reference_cycle
 
@@ -50,8 +50,7 @@ def read_walk(
     turns = mapped_curves(_table(rotations, required=[item.column for item in maps]), maps)
     if not {"rz", "ry"} <= set(turns):
         raise ValueError(f"{rotations} is mapped to {', '.join(turns)}, expected columns for rz and ry")
-    for name in ("rz", "ry"):
-        check_radians(str(rotations), name, turns[name])
+    check_reach(str(rotations), {name: turns[name] for name in ("rz", "ry")})
     rz, ry = at_times(str(rotations), turns["time"], np.column_stack([turns["rz"], turns["ry"]]), time_s).T
     shared = [name for name in COORDINATES if name in loads and name in arms]
     return MuscleWalk(

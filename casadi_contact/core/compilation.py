@@ -10,11 +10,12 @@ import multiprocessing
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core.caching import FunctionCache, NullCache
+from numba.core.caching import FunctionCache
 
 _PACKAGE = __name__.partition(".")[0]
 
@@ -35,23 +36,13 @@ class _Cache(FunctionCache):
             super().save_overload(sig, data)
 
 
-class _NoCache(NullCache):
-    """Compiled loops that no folder can take."""
-
-    def load_overload(self, sig: Any, target_context: Any) -> None:
-        """Called before a loop is compiled."""
-        _announce_first(None)
-
-
 def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     """``numba.njit(cache=True, **options)``, which works where the disc is full and where no folder can be written."""
 
     def compiled(function: Callable[..., Any]) -> Any:
         dispatcher = numba.njit(**options)(function)
-        try:
+        with suppress(RuntimeError):  # where numba finds no folder that can be written
             dispatcher._cache = _Cache(function)  # as Dispatcher.enable_caching does
-        except RuntimeError:  # numba finds no folder that can be written
-            dispatcher._cache = _NoCache()
         return dispatcher
 
     return compiled
@@ -69,19 +60,13 @@ def threads_for(poses: int, *, poses_of_a_thread: int = 8) -> Iterator[None]:
         numba.set_num_threads(threads)
 
 
-def announce(what: str, folder: Path | None) -> None:
-    """Say on stderr what is being compiled and where it will lie (None: nowhere); worker processes stay silent."""
-    nowhere = "for this process alone (no folder can be written: choose one by $NUMBA_CACHE_DIR)"
+def announce(what: str, folder: Path) -> None:
+    """Say on stderr what is being compiled and where it will lie; worker processes stay silent."""
     if multiprocessing.parent_process() is None:
-        kept = nowhere if folder is None else f"once (kept in {folder})"
-        print(f"{_PACKAGE}: compiling {what}, {kept}", file=sys.stderr, flush=True)
+        print(f"{_PACKAGE}: compiling {what}, once (kept in {folder})", file=sys.stderr, flush=True)
 
 
-_announced: list[Path | None] = []
-
-
-def _announce_first(folder: Path | None) -> None:
+@cache
+def _announce_first(folder: Path) -> None:
     """Say once per process what the first evaluation waits for."""
-    if not _announced:
-        announce("the contact model, about 15 s", folder)
-    _announced.append(folder)
+    announce("the contact model, about 15 s", folder)

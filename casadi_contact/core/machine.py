@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-import json
-import math
 import os
 import platform
-from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
-
-from casadi_contact.core.files.writing import replacing
 
 PACKAGES = ("casadi_contact", "casadi", "numpy", "scipy", "numba", "h5py", "torch")
 
@@ -32,22 +26,21 @@ def _cpuinfo(*keys: str) -> str:
     return ""
 
 
-def instruction_set(flags: str | None = None) -> str:
-    """The widest vector instructions of this processor ("AVX2"), or of one with the given flags; "unknown" without."""
-    known = set((_cpuinfo("flags", "Features") if flags is None else flags).split())
+def instruction_set() -> str:
+    """The widest vector instructions of this processor ("AVX2"); "unknown" without."""
+    known = set(_cpuinfo("flags", "Features").split())
     return next((name for flag, name in _INSTRUCTION_SETS.items() if flag in known), "unknown")
 
 
-def blas_environment(vendor: str | None = None, flags: str | None = None) -> dict[str, str]:
+def blas_environment() -> dict[str, str]:
     """Environment variables with which a new process multiplies matrices by AVX-512 on an AMD processor that has it.
 
     The OpenBLAS in the wheels of NumPy and SciPy has kernels for a few processors and runs those of a Haswell, without
     AVX-512, on an AMD EPYC (Zen 5), which takes twice as long. Empty on any other processor, and where the user
-    has chosen (``OPENBLAS_CORETYPE``). vendor, flags: of another processor than this one, as /proc/cpuinfo has them.
+    has chosen (``OPENBLAS_CORETYPE``).
     """
-    vendor = _cpuinfo("vendor_id") if vendor is None else vendor
-    known = set((_cpuinfo("flags") if flags is None else flags).split())
-    wanted = vendor == "AuthenticAMD" and known >= _BLAS_NEEDS and _BLAS_VARIABLE not in os.environ
+    able = _cpuinfo("vendor_id") == "AuthenticAMD" and set(_cpuinfo("flags").split()) >= _BLAS_NEEDS
+    wanted = able and _BLAS_VARIABLE not in os.environ
     return {_BLAS_VARIABLE: "SkylakeX"} if wanted else {}
 
 
@@ -69,19 +62,3 @@ def machine_record() -> dict[str, str]:
         "python": platform.python_version(),
         **{package: _version(package) for package in PACKAGES},
     }
-
-
-def write_summary(path: Path, content: Mapping[str, Any]) -> None:
-    """A JSON file with the machine that made it, whole or not at all; null for a number that is not finite."""
-    whole = _without_nan({**content, "machine": machine_record()})
-    with replacing(path) as beside:
-        beside.write_text(json.dumps(whole, indent=1, ensure_ascii=False, default=str, allow_nan=False), "utf-8")
-
-
-def _without_nan(value: Any) -> Any:
-    """The same with None for NaN and infinity, which JSON has not."""
-    if isinstance(value, Mapping):
-        return {key: _without_nan(part) for key, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [_without_nan(part) for part in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -48,10 +48,6 @@ class Placement:
         signs = [-1.0 if axis == self.mirror else 1.0 for axis in FILE_AXES]
         return (points_mm * signs) @ rotation(np.radians(self.rotation_deg)).T + self.offset
 
-    def faces(self, faces: np.ndarray) -> np.ndarray:
-        """Triangles (f, 3) whose outside is still outside: turned where the mesh is mirrored."""
-        return faces[:, ::-1] if self.mirror else faces
-
 
 AS_IN_FILE = Placement()
 
@@ -140,7 +136,7 @@ def checked_mesh(
         raise ValueError(f"mesh {name}: a triangle names vertex {wrong[0]} of {len(vertices)}: the file is damaged")
     vertices, faces = _used_vertices(name, vertices, faces)
     vertices = placement.points(MM_PER_UNIT[units] * vertices @ axes_rotation(axes).T)
-    faces = placement.faces(faces)
+    faces = faces[:, ::-1] if placement.mirror else faces
     across = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     if not smallest_mm < across < largest_mm:
         sizes = {unit: across * size / MM_PER_UNIT[units] for unit, size in MM_PER_UNIT.items()}

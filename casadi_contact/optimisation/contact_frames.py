@@ -33,7 +33,7 @@ from casadi_contact.optimisation.starts import (
     settle_in_range,
     touching,
 )
-from casadi_contact.scenes.columns import check_radians
+from casadi_contact.scenes.columns import check_reach
 from casadi_contact.scenes.normal_load import NormalLoad, centre_of_pressure
 from casadi_contact.scenes.pose_space import PoseSpace
 
@@ -233,8 +233,7 @@ def _checked_locked(locked: Mapping[str, Any] | None, space: PoseSpace, frames: 
     space.check_free(symbols, "locked to an expression")
     numbers = {name: _numbers(name, value, frames) for name, value in locked.items() if name not in symbols}
     numbers = space.free_curves(numbers, "locked")
-    for name in set(POSE_NAMES[3:]) & set(numbers):
-        check_radians("locked", name, numbers[name])
+    check_reach("locked", numbers)
     return symbols | numbers
 
 

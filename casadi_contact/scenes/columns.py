@@ -14,6 +14,12 @@ from numpy.typing import ArrayLike
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.files.reading import MOST_TEXT, checked_size, existing_file, finite_number, short
 from casadi_contact.core.files.writing import replacing
+from casadi_contact.core.quantities import ANGLE, LENGTH, Kind, quantity
+
+_MOST: dict[Kind, tuple[float, str]] = {
+    ANGLE: (3.5, "radians: is it in degrees"),
+    LENGTH: (1000.0, "mm below 1 m: is the file in mm"),
+}
 
 
 @dataclass(frozen=True)
@@ -130,16 +136,13 @@ def write_columns(
 # where: the file or cycle that messages begin with.
 
 
-def check_radians(where: str, column: str, angles: Array, largest_rad: float = 3.5) -> None:
-    """ValueError for angles (n,) beyond 200 degrees: they are in other units."""
-    if (reached := float(np.abs(angles).max())) > largest_rad:
-        raise ValueError(f"{where}: {column} reaches {reached:g}, expected radians: is it in degrees?")
-
-
-def check_lengths(where: str, column: str, lengths_mm: Array, largest_mm: float = 1000.0) -> None:
-    """ValueError for lengths (n,) [mm] beyond 1 m: the file is in mm already."""
-    if (reached := float(np.abs(lengths_mm).max())) > largest_mm:
-        raise ValueError(f"{where}: {column} reaches {reached:g} mm, expected a joint's: is the file in mm?")
+def check_reach(where: str, curves: Mapping[str, Array]) -> None:
+    """ValueError for angles beyond 200 degrees and lengths beyond 1 m among curves (n,) by name: they are in other
+    units."""
+    for name, curve in curves.items():
+        most, cure = _MOST.get(quantity(name).kind, (np.inf, ""))
+        if (reached := float(np.abs(curve).max())) > most:
+            raise ValueError(f"{where}: {name} reaches {reached:g}, expected {cure}?")
 
 
 def check_size(where: str, column: str, numbers: Array, largest: float = 1e15) -> None:

@@ -22,7 +22,7 @@ import numpy as np
 from casadi_contact.core.conventions import POSE_NAMES, Array, possible_loads
 from casadi_contact.core.files.reading import short
 from casadi_contact.core.quantities import quantity
-from casadi_contact.scenes.columns import TextColumns, check_lengths, check_radians, checked_curves, write_columns
+from casadi_contact.scenes.columns import TextColumns, check_reach, checked_curves, write_columns
 from casadi_contact.scenes.load_cycle import OverTime
 from casadi_contact.scenes.opensim import UNITS
 from casadi_contact.scenes.scene import Scene
@@ -52,10 +52,7 @@ class JointCycle(OverTime):
             object.__setattr__(self, key, {name: checked[name] for name in getattr(self, key)})
         if not self.loads:
             raise ValueError(f"cycle {self.name} has no load, expected those that hold the pose")
-        for name in sorted({"rx", "ry", "rz"} & set(self.pose)):
-            check_radians(f"cycle {self.name}", quantity(name).column, self.pose[name])
-        for name in (*sorted({"tx", "ty", "tz"} & set(self.pose)), *self.centres):
-            check_lengths(f"cycle {self.name}", name, checked[name])
+        check_reach(f"cycle {self.name}", {**self.pose, **self.centres})
 
     def measured_pose(self) -> Mapping[str, Array]:
         """The measured pose parameters."""

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.scenes.columns import check_lengths, check_radians, checked_curves, read_columns, write_columns
+from casadi_contact.scenes.columns import check_reach, checked_curves, read_columns, write_columns
 
 # Column of the file for each curve of a cycle; other columns are ignored.
 COLUMNS = {
@@ -62,10 +62,8 @@ class LoadCycle(OverTime):
                     f"cycle {self.name}: {COLUMNS[key]} is {getattr(self, key)[frame]:g} at frame {frame}, expected "
                     "compression as negative numbers (contact cannot pull)"
                 )
-        for key in ("rz", "ry"):
-            check_radians(f"cycle {self.name}", COLUMNS[key], getattr(self, key))
-        for key in ("cop_ap_mm", "cop_ml_mm"):
-            check_lengths(f"cycle {self.name}", key, getattr(self, key), largest_mm=200.0)
+        centres = {"cop_ap": self.cop_ap_mm, "cop_ml": self.cop_ml_mm}
+        check_reach(f"cycle {self.name}", {**self.measured_pose(), **centres})
 
     def targets(self) -> dict[str, Array]:
         """Loads that hold the cycle's forces and centre of pressure: Tx = -cop_ml·Fy, Tz = cop_ap·Fy [N·mm]."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from casadi_contact.core.conventions import POSE_NAMES, Array, as_poses
 from casadi_contact.core.quantities import quantity
-from casadi_contact.scenes.columns import TextColumns, check_lengths, check_radians, check_rising, write_columns
+from casadi_contact.scenes.columns import TextColumns, check_reach, check_rising, write_columns
 from casadi_contact.scenes.opensim import TIME, ColumnMap, mapped_curves, read_opensim_table
 
 OPENSIM_ENDINGS = (".mot", ".sto")
@@ -76,10 +76,7 @@ def poses_from_curves(curves: Mapping[str, Array]) -> Array:
         raise ValueError("there is no row, expected a pose in each")
     if TIME in curves and len(poses) > 1:
         check_rising("poses", curves[TIME])
-    for name, angles in zip(POSE_NAMES[3:], poses.T[3:], strict=True):
-        check_radians("poses", name, angles)
-    for name, lengths in zip(POSE_NAMES[:3], poses.T[:3], strict=True):
-        check_lengths("poses", name, lengths)
+    check_reach("poses", dict(zip(POSE_NAMES, poses.T, strict=True)))
     return poses
 
 

@@ -11,8 +11,6 @@ import numpy as np
 
 LONGEST_NAME = 64
 MOST_ELEMENTS = 2**20  # of one patch: a grid of 1024×1024, five times what converges
-_IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-_SCENE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.-]*")
 _LARGEST_NUMBER = 1e15  # mm, N, MPa, ...: far beyond any joint, and exact as a float
 _LONGEST_TEXT = 4096
 _DEEPEST = 6  # tables within tables
@@ -57,18 +55,17 @@ def grid_size(key: str, value: object) -> tuple[int, int]:
     return int(value[0]), int(value[1])
 
 
-def identifier(key: str, value: object) -> str:
-    """A name that may become part of a file's key, a column or generated C: letters, digits and underscores."""
-    if not isinstance(value, str) or len(value) > LONGEST_NAME or not _IDENTIFIER.fullmatch(value):
-        raise fail(key, value, f"a letter, then letters, digits and _, {LONGEST_NAME} at most")
+def identifier(key: str, value: object, also: str = "") -> str:
+    """A name that may become part of a file's key, a column or generated C: letters, digits, underscores and `also`."""
+    pattern = f"[A-Za-z][A-Za-z0-9_{re.escape(also)}]*"
+    if not isinstance(value, str) or len(value) > LONGEST_NAME or not re.fullmatch(pattern, value):
+        raise fail(key, value, f"a letter, then letters, digits, {' '.join(['_', *also])}, {LONGEST_NAME} at most")
     return value
 
 
 def scene_name(value: object) -> str:
     """A scene's name, which files and folders are called after: an `identifier` that may hold '-' and '.' too."""
-    if not isinstance(value, str) or len(value) > LONGEST_NAME or not _SCENE_NAME.fullmatch(value):
-        raise fail("name", value, f"a letter, then letters, digits, '_', '-' and '.', {LONGEST_NAME} at most")
-    return value
+    return identifier("name", value, "-.")
 
 
 def distinct_names(key: str, value: object) -> tuple[str, ...]:
