@@ -203,9 +203,6 @@ def _report(project: Project) -> None:
     path = pipeline.report(project)
     for structure, surrogate in project_surrogates(project).items():
         say(f"{structure}: {fitness(surrogate)}")
-        if surrogate.scene.tolerances != project.scene.tolerances:
-            text = ", ".join(f"{load} {tolerance:g}" for load, tolerance in surrogate.scene.tolerances.items())
-            say(f"with the tolerances it was trained for: {text}")
     say(f"report in {path}")
 
 

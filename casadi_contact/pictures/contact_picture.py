@@ -102,20 +102,14 @@ def _draw_pressure(axis: Any, maps: Sequence[PressureMap], view: View, largest: 
     for pressed in maps:
         if (centre := pressed.centre_mm) is not None:
             axis.plot(view.right.of(centre), view.up.of(centre), **CENTRE_OF_PRESSURE)
-        if len(maps) > 1:
-            _label_patch(axis, pressed, view)
+        if len(maps) > 1:  # its name above it
+            up = view.up.of(pressed.centres_mm)
+            place = (view.right.of(pressed.centres_mm).mean(), up.min() if view.up.reversed else up.max())
+            look = {"textcoords": "offset points", "ha": "center", "va": "bottom", "fontsize": 8}
+            axis.annotate(patch_title(pressed.patch), place, (0, 2), **look)
+            axis.margins(y=0.15)
     name_axes(axis, view)
     return drawn
-
-
-def _label_patch(axis: Any, pressed: PressureMap, view: View) -> None:
-    """The patch's name above it."""
-    up = view.up.of(pressed.centres_mm)
-    top = up.min() if view.up.reversed else up.max()
-    place = (view.right.of(pressed.centres_mm).mean(), top)
-    title = patch_title(pressed.patch)
-    axis.annotate(title, place, (0, 2), textcoords="offset points", ha="center", va="bottom", fontsize=8)
-    axis.margins(y=0.15)
 
 
 _OVERLAP_MM = 0.1

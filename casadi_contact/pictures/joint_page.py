@@ -139,14 +139,14 @@ def _surrogate(contact: CompiledFoundation, given: str | None) -> tuple[Surrogat
     scene = contact.scene
     name = given or (scene.name if scene.name in ready_surrogates() else None)
     surrogate = load_surrogate(name) if name else None
-    if given and surrogate and surrogate.scene.digest != scene.digest:
+    if surrogate is None or surrogate.scene.digest == scene.digest:
+        return surrogate, f"cc.load_surrogate({name!r})" if surrogate else ""
+    if given:
         raise ValueError(
             f"the surrogate {name} was trained for another scene ({surrogate.scene.name}) than {scene.name}: "
             "name the scene file that it was built from"
         )
-    if surrogate is None or surrogate.scene.digest != scene.digest:
-        return None, ""
-    return surrogate, f"cc.load_surrogate({name!r})"
+    return None, ""
 
 
 def _arrays(

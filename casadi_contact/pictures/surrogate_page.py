@@ -98,7 +98,10 @@ def surrogate_page(
     for name, surrogate in surrogates.items():
         parts += _surrogate(name, surrogate)
     parts += [heading("Dropped samples"), *_dropped(samples)]
-    parts += [heading("Speed and accuracy"), _chart(front)]
+    chart = paragraph("No chart was measured for this scene: casadi-contact chart does.")
+    if front is not None:
+        chart = picture(lambda path: save_page(draw_speed_accuracy(front), path), "time per pose against error")
+    parts += [heading("Speed and accuracy"), chart]
     return page(f"casadi_contact: {scene.name}", parts)
 
 
@@ -192,9 +195,3 @@ def _dropped(samples: Samples | None) -> list[str]:
         listed = "; ".join(f"{reason} ({count})" for reason, count in reasons.get(domain, {}).items())
         rows.append([domain, f"{share:.1%}", listed or "-"])
     return [table(["domain", "share of the plan", "why"], rows)]
-
-
-def _chart(front: Front | None) -> str:
-    if front is None:
-        return paragraph("No chart was measured for this scene: casadi-contact chart does.")
-    return picture(lambda path: save_page(draw_speed_accuracy(front), path), "time per pose against error")

@@ -31,15 +31,10 @@ export class LoadsPanel {
       say(row.cells[3], `± ${readable(errors[k])}`);
     });
     gaps.forEach((gap, patch) => say(this.gaps[patch], gap === null ? "in contact" : `${readable(gap)} mm`));
-    showValidity(validity);
+    const light = document.getElementById("validity");
+    const known = Number.isFinite(validity);
+    light.dataset.state = !known ? "unknown" : validity >= VALID ? "good" : validity >= LEARNED ? "doubtful" : "outside";
+    const word = { good: "learned", doubtful: "at the edge of what was learned", outside: "outside what was learned" };
+    say(light.querySelector("span"), known ? `validity ${validity.toFixed(2)}: ${word[light.dataset.state]}` : "no surrogate: the contact model alone");
   }
-}
-
-function showValidity(validity) {
-  const light = document.getElementById("validity");
-  const known = Number.isFinite(validity);
-  light.dataset.state = !known ? "unknown" : validity >= VALID ? "good" : validity >= LEARNED ? "doubtful" : "outside";
-  const word = { good: "learned", doubtful: "at the edge of what was learned", outside: "outside what was learned" };
-  const text = known ? `validity ${validity.toFixed(2)}: ${word[light.dataset.state]}` : "no surrogate: the contact model alone";
-  say(light.querySelector("span"), text);
 }

@@ -31,7 +31,7 @@ export class Bodies {
   constructor(gl, content, fixed, behind, moving) {
     this.gl = gl;
     this.program = twgl.createProgramInfo(gl, [vertexShader(content.colours.length), FRAGMENT]);
-    this.always = { colours: content.colours.flat(), still: twgl.m4.identity() };
+    this.colours = content.colours.flat();
     this.fixed = fixed.map((surface) => this.buffers(surface, new Float32Array(surface.points.length / 3)));
     this.behind = this.buffers(behind);
     this.moving = this.buffers(moving);
@@ -95,9 +95,8 @@ export class Bodies {
     const right = camera.slice(0, 3);
     const light = twgl.v3.normalize([0, 1, 2].map((k) => way[k] - 0.5 * right[k] + (k === 1 ? 0.5 : 0)));
     const view_projection = twgl.m4.multiply(lens, twgl.m4.inverse(camera));
-    const { colours, still } = this.always;
-    twgl.setUniforms(this.program, { colours, largest: this.largest, view_projection, eye, light });
-    for (const body of [...this.fixed, this.behind]) this.body(body, { world: still, bare: BONE, opacity: 1 });
+    twgl.setUniforms(this.program, { colours: this.colours, largest: this.largest, view_projection, eye, light });
+    for (const body of [...this.fixed, this.behind]) this.body(body, { world: twgl.m4.identity(), bare: BONE, opacity: 1 });
     gl.enable(gl.BLEND);
     gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     gl.depthMask(false);

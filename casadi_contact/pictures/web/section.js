@@ -1,6 +1,6 @@
 /** A section through both bodies: what a plane cuts out of their triangles. */
 
-import { ACCENT, FAINT, INK, cleared, write } from "./canvas.js";
+import { ACCENT, FAINT, INK, cleared, line, write } from "./canvas.js";
 import { dot, heights, rotation } from "./linear.js";
 
 const MARGIN_MM = 8;
@@ -44,8 +44,10 @@ export class Section {
     context.beginPath();
     context.rect(0, 18, width, height - 22);
     context.clip();
-    lines(context, place, this.fixed.flatMap(({ part, of }) => cut(part, of, at, [right, toward])), INK, 1.6);
-    lines(context, place, moved, ACCENT, 1.6);
+    Object.assign(context, { lineWidth: 1.6, lineCap: "round", strokeStyle: INK });
+    for (const { part, of } of this.fixed) for (const ends of cut(part, of, at, [right, toward])) line(context, ends.map(place));
+    context.strokeStyle = ACCENT;
+    for (const ends of moved) line(context, ends.map(place));
     context.restore();
     write(context, FAINT, [[this.view.names.left, "left", 10, 14], [this.view.names.right, "right", width - 10, 14]]);
   }
@@ -55,16 +57,4 @@ export class Section {
     const factor = Math.min((width - 40) / (end - left), (height - 36) / (high - low + 4 * MARGIN_MM));
     return ([x, y]) => [0.5 * width + factor * (x - 0.5 * (left + end)), 0.56 * height - factor * (y - 0.5 * (low + high))];
   }
-}
-
-function lines(context, place, segments, colour, width) {
-  context.beginPath();
-  for (const [a, b] of segments) {
-    context.moveTo(...place(a));
-    context.lineTo(...place(b));
-  }
-  context.strokeStyle = colour;
-  context.lineWidth = width;
-  context.lineCap = "round";
-  context.stroke();
 }
