@@ -8,7 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 from string import Template
 from textwrap import fill
-from typing import Protocol
+from typing import Any
 
 from casadi_contact.core.compiler import DATA_FILE
 from casadi_contact.core.conventions import POSE_NAMES, POSE_UNITS, as_poses
@@ -29,18 +29,8 @@ TEMPLATES = f"{__package__}.c"
 _EXAMPLE = "example"  # file of the program that calls the model
 
 
-class Exportable(Protocol):
-    """A contact model that gives its C: a surrogate, or what `cc.foundation` chooses."""
-
-    def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
-        """C of the loads (all if left out), and of all that the model knows of them."""
-
-    def example_pose(self) -> Sequence[float]:
-        """A pose (6) that the model is made for, in contact if one is at hand."""
-
-
-def pose_or_example(model: Exportable, pose: Sequence[float] | None) -> list[float]:
-    """The pose, `example_pose()` for none; raises ValueError unless it is six finite numbers."""
+def pose_or_example(model: Any, pose: Sequence[float] | None) -> list[float]:
+    """The pose, the model's own `example_pose()` for none; raises ValueError unless it is six finite numbers."""
     (checked,) = as_poses([model.example_pose() if pose is None else pose])
     return [float(value) for value in checked]
 
@@ -151,7 +141,7 @@ def _quoted(names: Sequence[str]) -> str:
 
 
 def export_c(
-    model: Exportable,
+    model: Any,
     folder: str | Path,
     name: str | None = None,
     loads: Iterable[str] | None = None,
@@ -159,6 +149,7 @@ def export_c(
 ) -> list[Path]:
     """Write ``name.c`` and ``name.h``, ``example.c``, a ``Makefile`` and ``name_mex.c`` for MATLAB and Octave.
 
+    model: a surrogate, or what `cc.foundation` chooses (it has `exported` and `example_pose`).
     ``name_patch_wrenches.c`` too where the model has `wrench_source`. Returns their paths in folder. Left out: the
     model's own name, all loads, and `example_pose()` as the pose at which ``example.c`` evaluates the model.
 

@@ -17,13 +17,14 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from string import Template
+from typing import Any
 from xml.etree import ElementTree as ET
 
 from casadi_contact.core.compiler import DATA_FILE, SUFFIX, portable_library
 from casadi_contact.core.conventions import POSE_NAMES
 from casadi_contact.core.files.writing import replacing
 from casadi_contact.core.quantities import ANGLE, FORCE, LENGTH, TORQUE, quantity
-from casadi_contact.export.c_source import TEMPLATES, Exportable, c_source, header, pose_or_example, template_words
+from casadi_contact.export.c_source import TEMPLATES, c_source, header, pose_or_example, template_words
 from casadi_contact.networks.kernel.source import ExportedModel, c_text
 
 # In base units of SI, with a display unit where people use another.
@@ -120,7 +121,7 @@ _DATE = (2000, 1, 1, 0, 0, 0)  # of every entry, so that the same model gives th
 
 
 def export_fmu(
-    model: Exportable,
+    model: Any,
     path: str | Path,
     name: str | None = None,
     loads: Iterable[str] | None = None,

@@ -344,7 +344,10 @@ def coverage_by_group(
     the expected ones, over the poses that carry the load, where there are ten or more. By name of the others: the same
     of those with validity above 0.5; "edge" those of all with validity between 0.1 and 0.9."""
     groups = {domain: samples.select(domain) for domain in DOMAINS}
-    edge = [_between(surrogate, part) for part in (samples, *(others or {}).values()) if len(part)]
+    edge = []
+    for part in filter(len, (samples, *(others or {}).values())):
+        validity = surrogate.validity(part.poses)
+        edge.append(part.rows((validity > SURELY_INVALID) & (validity <= SURELY_VALID)))
     for name, part in (others or {}).items():
         groups[name] = part.rows(surrogate.validity(part.poses) > VALID) if len(part) else part
     result = {name: dict(_coverage(surrogate, part)) for name, part in groups.items() if len(part)}
@@ -354,11 +357,6 @@ def coverage_by_group(
             joined = joined.join_samples(part)
         result["edge"] = dict(_coverage(surrogate, joined))
     return result
-
-
-def _between(surrogate: Surrogate, part: Samples) -> Samples:
-    validity = surrogate.validity(part.poses)
-    return part.rows((validity > SURELY_INVALID) & (validity <= SURELY_VALID))
 
 
 def _coverage(surrogate: Surrogate, part: Samples) -> Iterator[tuple[str, float]]:

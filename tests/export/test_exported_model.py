@@ -157,12 +157,6 @@ def test_an_exported_foundation_gives_its_loads_and_refuses_what_no_layer_can_be
             assert exported.all_of(behind)[0] == OUTSIDE
 
 
-def test_an_exported_foundation_without_caps_compiles_without_warnings(tmp_path):
-    model = cc.foundation("patellofemoral", compiled=False)
-    start = model.scene.start_pose
-    close(Exported(model, tmp_path)("loads", start, (len(model.load_names),))[1], model(start), 8)
-
-
 def assert_pressures_are_python_s(exported, model, poses):
     """Pressures of poses, the last of them out of contact."""
     count = len(model.pressure_names)

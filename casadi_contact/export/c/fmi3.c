@@ -53,6 +53,13 @@ static int status_of(Instance *of, int status) {
 
 FMI const char *fmi3GetVersion(void) { return "3.0"; }
 
+FMI int fmi3Reset(void *instance) {
+  Instance *of = instance;
+  of->time = 0.0, of->told = false;
+  memcpy(of->pose, start, sizeof start);
+  return OK;
+}
+
 static void *new_instance(const char *token, void *environment, Log log) {
   Instance *made;
   if (!token || strcmp(token, TOKEN) != 0) {
@@ -62,7 +69,7 @@ static void *new_instance(const char *token, void *environment, Log log) {
   made = calloc(1, sizeof *made);
   if (!made) return 0;
   made->environment = environment, made->log = log;
-  memcpy(made->pose, start, sizeof start);
+  fmi3Reset(made);
   return made;
 }
 
@@ -81,13 +88,6 @@ FMI void *fmi3InstantiateCoSimulation(const char *name, const char *token, const
 }
 
 FMI void fmi3FreeInstance(void *instance) { free(instance); }
-
-FMI int fmi3Reset(void *instance) {
-  Instance *of = instance;
-  of->time = 0.0, of->told = false;
-  memcpy(of->pose, start, sizeof start);
-  return OK;
-}
 
 FMI int fmi3EnterInitializationMode(void *instance, bool tolerant, double tolerance, double from, bool ends, double end) {
   (void)tolerant, (void)tolerance, (void)ends, (void)end;
@@ -195,10 +195,8 @@ FMI int fmi3GetNumberOfEventIndicators(void *instance, size_t *count) { return (
   FMI int function(void *instance, type *values, size_t n) { \
     return (void)values, n ? say(instance, ERROR, #function ": there are none") : OK; \
   }
-NO_STATES(fmi3SetContinuousStates, const double)
-NO_STATES(fmi3GetContinuousStates, double)
-NO_STATES(fmi3GetContinuousStateDerivatives, double)
-NO_STATES(fmi3GetNominalsOfContinuousStates, double)
+NO_STATES(fmi3SetContinuousStates, const double) NO_STATES(fmi3GetContinuousStates, double)
+NO_STATES(fmi3GetContinuousStateDerivatives, double) NO_STATES(fmi3GetNominalsOfContinuousStates, double)
 NO_STATES(fmi3GetEventIndicators, double)
 
 /* ---- co-simulation: a step only passes the time */

@@ -177,7 +177,7 @@ class Mlp:
         """Residuals as in `network.Regression` at any parameters, without touching the current ones."""
         layers, parts = split(parameters, self.shapes), []
         for block in self._blocks:
-            y, rows = self._output(block.run_apart(layers), layers[-1]), self._rows.of(block.rows)
+            y, rows = self._output(block.run(layers, block.buffers()), layers[-1]), self._rows.of(block.rows)
             off, excess = rows.residual(y), rows.excess(y)
             parts.append(np.copysign(np.hypot(off, excess), off))
         self._count(1)

@@ -81,9 +81,9 @@ class Block:
     def __init__(self, activation: Activation, inputs: Array, hidden: Sequence[int], rows: slice) -> None:
         self._activation, self.rows = activation, rows
         self._first, self._hidden = np.ascontiguousarray(inputs), hidden
-        self.tried, self.current = self._buffers(), self._buffers()
+        self.tried, self.current = self.buffers(), self.buffers()
 
-    def _buffers(self) -> list[Array]:
+    def buffers(self) -> list[Array]:
         """ã of every layer's input, the constant row of ones set once."""
         buffers = [self._first]
         for neurons in self._hidden:
@@ -98,10 +98,6 @@ class Block:
         for layer, before, after in zip(layers[:-1], values[:-1], values[1:], strict=True):
             after[:-1] = self._activation.derivatives(np, layer @ before, 0)[0]
         return values[-1]
-
-    def run_apart(self, layers: Sequence[Array]) -> Array:
-        """ã of the output layer; ``tried`` stays as it is."""
-        return self.run(layers, self._buffers())
 
     def swap(self) -> None:
         """Make the parameters tried last current."""
