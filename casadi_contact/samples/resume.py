@@ -18,7 +18,7 @@ import numpy as np
 
 from casadi_contact.core.files.containers import read_npz, write_npz
 from casadi_contact.core.files.reading import MOST_TEXT, checked_size
-from casadi_contact.core.files.writing import write_text
+from casadi_contact.core.files.writing import writable_folder, write_text
 from casadi_contact.samples.chunk import DrawnChunk
 from casadi_contact.samples.reference import Cycle, ReferenceMotion
 from casadi_contact.samples.samples import COLUMNS, partial_folder
@@ -36,18 +36,12 @@ def begun(path: Path) -> Path | None:
 
 
 class ChunkFolder:
-    """Chunks drawn so far for the samples file `path`; identity says which plan they belong to.
-
-    Raises ValueError if chunks of another plan lie there, OSError if the folder cannot be written.
-    """
+    """Chunks drawn so far for the samples file `path`; identity says which plan they belong to."""
 
     def __init__(self, path: Path, identity: Mapping[str, Any]) -> None:
         self.folder = partial_folder(path)
         record = self.folder / "plan.json"
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OSError(f"cannot write samples to {path}: {error.strerror or error}") from None
+        writable_folder(self.folder)
         if not record.exists() or begun(path) is None:
             write_text(record, json.dumps(identity, indent=1))
         checked_size(record, MOST_TEXT)
