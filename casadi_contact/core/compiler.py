@@ -60,11 +60,6 @@ def compiler_command() -> list[str]:
     raise CompilerError("no C compiler (cc, gcc, clang or $CC) on the path")
 
 
-def machine_flags() -> tuple[str, ...]:
-    """$CASADI_CONTACT_CFLAGS, which may be empty, or what asks for this processor's own instruction set."""
-    return NATIVE if CFLAGS_VARIABLE not in os.environ else tuple(_words_of(CFLAGS_VARIABLE))
-
-
 def _words_of(variable: str) -> list[str]:
     text = os.environ.get(variable, "")
     try:
@@ -116,7 +111,8 @@ def shared_library(source: str, waited_for: str = "", data: bytes = b"") -> Path
     $CASADI_CONTACT_CFLAGS that it refuses, and for a cache that is not the user's alone or
     whose disc may hold no programs.
     """
-    command, chosen = compiler_command(), machine_flags()
+    command, asked = compiler_command(), CFLAGS_VARIABLE in os.environ
+    chosen = tuple(_words_of(CFLAGS_VARIABLE)) if asked else NATIVE
     made_from = "\0".join([source, _compiler_version(tuple(command)), *command, *FLAGS, *chosen, _processor()])
     key = hashlib.sha256(made_from.encode() + (b"\0" + data if data else b"")).hexdigest()[:32]
     folder = Path(os.path.realpath(cache_folder()))

@@ -12,6 +12,7 @@ component moves, flexion is rz < 0 and compression is Fy < 0.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from functools import wraps
 from numbers import Integral
 from typing import Any, TypeVar, cast
@@ -126,13 +127,6 @@ def pose_text(pose: ArrayLike, patch_names: Sequence[str] = ()) -> str:
     return ", ".join(said) + flexion
 
 
-def _is_one_pose(poses: ArrayLike) -> bool:
-    try:
-        return np.shape(poses) == (6,)
-    except ValueError:  # rows of unequal length: `as_poses` says so
-        return False
-
-
 def batched(method: _Method) -> _Method:
     """Let a method of poses (n, 6) take one pose (6,) as well: its arrays then come without their first axis.
 
@@ -141,7 +135,9 @@ def batched(method: _Method) -> _Method:
 
     @wraps(method)
     def for_one_or_many(self: Any, poses: Any, *arguments: Any, **keywords: Any) -> Any:
-        single = _is_one_pose(poses)
+        single = False
+        with suppress(ValueError):  # rows of unequal length: `as_poses` says so
+            single = np.shape(poses) == (6,)
         result = method(self, as_poses([poses] if single else poses), *arguments, **keywords)
         if single:
             return tuple(part[0] for part in result) if isinstance(result, tuple) else result[0]

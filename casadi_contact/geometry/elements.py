@@ -56,7 +56,7 @@ def grid_elements(
     present = areas > 0.0
     inner = np.zeros((nx, nz), dtype=bool)
     inner[1:-1, 1:-1] = present[2:, 1:-1] & present[:-2, 1:-1] & present[1:-1, 2:] & present[1:-1, :-2]
-    present &= _between(centres[..., 2], z_mm)
+    present &= (centres[..., 2] >= z_mm[0]) & (centres[..., 2] < z_mm[1])
     index = np.arange(nx * nz).reshape(nx, nz)
     blocks = []
     for i in range(0, nx, BLOCK_SIDE):
@@ -71,7 +71,7 @@ def scattered_elements(
     centres: Array, normals: Array, areas: Array, outermost: np.ndarray, z_mm: tuple[float, float] = EVERYWHERE
 ) -> ElementGrid:
     """Elements in no grid, (m, 3), (m, 3) and (m,), between z_mm; outermost (m,) is True for those at an edge."""
-    inside = _between(centres[:, 2], z_mm)
+    inside = (centres[:, 2] >= z_mm[0]) & (centres[:, 2] < z_mm[1])
     return _in_blocks(centres, normals, areas, centres[outermost & inside], _halves(centres, np.flatnonzero(inside)))
 
 
@@ -82,10 +82,6 @@ def _halves(centres: Array, members: np.ndarray) -> list[np.ndarray]:
     axis = int(np.argmax(np.ptp(centres[members], axis=0)))
     ordered = members[np.argsort(centres[members, axis])]
     return [group for half in np.array_split(ordered, 2) for group in _halves(centres, half)]
-
-
-def _between(z: Array, bounds: tuple[float, float]) -> np.ndarray:
-    return np.asarray((z >= bounds[0]) & (z < bounds[1]))
 
 
 def _in_blocks(centres: Array, normals: Array, areas: Array, edge: Array, blocks: list[np.ndarray]) -> ElementGrid:
