@@ -99,11 +99,6 @@ _NAMES = {"EF": "elastic foundation (EF), elements", "foundation": "foundation, 
 _NAMES |= {name: structure.title for name, structure in STRUCTURES.items()}
 
 
-def families(points: Sequence[Point]) -> list[str]:
-    """Families in the order of the file, once each."""
-    return list(dict.fromkeys(point.family for point in points))
-
-
 Measured: TypeAlias = "tuple[Point, Timing, float]"
 
 
@@ -133,7 +128,7 @@ def _draw(front: Front, title: str, drawn: Sequence[tuple[str, str, Kind, str]],
     figure.legend(list(entries.values()), list(entries), loc="outside right upper", fontsize=8, frameon=False)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
-    styles = family_styles(families(front.points))
+    styles = family_styles([point.family for point in front.points])
     for axis, points in zip(axes, shown, strict=True):
         labels = [
             (timing.median_us, rms, point.name.removeprefix(f"{point.family} "), _darker(styles[point.family]["color"]))
@@ -146,7 +141,7 @@ def _draw(front: Front, title: str, drawn: Sequence[tuple[str, str, Kind, str]],
 def _scatter(axis: Any, front: Front, what: str, error: str) -> list[Measured]:
     """Draw the points (model, timing, error) that have both numbers, with the spread of their times."""
     shown: list[Measured] = []
-    for family, style in family_styles(families(front.points)).items():
+    for family, style in family_styles([point.family for point in front.points]).items():
         mine = [(p, getattr(p, what), getattr(p, error)) for p in front.models if p.family == family]
         mine = [(point, timing, rms) for point, timing, rms in mine if timing is not None and rms > 0.0]
         if not mine:

@@ -168,6 +168,8 @@ def _arrays(
 def _content(
     contact: CompiledFoundation, surrogate: Surrogate | None, cycle: PageCycle, surfaces: Sequence[FixedSurface]
 ) -> dict[str, Any]:
+    from matplotlib import colormaps
+
     scene = contact.scene
     free, target = settled_by(scene)
     pressed = normal_forces(scene.normal_loads, contact.wrenches(cycle.poses)).sum(axis=1)
@@ -203,11 +205,5 @@ def _content(
         },
         "cycle": {"time": cycle.time_s.tolist(), "poses": cycle.poses.tolist()},
         "view": map_view(ElasticFoundation(scene, scene.grids.get("coarse")), points),
-        "colours": _colours(),
+        "colours": np.round(colormaps["YlOrRd"](np.linspace(0.0, 1.0, _COLOURS))[:, :3], 3).tolist(),
     }
-
-
-def _colours() -> list[list[float]]:
-    from matplotlib import colormaps
-
-    return np.round(colormaps["YlOrRd"](np.linspace(0.0, 1.0, _COLOURS))[:, :3], 3).tolist()

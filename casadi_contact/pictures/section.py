@@ -52,14 +52,17 @@ def draw_section(
     profiles = [_profile(pressed, at, along, across) for pressed in maps]
     low, high = _window(profiles, along, toward)
     reaches = _reaches([along.of(profile) for profile in profiles], low[0], high[0])
-    for pressed, profile, (left, right) in zip(maps, profiles, reaches, strict=True):
+    for pressed, profile, reach in zip(maps, profiles, reaches, strict=True):
         # Each patch's own surface, where this patch lies: what two of them enclose between them is no contact.
-        u, v = np.meshgrid(np.linspace(left, right, _POINTS), np.linspace(low[1], high[1], _POINTS))
+        u, v = np.meshgrid(np.linspace(*reach, _POINTS), np.linspace(low[1], high[1], _POINTS))
         points = u[..., None] * along.direction + v[..., None] * toward.direction + at * across.direction
         distance = model.distances(points.reshape(-1, 3), pose, pressed.patch).reshape(u.shape)
         axis.contourf(u, v, distance, levels=[-1e3, 0.0], colors=["tab:blue"], alpha=0.25)
         axis.contour(u, v, distance, levels=[0.0], colors=["tab:blue"], linewidths=1.2)
-        _line(axis, along.of(profile), toward.of(profile), _GAP * np.sqrt(np.median(pressed.areas_mm2)))
+        right, up = along.of(profile), toward.of(profile)
+        wide = np.hypot(np.diff(right), np.diff(up)) > _GAP * np.sqrt(np.median(pressed.areas_mm2))
+        right, up = (np.insert(each, np.flatnonzero(wide) + 1, np.nan) for each in (right, up))
+        axis.plot(right, up, color="tab:orange", linewidth=1.5)
         if (centre := pressed.centre_mm) is not None:
             axis.plot(along.of(centre), toward.of(centre), **CENTRE_OF_PRESSURE)
     axis.set(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel=along.label, ylabel=toward.label)
@@ -113,9 +116,3 @@ def _window(profiles: Sequence[Array], along: PictureAxis, toward: PictureAxis) 
     else:
         high[1] = low[1] + height
     return low, high
-
-
-def _line(axis: Any, right: Array, up: Array, widest: float) -> None:
-    """The points joined by a line, broken where neighbours lie farther apart than `widest`."""
-    breaks = np.flatnonzero(np.hypot(np.diff(right), np.diff(up)) > widest) + 1
-    axis.plot(np.insert(right, breaks, np.nan), np.insert(up, breaks, np.nan), color="tab:orange", linewidth=1.5)
