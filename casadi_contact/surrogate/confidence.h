@@ -19,9 +19,7 @@ INLINE double soft_distance(const double *z) {
   }
   for (int l = 1; l < WIDTH; l++) least[0] = least[l] < least[0] ? least[l] : least[0];
   for (int j = 0; j < PADDED_CENTRES; j += VECTOR) *(Stored *)(k + j) = decay(loaded(k + j) - least[0]);
-  for (int j = 0; j < PADDED_CENTRES; j += WIDTH) {
-    KEEP_LOOP for (int l = 0; l < WIDTH; l++) sum[l] += k[j + l];
-  }
+  for (int j = 0; j < PADDED_CENTRES; j += WIDTH) KEEP_LOOP for (int l = 0; l < WIDTH; l++) sum[l] += k[j + l];
   for (int l = 0; l < WIDTH; l++) total += sum[l];
   return least[0] - log(total);
 }

@@ -17,9 +17,7 @@ INLINE void second_inputs(const double *pose, const double *raw, double *u) {
 }
 
 INLINE void clamp_slopes(const double *raw, double (*d_raw)[6], double (*d_force)[6]) {
-  for (int f = 0; f < FORCES; f++) {
-    for (int j = 0; j < 6; j++) d_force[f][j] = raw[f] < 0.0 ? d_raw[f][j] : 0.0;
-  }
+  for (int f = 0; f < FORCES; f++) for (int j = 0; j < 6; j++) d_force[f][j] = raw[f] < 0.0 ? d_raw[f][j] : 0.0;
 }
 
 FUNCTION void kernel_value(const double *pose, double *loads, double *roots) {
@@ -65,9 +63,7 @@ FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, con
   clamp_slopes(raw, d_raw, d_force);
   for (int k = 0; k < LOADS; k++) c[SOURCE[k]] += loads_weight[k];
   second_hessian(u, c + FORCES, y, g, h);
-  for (int i = 0; i < INPUTS; i++) {
-    for (int j = i + 1; j < INPUTS; j++) h[i * INPUTS + j] = h[j * INPUTS + i];
-  }
+  for (int i = 0; i < INPUTS; i++) for (int j = i + 1; j < INPUTS; j++) h[i * INPUTS + j] = h[j * INPUTS + i];
   for (int i = 0; i < INPUTS; i++) {
     for (int j = 0; j < 6; j++) {
       right[i][j] = h[i * INPUTS + j];
@@ -90,16 +86,12 @@ FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, con
     }
   }
   first_hessian(pose, on_force, raw, d_all, d2);
-  for (int i = 0; i < 6; i++) {
-    for (int j = 0; j < 6; j++) hessian[6 * i + j] += i < j ? d2[6 * j + i] : d2[6 * i + j];
-  }
+  for (int i = 0; i < 6; i++) for (int j = 0; j < 6; j++) hessian[6 * i + j] += i < j ? d2[6 * j + i] : d2[6 * i + j];
 }
 
 FUNCTION void kernel_batch(const double *pose, double (*loads)[LANES], double (*roots)[LANES]) {
   double u[INPUTS * LANES], raw[FORCES * LANES], y[(OUTPUTS + 1) * LANES];
-  for (int l = 0; l < LANES; l++) {
-    for (int j = 0; j < 6; j++) u[j * LANES + l] = pose[6 * l + j];
-  }
+  for (int l = 0; l < LANES; l++) for (int j = 0; j < 6; j++) u[j * LANES + l] = pose[6 * l + j];
   first_batch(u, raw);
   for (int f = 0; f < FORCES; f++) {
     for (int l = 0; l < LANES; l++) {

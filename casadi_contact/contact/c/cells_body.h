@@ -76,9 +76,7 @@ INLINE Lanes for_rows(Lanes weight, int lane) {
 INLINE void sum_rows(const float *first, const float *second, int lane, int order, const Lanes x[4][4], const Lanes y[4][4],
                      Lanes sums[10][4]) {
   Lanes sum[10], of_x[4][4];
-  for (int m = 0; m <= order; m++) {
-    for (int p = 0; p < 4; p++) of_x[m][p] = for_rows(x[m][p], lane);
-  }
+  for (int m = 0; m <= order; m++) for (int p = 0; p < 4; p++) of_x[m][p] = for_rows(x[m][p], lane);
   for (int r = 0; r < 4; r++) {
     Lanes along_x[4], of_y[4];
     for (int p = 0; p < 4; p++) {

@@ -49,9 +49,7 @@ FUNCTION void add_curvature(const Lanes q[3], const Lanes s_of[6], const Distanc
 
 INLINE void finish_curvature(const Frame *frame, const Curvature *sum, double out[6][6]) {
   double h[6][6], half[6][6], column[6], turned[6], force[3], arms[3][3];
-  for (int a = 0; a < 6; a++) {
-    for (int b = a; b < 6; b++) h[a][b] = h[b][a] = sum_of(sum->upper[a][b]);
-  }
+  for (int a = 0; a < 6; a++) for (int b = a; b < 6; b++) h[a][b] = h[b][a] = sum_of(sum->upper[a][b]);
   for (int i = 0; i < 3; i++) {
     force[i] = sum_of(sum->force[i]);
     for (int j = 0; j < 3; j++) arms[i][j] = sum_of(sum->arms[i][j]);
@@ -141,9 +139,7 @@ INLINE void add_cell_curvature(const Patch *p, Scratch *s, const int *chosen, in
   const Presence present = presence_of(p, s, chosen, count);
   Lanes v[12], unused[4], pull[4], rate[12];
   corner_values(s, chosen, v, unused);
-  for (int c = 0; c < 4; c++) {
-    for (int l = 0; l < BLOCK; l++) pull[c][l] = s->share[s->corners[chosen[l]][c]][7];
-  }
+  for (int c = 0; c < 4; c++) for (int l = 0; l < BLOCK; l++) pull[c][l] = s->share[s->corners[chosen[l]][c]][7];
   for (int j = 0; j < 12; j++) {
     rate[j] = all(0.0);
     for (int c = 0; c < 4 && full; c++) rate[j] += whole[c][j] * pull[c];
@@ -164,9 +160,7 @@ INLINE void add_cell_curvature(const Patch *p, Scratch *s, const int *chosen, in
         const double *by = s->slopes[s->corners[chosen[l]][j / 3]][j % 3];
         for (int i = 0; i < PARTS; i++) x[i] += hermite[r][j] * lanes_at(by + i * BLOCK);
       }
-      for (int a = 0; a < 6; a++) {
-        for (int i = 0; i < PARTS; i++) h[a][i] += twice[l] * x[a / BLOCK][a % BLOCK] * x[i];
-      }
+      for (int a = 0; a < 6; a++) for (int i = 0; i < PARTS; i++) h[a][i] += twice[l] * x[a / BLOCK][a % BLOCK] * x[i];
     }
   }
   for (int c = 0; c < 4; c++) {
@@ -218,8 +212,6 @@ FUNCTION void contact_curvature(const Patch *p, const double *pose, const Frame 
     if (any(at.moves != 0.0)) distance_at(at.node_q, 2, &node);
     add_node_curvature(&at, node.bend, frame, weight, &sum);
   }
-  for (int a = 0; a < 6; a++) {
-    for (int b = a; b < 6; b++) sum.upper[a][b][0] += h[a][b / BLOCK][b % BLOCK];
-  }
+  for (int a = 0; a < 6; a++) for (int b = a; b < 6; b++) sum.upper[a][b][0] += h[a][b / BLOCK][b % BLOCK];
   finish_curvature(frame, &sum, out);
 }

@@ -74,9 +74,7 @@ INLINE void add_depths(const Patch *p, const Scratch *s, const int *chosen, int 
     high = area * high_power(x);
     by[1] = POWER / THICKNESS * high * slope, by[2] = (POWER + 1.0) / THICKNESS * x * high * slope;
     of->sum[1] += x * high, of->sum[2] += x * x * high;
-    for (int k = 0; k < 3; k++) {
-      for (int j = 0; j < 12; j++) of->rate[k][j] += by[k] * hermite[r][j];
-    }
+    for (int k = 0; k < 3; k++) for (int j = 0; j < 12; j++) of->rate[k][j] += by[k] * hermite[r][j];
   }
   for (int k = 1; k < 3; k++) {
     for (int j = 0; j < 12; j++) {
@@ -135,9 +133,7 @@ FUNCTION void patch_moments(int patch, const double *pose, const Frame *frame, d
   peak = depths[1] > 0.0 ? FULL_SHARE * THICKNESS / depths[1] : 0.0;
   mean = depths[1] > 0.0 ? depths[2] / depths[1] : 0.0;
   value[0] = depths[0], value[5] = FULL_SHARE * THICKNESS * mean;
-  for (int a = 0; a < 6; a++) {
-    by[0][a] = rates[0][a], by[5][a] = peak * (rates[2][a] - mean * rates[1][a]);
-  }
+  for (int a = 0; a < 6; a++) by[0][a] = rates[0][a], by[5][a] = peak * (rates[2][a] - mean * rates[1][a]);
   fade = fade_of(force, &fade_slope, &bend);
   to_fixed(frame, by[1], by_force);
   for (int k = 0; k < 6; k++) {

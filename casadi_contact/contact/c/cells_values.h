@@ -26,9 +26,7 @@ INLINE Lanes node_overlaps(const Scratch *s, const int *slots) {
 }
 
 INLINE void add_node_slopes(const Scratch *s, const int *slots, Depth *at) {
-  for (int i = 0; i < 3; i++) {
-    for (int l = 0; l < BLOCK; l++) at->node_slope[i][l] = s->node_slope[i][slots[l]];
-  }
+  for (int i = 0; i < 3; i++) for (int l = 0; l < BLOCK; l++) at->node_slope[i][l] = s->node_slope[i][slots[l]];
 }
 
 /* Values in BLOCK slots from the first, by the distances at their nodes; returns -g */

@@ -141,9 +141,7 @@ INLINE void to_fixed(const Place *p, double m[3][3], double out[6][6]) {
   for (int i = 0; i < 3; i++) {
     for (int j = 0; j < 3; j++) {
       double sum = 0.0;
-      for (int k = 0; k < 3; k++) {
-        for (int l = 0; l < 3; l++) sum += p->frame[k][i] * m[k][l] * p->frame[l][j];
-      }
+      for (int k = 0; k < 3; k++) for (int l = 0; l < 3; l++) sum += p->frame[k][i] * m[k][l] * p->frame[l][j];
       out[i][j] = CUP_RADIUS * CUP_RADIUS * sum;
     }
   }
@@ -194,9 +192,7 @@ INLINE void loads_of_patch(int patch, const double *pose, const Frame *frame, in
     if (order == SECOND) { /* weights of the force, and of the torque C x F */
       double turned[3];
       cross(weights + 3, cup_centre, turned);
-      for (int i = 0; i < 3; i++) {
-        for (int k = 0; k < 3; k++) pull[i] += p.frame[i][k] * (weights[k] + turned[k]);
-      }
+      for (int i = 0; i < 3; i++) for (int k = 0; k < 3; k++) pull[i] += p.frame[i][k] * (weights[k] + turned[k]);
     }
     sum_points(&p, order, pull, &sums);
     out->cut = p.edge < p.begin;
@@ -206,9 +202,7 @@ INLINE void loads_of_patch(int patch, const double *pose, const Frame *frame, in
     }
     cross(cup_centre, out->wrench, out->wrench + 3);
     if (order == FIRST) {
-      for (int i = 0; i < 3; i++) {
-        for (int j = 0; j < 3; j++) of_frame[i][j] = sum_of(sums.slope[i][j]);
-      }
+      for (int i = 0; i < 3; i++) for (int j = 0; j < 3; j++) of_frame[i][j] = sum_of(sums.slope[i][j]);
       to_fixed(&p, of_frame, out->stiffness);
       for (int j = 0; j < 3; j++) {
         const double column[3] = {out->stiffness[0][j], out->stiffness[1][j], out->stiffness[2][j]};

@@ -1,8 +1,6 @@
 /* Pressure moments of a ball in a cup: the formulas of contact/cup.py. */
 INLINE void turn_vector(const Place *p, const double x[3], double scale, double out[3]) {
-  for (int i = 0; i < 3; i++) {
-    out[i] = scale * (p->frame[0][i] * x[0] + p->frame[1][i] * x[1] + p->frame[2][i] * x[2]);
-  }
+  for (int i = 0; i < 3; i++) out[i] = scale * (p->frame[0][i] * x[0] + p->frame[1][i] * x[1] + p->frame[2][i] * x[2]);
 }
 
 /* Area's derivative: R^2/|d_x| times the integral of d_b over the edge. */
@@ -46,9 +44,7 @@ FUNCTION void patch_moments(int patch, const double *pose, const Frame *frame, d
   area_slope(&p, slope[0]);
   turn_vector(&p, (const double[3]){sum_of(rate[0]), sum_of(rate[1]), 0.0}, r_2, slope[1]);
   turn_vector(&p, (const double[3]){sum_of(sums.force[0]), sum_of(sums.force[1]), 0.0}, CUP_RADIUS * r_2, first);
-  for (int i = 0; i < 3; i++) {
-    for (int j = 0; j < 3; j++) in_frame[i][j] = sum_of(sums.slope[i][j]);
-  }
+  for (int i = 0; i < 3; i++) for (int j = 0; j < 3; j++) in_frame[i][j] = sum_of(sums.slope[i][j]);
   to_fixed(&p, in_frame, fixed);
   for (int i = 0; i < 3; i++) {
     value[2 + i] = cup_centre[i] * value[1] + first[i];

@@ -93,9 +93,7 @@ INLINE void add_touching(const Body *body, Touching *held, int slopes, Sums *sum
   for (int j = 0; j < groups; j++) {
     const Lanes area = lanes_at(held->of[6] + j * BLOCK), d = depth[j], force = area * pressure_at(d);
     Lanes c[3], n[3], load[6];
-    for (int k = 0; k < 3; k++) {
-      c[k] = lanes_at(held->of[k] + j * BLOCK), n[k] = lanes_at(held->of[3 + k] + j * BLOCK);
-    }
+    for (int k = 0; k < 3; k++) c[k] = lanes_at(held->of[k] + j * BLOCK), n[k] = lanes_at(held->of[3 + k] + j * BLOCK);
     twist_of(n, c, load); /* (n, c x n) */
     for (int k = 0; k < 6; k++) sums->wrench[k] -= force * load[k];
     if (slopes) {
@@ -104,9 +102,7 @@ INLINE void add_touching(const Body *body, Touching *held, int slopes, Sums *sum
       for (int k = 0; k < 3; k++) arm[k] = c[k] - d * n[k] - body->t[k];
       twist_of(gradient[j], arm, slope);
       for (int k = 0; k < 6; k++) slope[k] *= scale;
-      for (int k = 0; k < 6; k++) {
-        for (int a = 0; a < 6; a++) sums->stiffness[k][a] += load[k] * slope[a];
-      }
+      for (int k = 0; k < 6; k++) for (int a = 0; a < 6; a++) sums->stiffness[k][a] += load[k] * slope[a];
     }
   }
   held->count = 0;

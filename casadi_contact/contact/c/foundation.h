@@ -63,9 +63,7 @@ INLINE Lanes pressure_bend_at(Lanes depth) { return 0.0 * depth; }
 /* Terms of second derivatives by twist that come from turning: force = sum of w G, arms[a][b] = sum of w G_a arm_b. */
 INLINE void add_turning(const double force[3], const double arms[3][3], double h[6][6]) {
   const double trace = arms[0][0] + arms[1][1] + arms[2][2];
-  for (int a = 0; a < 3; a++) {
-    for (int b = 0; b < 3; b++) h[3 + a][3 + b] += arms[a][b] - (a == b ? trace : 0.0);
-  }
+  for (int a = 0; a < 3; a++) for (int b = 0; b < 3; b++) h[3 + a][3 + b] += arms[a][b] - (a == b ? trace : 0.0);
   for (int a = 0; a < 3; a++) { /* (e_a x force)_b */
     const int b = (a + 1) % 3, c = (a + 2) % 3;
     h[a][3 + b] -= force[c], h[3 + b][a] -= force[c];

@@ -5,10 +5,8 @@
                      PatchLoads *out) {                                                                            \
     loads_of_patch(patch, pose, frame, order, with_gap, weights, out);                                              \
   }
-LOADS_OF_ORDER(loads_value, VALUE)
-LOADS_OF_ORDER(loads_first, FIRST)
-LOADS_OF_ORDER(loads_second, SECOND)
-LOADS_OF_ORDER(loads_gaps, GAPS)
+LOADS_OF_ORDER(loads_value, VALUE) LOADS_OF_ORDER(loads_first, FIRST)
+LOADS_OF_ORDER(loads_second, SECOND) LOADS_OF_ORDER(loads_gaps, GAPS)
 
 INLINE void patch_loads(int patch, const double *pose, const Frame *frame, int order, int with_gap,
                         const double *weights, PatchLoads *out) {
@@ -122,9 +120,7 @@ FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, con
   for (int p = 0; p < PATCHES; p++) {
     PatchLoads of;
     double weights[6] = {0.0};
-    for (int i = 0; i < LOADS; i++) {
-      for (int k = 0; k < 6; k++) weights[k] += loads_weight[i] * selection[p][i][k];
-    }
+    for (int i = 0; i < LOADS; i++) for (int k = 0; k < 6; k++) weights[k] += loads_weight[i] * selection[p][i][k];
     if (ROOTS) {
       double slope[3], bent[6][6];
       patch_loads(p, pose, &frame, FIRST, 0, 0, &of);
@@ -136,9 +132,7 @@ FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, con
     patch_loads(p, pose, &frame, SECOND, ROOTS > 0, weights, &of);
     add_by_pose(&frame, of.curvature, hessian);
     if (ROOTS) {
-      for (int a = 0; a < 6; a++) {
-        for (int b = 0; b < 6; b++) of.gap_curvature[a][b] *= -GAP_SLOPE * roots_weight[p];
-      }
+      for (int a = 0; a < 6; a++) for (int b = 0; b < 6; b++) of.gap_curvature[a][b] *= -GAP_SLOPE * roots_weight[p];
       add_by_pose(&frame, of.gap_curvature, hessian);
     }
   }

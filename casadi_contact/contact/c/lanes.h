@@ -152,9 +152,7 @@ INLINE unsigned bits_of(Mask mask) {
 
 /* One for each of the first `count` lanes, or for all */
 INLINE unsigned lowest_bits(int count) { return (1u << (count < BLOCK ? count : BLOCK)) - 1; }
-
 INLINE int first_bit(unsigned bits) { return __builtin_ctz(bits); }
-
 INLINE int any(Mask mask) { return bits_of(mask) != 0; }
 
 INLINE Lanes root(Lanes x) {

@@ -128,9 +128,7 @@ INLINE void polar_curvature(const Surfaces *s, const Place *p, const Lines *line
     } else {
       const Lanes steep = smaller_of(sigma * rise_of(&ray, line->du, line->dv), all(-LEAST_RISE));
       const Lanes jump = STIFFNESS_AT_ZERO * edge_width(line);
-      for (int k = 0; k < 6; k++) {
-        left[k][4 * n + edge] = jump * pull / steep * d[k], right[k][4 * n + edge] = d[k];
-      }
+      for (int k = 0; k < 6; k++) left[k][4 * n + edge] = jump * pull / steep * d[k], right[k][4 * n + edge] = d[k];
     }
   }
   KEEP_LOOP for (int a = 0; a < 6; a++) {

@@ -54,9 +54,7 @@ FUNCTION void patch_moments(int patch, const double *pose, const Frame *frame, d
     }
   }
   for (int k = 0; k < 5; k++) value[k] = sum_of(sums[k]);
-  for (int k = 0; k < 4; k++) {
-    for (int a = 0; a < 6; a++) slope[1 + k][a] = sum_of(rates[k][a]);
-  }
+  for (int k = 0; k < 4; k++) for (int a = 0; a < 6; a++) slope[1 + k][a] = sum_of(rates[k][a]);
   area_slope(s, &p, &lines, slope[0]);
   value[5] = largest_depth(s, &p, &middle.spot, slope[5]);
 #if TURNED

@@ -36,13 +36,6 @@ static int demo(const double pose[6]) {
     if (expected_error[i] == expected_error[i]) printf(" (expected error %.2g)", expected_error[i]);
     printf("\n");
   }
-#if ${guard}_PRESSURES
-  double pressures[${guard}_PRESSURES];
-  ${name}_pressures(pose, pressures);
-  for (int i = 0; i < ${guard}_PRESSURES; i++) {
-    printf("%-19s %14.6f %s\n", ${name}_pressure_names[i], pressures[i], ${name}_pressure_units[i]);
-  }
-#endif
   return told(status);
 }
 
@@ -50,10 +43,7 @@ int main(int argc, char **argv) {
   double pose[6] = {$example_pose};
   int failed = 0, found;
   if (argc > 1 && strcmp(argv[1], "demo") == 0) return demo(pose);
-  if (argc > 1) {
-    fprintf(stderr, "got the argument %s, expected demo, or none and poses on standard input\n", argv[1]);
-    return 2;
-  }
+  if (argc > 1) return fprintf(stderr, "got the argument %s, expected demo or poses on standard input\n", argv[1]), 2;
   while ((found = scanf("%lf %lf %lf %lf %lf %lf", pose, pose + 1, pose + 2, pose + 3, pose + 4, pose + 5)) == 6) {
     failed |= evaluate(pose);
   }

@@ -26,12 +26,6 @@ static double *jacobian_output(int count, mxArray **left, mwSize n) {
   return mxGetPr(left[1]);
 }
 
-static void by_columns(double *to, double from[${guard}_LOADS][6]) {
-  for (int j = 0; j < 6; j++) {
-    for (int i = 0; i < ${guard}_LOADS; i++) to[j * ${guard}_LOADS + i] = from[i][j];
-  }
-}
-
 void mexFunction(int nlhs, mxArray *plhs[], int nrhs, const mxArray *prhs[]) {
   if (nrhs != 1 || !mxIsDouble(prhs[0]) || mxIsComplex(prhs[0]) || mxIsSparse(prhs[0]) || mxGetM(prhs[0]) != 6) {
     mexErrMsgIdAndTxt("${name}:poses", "expected one real, full matrix of 6 rows: $pose");
@@ -47,7 +41,9 @@ void mexFunction(int nlhs, mxArray *plhs[], int nrhs, const mxArray *prhs[]) {
     const double *pose = poses + 6 * k;
     double *load = loads + ${guard}_LOADS * k;
     const int told = jacobian ? ${name}_jacobian(pose, load, rows) : ${name}_loads(pose, load);
-    if (jacobian) by_columns(jacobian + 6 * ${guard}_LOADS * k, rows);
+    for (int j = 0; jacobian && j < 6; j++) {
+      for (int i = 0; i < ${guard}_LOADS; i++) jacobian[(6 * k + j) * ${guard}_LOADS + i] = rows[i][j];
+    }
     if (roots) ${name}_roots(pose, roots + ${guard}_PATCHES * k, slopes);
     if (validity) ${name}_confidence(pose, &valid, errors);
     if (validity) validity[k] = valid;

@@ -90,9 +90,7 @@ FMI void *fmi3InstantiateCoSimulation(const char *name, const char *token, const
 FMI void fmi3FreeInstance(void *instance) { free(instance); }
 
 FMI int fmi3EnterInitializationMode(void *instance, bool tolerant, double tolerance, double from, bool ends, double end) {
-  (void)tolerant, (void)tolerance, (void)ends, (void)end;
-  ((Instance *)instance)->time = from;
-  return OK;
+  return (void)tolerant, (void)tolerance, (void)ends, (void)end, ((Instance *)instance)->time = from, OK;
 }
 
 #define NOTHING_TO_DO(function) \
@@ -103,9 +101,7 @@ NOTHING_TO_DO(fmi3EvaluateDiscreteStates) NOTHING_TO_DO(fmi3EnterContinuousTimeM
 
 FMI int fmi3UpdateDiscreteStates(void *instance, bool *again, bool *terminate, bool *nominals, bool *values, bool *defined,
                                  double *next) {
-  (void)instance, (void)next;
-  *again = *terminate = *nominals = *values = *defined = false;
-  return OK;
+  return (void)instance, (void)next, *again = *terminate = *nominals = *values = *defined = false, OK;
 }
 
 /* ---- values */
@@ -177,17 +173,10 @@ DERIVATIVE(fmi3GetAdjointDerivative, true)
 
 /* ---- model exchange: no states, no events */
 
-FMI int fmi3SetTime(void *instance, double time) {
-  ((Instance *)instance)->time = time;
-  return OK;
-}
-
+FMI int fmi3SetTime(void *instance, double time) { return ((Instance *)instance)->time = time, OK; }
 FMI int fmi3CompletedIntegratorStep(void *instance, bool final, bool *event, bool *terminate) {
-  (void)instance, (void)final;
-  *event = *terminate = false;
-  return OK;
+  return (void)instance, (void)final, *event = *terminate = false, OK;
 }
-
 FMI int fmi3GetNumberOfContinuousStates(void *instance, size_t *count) { return (void)instance, *count = 0, OK; }
 FMI int fmi3GetNumberOfEventIndicators(void *instance, size_t *count) { return (void)instance, *count = 0, OK; }
 

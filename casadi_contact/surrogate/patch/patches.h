@@ -67,9 +67,7 @@ FUNCTION void kernel_hessian(const double *given, const double *loads_weight, co
     x[p] = local[p].x, of_roots[p] = s + p, which[p] = p;
   }
   roots_value($patches, which, x, of_roots);
-  for (int p = 0; p < $patches; p++) {
-    bent[p] = s[p] > 0.0 || (ROOTS && roots_weight[p] != 0.0);
-  }
+  for (int p = 0; p < $patches; p++) bent[p] = s[p] > 0.0 || (ROOTS && roots_weight[p] != 0.0);
 #define BENT(p) if (bent[p])
 #else
 #define BENT(p)

@@ -177,9 +177,7 @@ INLINE void curvature(int inputs, int n, const double *weight, const double *z, 
 }
 
 INLINE void curved(int inputs, double (*sums)[WIDTH], double *h) {
-  for (int t = 0; t < inputs; t++) {
-    for (int u = 0; u <= t; u++, sums++) h[t * inputs + u] += sum_of_lanes(sums[0]);
-  }
+  for (int t = 0; t < inputs; t++) for (int u = 0; u <= t; u++, sums++) h[t * inputs + u] += sum_of_lanes(sums[0]);
 }
 
 /* 1/sqrt(x) for 1 <= x < 1e300 to 2 units in the last place: a start (error < 2^-14, or from the exponent's bits 3.5 %,

@@ -51,14 +51,10 @@ INLINE void gradient_in_pose(const Local *local, double g[6]) {
 /* d2/dx2 (full) with its d/dx -> d2/dpose2, added to total */
 INLINE void hessian_in_pose(const Frame *f, const Local *local, const double g[6], double h[6][6], double total[36]) {
   for (int i = 0; i < 6; i++) {
-    for (int j = 0; j < 3; j++) {
-      for (int k = 0; k < 3; k++) h[i][3 + j] += h[i][k] * local->dv[j][k];
-    }
+    for (int j = 0; j < 3; j++) for (int k = 0; k < 3; k++) h[i][3 + j] += h[i][k] * local->dv[j][k];
   }
   for (int i = 0; i < 6; i++) {
-    for (int j = 0; j < 3; j++) {
-      for (int k = 0; k < 3; k++) h[3 + j][i] += local->dv[j][k] * h[k][i];
-    }
+    for (int j = 0; j < 3; j++) for (int k = 0; k < 3; k++) h[3 + j][i] += local->dv[j][k] * h[k][i];
   }
   for (int i = 0; i < 3; i++) {
     for (int j = i; j < 3; j++) {
@@ -69,7 +65,5 @@ INLINE void hessian_in_pose(const Frame *f, const Local *local, const double g[6
       if (i != j) h[3 + j][3 + i] += bent;
     }
   }
-  for (int i = 0; i < 6; i++) {
-    for (int j = 0; j < 6; j++) total[6 * i + j] += h[i][j];
-  }
+  for (int i = 0; i < 6; i++) for (int j = 0; j < 6; j++) total[6 * i + j] += h[i][j];
 }
