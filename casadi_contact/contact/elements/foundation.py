@@ -119,12 +119,12 @@ class ElasticFoundation(WrenchLoads):
 
     def __init__(self, scene: Scene, grid: tuple[int, int] | None = None, *, compiled: bool = True) -> None:
         super().__init__(scene)
+        self._law = law_of(scene.material)
         self.grid = scene.grids["fine"] if grid is None else grid_size("grid", grid)
         grids = scene.elements(self.grid)
         self._edges = [e.edge_centres_mm for e in grids]
         self._material = scene.material if compiled else None
         self._patches = [PatchElements.of(s, e, self._material) for s, e in zip(scene.surfaces(), grids, strict=True)]
-        self._law = law_of(scene.material)
 
     def __repr__(self) -> str:
         return f"ElasticFoundation({self.scene.name}, grid={grid_text(self.grid)})"
