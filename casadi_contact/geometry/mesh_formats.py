@@ -29,9 +29,9 @@ def read_triangles(path: Path) -> tuple[Array, np.ndarray]:
     kind = path.suffix.lower()
     try:
         return READERS[kind](path.read_bytes())
-    except ImportError:
-        raise ImportError(f"reading {path.name} needs trimesh: pip install casadi_contact[mesh]") from None
     except Exception as error:  # damaged bytes lead to many kinds of errors in trimesh, expat, base64, zlib and NumPy
+        if isinstance(error, ImportError) and error.name == "trimesh":  # which itself may miss others for a damaged file
+            raise ImportError(f"reading {path.name} needs trimesh: pip install casadi_contact[mesh]") from None
         inside = ", in ascii or inline base64" if kind == ".vtp" else ""
         raise ValueError(
             f"mesh {path} cannot be read ({one_line(error)}), expected a whole {kind[1:].upper()} file{inside}"
