@@ -30,7 +30,7 @@ def read_triangles(path: Path) -> tuple[Array, np.ndarray]:
     try:
         return READERS[kind](path.read_bytes())
     except Exception as error:  # damaged bytes lead to many kinds of errors in trimesh, expat, base64, zlib and NumPy
-        if isinstance(error, ImportError) and error.name == "trimesh":  # which itself may miss others for a damaged file
+        if isinstance(error, ImportError) and error.name == "trimesh":  # it may itself miss one for damaged bytes
             raise ImportError(f"reading {path.name} needs trimesh: pip install casadi_contact[mesh]") from None
         inside = ", in ascii or inline base64" if kind == ".vtp" else ""
         raise ValueError(
