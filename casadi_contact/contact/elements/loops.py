@@ -100,9 +100,9 @@ STEEPEST_RAY_SLOPE = -0.05  # cos of the angle between ray and surface: flatter 
 
 @njit(inline="always")
 def _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, start):
-    """Depth d > 0 along -n, and the surface gradient G (fixed frame) there; start = -g(c)."""
-    d = start
-    least = NEAREST_SURFACE * start  # without this bound Newton's method diverges where g jumps
+    """Depth d along -n, below 0 for a point outside, and the surface gradient G (fixed frame) there; start = -g(c)."""
+    d = start  # below: without this bound Newton's method diverges where g jumps
+    least = NEAREST_SURFACE * start if start > 0.0 else -start / STEEPEST_RAY_SLOPE
     gx = gy = gz = 0.0
     for _ in range(RAY_ITERATIONS):
         qx, qy, qz = to_moving(R, t, cx - d * nx, cy - d * ny, cz - d * nz)
@@ -242,3 +242,21 @@ def point_distances(family, parameters, points, R, t):
         qx, qy, qz = to_moving(R, t, points[k, 0], points[k, 1], points[k, 2])
         distances[k] = signed_distance_value(family, parameters, qx, qy, qz)
     return distances
+
+
+@njit()
+def overlap_many(family, parameters, points, normals, R, t, reach):
+    """Signed depths (m,) [mm] of points along -n in one pose, below 0 outside of the moving body, and the derivatives
+    by its twist about t (m, 6); -inf for points farther from it than the reach."""
+    overlaps, slopes = np.full(len(points), -np.inf), np.zeros((len(points), 6))
+    for e in range(len(points)):
+        cx, cy, cz = points[e, 0], points[e, 1], points[e, 2]
+        qx, qy, qz = to_moving(R, t, cx, cy, cz)
+        g = signed_distance_value(family, parameters, qx, qy, qz)
+        if g < reach:
+            nx, ny, nz = normals[e, 0], normals[e, 1], normals[e, 2]
+            d, gx, gy, gz = _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, -g)
+            overlaps[e] = d if g < 0.0 else min(d, 0.0)
+            scale = -1.0 / min(gx * nx + gy * ny + gz * nz, STEEPEST_RAY_SLOPE)
+            _set_twist(slopes[e], scale, gx, gy, gz, cx - d * nx - t[0], cy - d * ny - t[1], cz - d * nz - t[2])
+    return overlaps, slopes

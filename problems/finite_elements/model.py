@@ -1,0 +1,236 @@
+"""Finite elements as a contact model: a rigid moving body pressed into the fixed body's elastic layer, frictionless."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, cholesky
+from scipy.optimize import nnls
+from threadpoolctl import ThreadpoolController
+
+from casadi_contact.contact.elements.foundation import ElasticFoundation, PatchElements, grid_text
+from casadi_contact.contact.elements.loops import overlap_many
+from casadi_contact.contact.model import WrenchLoads
+from casadi_contact.contact.pressures import PressedElements, PressureMap, PressureSummary
+from casadi_contact.core.conventions import (
+    Array,
+    as_poses,
+    batched,
+    rotation,
+    twist_to_pose_gradient,
+)
+from casadi_contact.geometry.elements import scattered_elements
+from casadi_contact.geometry.moving_surface import MovingSurface
+from casadi_contact.scenes.normal_load import Part
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.shapes.checks import grid_size
+from casadi_contact.scenes.shapes.shape import shape_named
+
+try:
+    from problems.finite_elements.layer import Hexahedra, Layer
+except ModuleNotFoundError as error:
+    raise ModuleNotFoundError(f"{error}: finite elements need pip install casadi_contact[fem]") from None
+
+
+@dataclass(frozen=True)
+class Pressed:
+    """A patch's nodes in contact, by number (a,): overlaps (a,) [mm], forces (a,) [N] and the forces' derivatives by
+    the twist of the moving body about t (a, 6)."""
+
+    nodes: np.ndarray
+    overlaps_mm: Array
+    forces_n: Array
+    by_twist: Array
+
+
+class ElasticBody:
+    """One patch: its condensed layer and the moving surface that faces it.
+
+    In a pose with overlaps d (m,) along the normals, the forces f (m,) solve f ≥ 0, C·f - d ≥ 0, fᵀ(C·f - d) = 0.
+    """
+
+    def __init__(self, layer: Layer, surface: MovingSurface, parts: Sequence[Part]) -> None:
+        self.layer, self.surface = layer, surface
+        self.wrenches = -np.concatenate([layer.normals, np.cross(layer.points_mm, layer.normals)], axis=1)
+        z = layer.points_mm[:, 2]
+        self.part_nodes = [np.asarray((part.z_mm[0] <= z) & (z < part.z_mm[1])) for part in parts]
+        everywhere = np.zeros(len(z), dtype=bool)  # no node counts as an edge: gaps alone are asked for
+        of_parts = [(layer.points_mm, layer.normals, layer.areas_mm2, everywhere, part.z_mm) for part in parts]
+        self.part_elements = [PatchElements.of(surface, scattered_elements(*of_part), None) for of_part in of_parts]
+        self._last = np.zeros(len(z), dtype=bool)
+
+    def press(self, R: Array, t: Array, reach_mm: float) -> Pressed:
+        """The forces in one pose; the search starts from the nodes that were in contact in the pose before."""
+        surface, layer = self.surface, self.layer
+        overlaps, by_twist = overlap_many(
+            surface.family, surface.parameters, layer.points_mm, layer.normals, R, t, reach_mm
+        )
+        near = np.flatnonzero(overlaps > -np.inf)
+        d, C = overlaps[near], layer.compliance[np.ix_(near, near)]
+        overlapping = d > 0.0
+        active = np.zeros(0, dtype=int)
+        if overlapping.any():
+            start = self._last[near] if self._last[near].any() else overlapping
+            active = near[active_set(C, d, start)]
+        self._last[:] = False
+        self._last[active] = True
+        if not len(active):
+            return Pressed(active, np.zeros(0), np.zeros(0), np.zeros((0, 6)))
+        solution = _solved(layer.compliance, active, np.column_stack([overlaps[active], by_twist[active]]))
+        return Pressed(active, overlaps[active], solution[:, 0], solution[:, 1:])
+
+
+def _solved(compliance: Array, active: np.ndarray, right: Array) -> Array:
+    """C_AA⁻¹ times the right-hand sides (a, k)."""
+    factor = cho_factor(compliance[np.ix_(active, active)], lower=True, check_finite=False)
+    return np.asarray(cho_solve(factor, right, check_finite=False))
+
+
+def active_set(compliance: Array, overlaps: Array, start: np.ndarray, most_steps: int = 40) -> np.ndarray:
+    """True (m,) where f > 0 in the solution of f ≥ 0, C·f ≥ d, fᵀ(C·f - d) = 0.
+
+    Primal-dual active set: with A given, f_A = C_AA⁻¹·d_A; the next A holds those of A with f > 0 and all others with
+    C·f < d. Where this does not end, non-negative least squares of ½|Lᵀf - L⁻¹d|², C = L·Lᵀ, has the same solution.
+    """
+    active = start
+    for _ in range(most_steps):
+        forces = np.zeros(len(overlaps))
+        forces[active] = _solved(compliance, np.flatnonzero(active), overlaps[active])
+        following = np.where(active, forces > 0.0, compliance[:, active] @ forces[active] < overlaps)
+        if (following == active).all():
+            return active
+        active = following
+    upper = cholesky(compliance)
+    return nnls(upper, np.linalg.solve(upper.T, overlaps))[0] > 0.0
+
+
+class FiniteElements(WrenchLoads):
+    """The fixed body as a linear elastic solid on a rigid back, pressed by the rigid moving body without friction.
+
+    A layer of the scene's thickness, Young's modulus and Poisson's ratio lies under each patch; the scene's pressure
+    law has no meaning here. The wrench of a patch on the fixed body is Σ -f_i·(n_i, x_i × n_i) over the nodes of its
+    surface, with forces f_i ≥ 0 that keep every node out of the moving body. Jacobian: df = C_AA⁻¹·dd on the nodes A
+    in contact. Each method takes poses (n, 6), or one pose (6,): its arrays then come without their first axis.
+
+    grid: nodes of each patch along x and z; 1.5 times the scene's coarse grid if left out. mesh: its hexahedra.
+    reach_mm: how far outside of the moving body nodes are followed that may bulge into it. The first use of a scene
+    condenses its layers, in seconds to minutes, and keeps them in the cache folder. Raises ModuleNotFoundError
+    without the extra `fem`, ValueError for a surface without whole elements.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        grid: tuple[int, int] | None = None,
+        mesh: Hexahedra = Hexahedra(),  # noqa: B008
+        *,
+        reach_mm: float = 0.3,
+    ) -> None:
+        nx, nz = [3 * count // 2 for count in scene.grids["coarse"]] if grid is None else grid_size("grid", grid)
+        self.grid = nx - (nx - 1) % mesh.order, nz - (nz - 1) % mesh.order  # whole elements
+        super().__init__(scene)
+        self.mesh, self.reach_mm = mesh, reach_mm
+        self._blas = ThreadpoolController()
+        self._elements = ElasticFoundation(scene, self.grid, compiled=False)  # on the same points: it knows the rims
+        self._bodies = []
+        cells = shape_named(scene.shape).cells(scene.geometry, self.grid)
+        for patch, (surface, (points, normals, areas)) in enumerate(zip(scene.surfaces(), cells, strict=True)):
+            layer = Layer.of(points, normals, areas > 0.0, scene.material, mesh)
+            self._bodies.append(ElasticBody(layer, surface, [part for part in scene.parts if part.patch == patch]))
+
+    def __repr__(self) -> str:
+        return f"FiniteElements({self.scene.name}, grid={grid_text(self.grid)}, {self.mesh})"
+
+    @property
+    def label(self) -> str:
+        """Its name in tables: "FE 61×41"."""
+        return f"FE {grid_text(self.grid)}"
+
+    @batched
+    def wrenches(self, poses: Array) -> Array:
+        """Wrench of each patch on the fixed body (n, patches, 6) [N, N·mm], for poses (n, 6)."""
+        return np.add.reduceat(self.part_wrenches(poses), self.scene.first_parts, axis=1)
+
+    @batched
+    def part_wrenches(self, poses: Array) -> Array:
+        """Wrench of each part of the scene's patches (n, parts, 6) [N, N·mm], as samples hold it."""
+        wrenches = [
+            (found.forces_n * within[found.nodes]) @ body.wrenches[found.nodes]
+            for pressed in self._pressed(poses)
+            for body, found in zip(self._bodies, pressed, strict=True)
+            for within in body.part_nodes
+        ]
+        return np.reshape(wrenches, (len(poses), len(self.scene.parts), 6))
+
+    @batched
+    def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:
+        """Wrenches (n, patches, 6) and their exact derivatives by the pose (n, patches, 6, 6)."""
+        wrenches = np.zeros((len(poses), len(self._bodies), 6))
+        by_twist = np.zeros((*wrenches.shape, 6))
+        for k, pressed in enumerate(self._pressed(poses)):
+            for p, (body, found) in enumerate(zip(self._bodies, pressed, strict=True)):
+                unit = body.wrenches[found.nodes].T
+                wrenches[k, p], by_twist[k, p] = unit @ found.forces_n, unit @ found.by_twist
+        return wrenches, twist_to_pose_gradient(by_twist, poses)
+
+    @batched
+    def gaps(self, poses: Array) -> Array:
+        """Distance of each patch (n, patches) [mm] from the moving body; below zero, minus the largest overlap."""
+        return self._gap_jacobian(poses)[0]
+
+    @batched
+    def part_gaps(self, poses: Array) -> Array:
+        """Distance of each part of the scene's patches (n, parts) [mm] from the moving body, likewise."""
+        return self._elements._gaps([elements for body in self._bodies for elements in body.part_elements], poses)[0]
+
+    @batched
+    def at_edge(self, poses: Array) -> np.ndarray:
+        """True (n, patches) where contact reaches a patch's outermost points: part of it may lie beyond them."""
+        return self._elements.at_edge(poses)
+
+    @batched
+    def stored_energy(self, poses: Array) -> Array:
+        """½·fᵀC f of each patch (n, patches) [N·mm]: the work that pressing the body into the layer took."""
+        energies = [[0.5 * found.forces_n @ found.overlaps_mm for found in each] for each in self._pressed(poses)]
+        return np.reshape(energies, (len(poses), len(self._bodies)))
+
+    def pressure_maps(self, pose: Array) -> list[PressureMap]:
+        """Pressure at every node in one pose (6,), patch by patch: its force over its area."""
+        (pressed,) = self._pressed(as_poses([pose]))
+        maps = []
+        for name, body, found in zip(self.patch_names, self._bodies, pressed, strict=True):
+            pressures = np.zeros(len(body.layer.areas_mm2))
+            pressures[found.nodes] = found.forces_n / body.layer.areas_mm2[found.nodes]
+            maps.append(PressureMap(name, body.layer.points_mm, body.layer.areas_mm2, pressures))
+        return maps
+
+    def summary(self, poses: Array) -> PressureSummary:
+        """Areas, pressures, centres of pressure and penetrations of each patch at poses (n, 6), over its nodes."""
+        poses = as_poses(poses)
+        elements = []
+        for k, pressed in enumerate(self._pressed(poses)):
+            for p, (body, found) in enumerate(zip(self._bodies, pressed, strict=True)):
+                areas = body.layer.areas_mm2[found.nodes]
+                points, pressures = body.layer.points_mm[found.nodes], found.forces_n / areas
+                elements.append(PressedElements(k, p, points, areas, found.overlaps_mm, pressures))
+        return PressureSummary.of_elements((len(poses), len(self._bodies)), elements)
+
+    def _pressed(self, poses: Array) -> Iterator[list[Pressed]]:
+        """What each patch bears, pose by pose."""
+        for R, t in zip(rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3]), strict=True):
+            with self._blas.limit(limits=1):  # matrices of some hundred rows are no work for two threads
+                pressed = [body.press(R, t, self.reach_mm) for body in self._bodies]
+            yield pressed
+
+    def _gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
+        gaps, slopes = self._elements._gaps(
+            [elements for body in self._bodies for elements in body.part_elements], poses
+        )
+        nearest = [
+            first + gaps[:, first : first + len(body.part_elements)].argmin(axis=1)
+            for first, body in zip(self.scene.first_parts, self._bodies, strict=True)
+        ]
+        rows = np.arange(len(poses))[:, None], np.transpose(nearest)
+        return gaps[rows], slopes[rows]

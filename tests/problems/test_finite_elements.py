@@ -1,0 +1,183 @@
+"""Finite elements: closed forms, energy, complementarity, and exact derivatives."""
+
+import numpy as np
+import pytest
+from scipy.optimize import nnls
+
+import casadi_contact as cc
+from casadi_contact.geometry.moving_surface import sphere
+from casadi_contact.scenes.material import Material
+from problems.finite_elements import layer as layers
+from problems.finite_elements.layer import Hexahedra, Layer
+from problems.finite_elements.model import ElasticBody, FiniteElements, active_set
+
+COARSE = ((21, 13), Hexahedra(layers=1))
+
+
+@pytest.fixture(scope="module")
+def knee_model():
+    return FiniteElements(cc.load_scene("knee"), *COARSE)
+
+
+@pytest.fixture(scope="module")
+def pressed_pose(knee_model):
+    """Turned, and 0.3 mm lower than where it first touches."""
+    pose = np.array([0.8, 0.0, 0.4, 0.01, 0.05, 0.4])
+    for _ in range(20):
+        pose[1] -= knee_model.gaps(pose).max()
+    return pose - [0, 0.3, 0, 0, 0, 0]
+
+
+def flat_grid(x):
+    points = np.stack(np.meshgrid(x, [0.0], x, indexing="ij"), -1)[:, 0]
+    return points, np.broadcast_to([0.0, 1.0, 0.0], points.shape), np.ones(points.shape[:2], dtype=bool)
+
+
+def hertz_in_layer(E, nu, R, depth, thickness):
+    """Sphere on a bonded layer: Hertz with the series of Dimitriadis et al. (2002) to second order in √(R·d)/h."""
+    alpha = -(1.2876 - 1.4678 * nu + 1.3442 * nu**2) / (1.0 - nu)
+    chi = -2.0 * alpha / np.pi * np.sqrt(R * depth) / thickness
+    return 4.0 / 3.0 * E / (1.0 - nu**2) * np.sqrt(R) * depth**1.5 * (1.0 + chi + chi**2)
+
+
+def test_sphere_on_thick_block_is_hertz():
+    E, nu, R, radius, h = 10.0, 0.3, 100.0, 1.0, 20.0
+    half = np.concatenate([np.linspace(0.0, 1.25, 4), 1.25 + 0.42 * np.cumsum(3.0 ** np.arange(1, 4))])
+    ends = np.concatenate([-half[:0:-1], half])
+    grid = np.sort(np.concatenate([ends, 0.5 * (ends[1:] + ends[:-1])]))
+    block = Layer.of(*flat_grid(grid), Material(E, nu, h), Hexahedra(4, grading=3.0))
+    parts = cc.load_scene("sphere_on_plane").parts
+    depth = radius**2 / R
+    found = ElasticBody(block, sphere(R), parts).press(np.eye(3), np.array([0.0, R - depth, 0.0]), 0.01)
+    assert found.forces_n.sum() == pytest.approx(hertz_in_layer(E, nu, R, depth, h), rel=0.02)
+
+
+def test_thin_compressible_layer_is_an_elastic_foundation():
+    scene = cc.load_scene("sphere_on_plane").with_overrides(
+        radius=1000.0, patch_side=26.0, thickness=1.0, poissons_ratio=0.2
+    )
+    pose = np.array([0.0, 1000.0 - 0.05, 0.0, 0.0, 0.0, 0.0])  # contact radius: ten times the thickness
+    springs = cc.ElasticFoundation(scene, (53, 53)).wrenches(pose)[0, 1]
+    assert FiniteElements(scene, (27, 27)).wrenches(pose)[0, 1] == pytest.approx(springs, rel=0.05)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_evenly_compressed_block_without_poissons_ratio(order):
+    """F = E·A·d/h exactly, the pressure even and the energy F·d/2."""
+    scene = cc.load_scene("punch_on_plane").with_overrides(poissons_ratio=0.0)
+    model = FiniteElements(scene, (9, 9), Hexahedra(2, order))
+    pose = np.array([0.0, -0.1, 0.0, 0.0, 0.0, 0.0])
+    (map_,) = model.pressure_maps(pose)
+    pressure = scene.material.youngs_modulus * 0.1 / scene.material.thickness
+    np.testing.assert_allclose(map_.pressures_mpa, pressure, rtol=1e-9)
+    force = pressure * map_.areas_mm2.sum()
+    assert -model.wrenches(pose)[0, 1] == pytest.approx(force, rel=1e-9)
+    assert model.stored_energy(pose)[0] == pytest.approx(0.05 * force, rel=1e-9)
+    assert map_.areas_mm2.sum() == pytest.approx(scene.geometry["area"] * (8 / 9) ** 2)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_rigid_motions_strain_nothing(order):
+    rng = np.random.default_rng(1)
+    grid = np.stack(np.meshgrid(*[np.arange(order + 1.0)] * 3, indexing="ij"), -1).reshape(-1, 3)
+    x = grid + 0.1 * rng.uniform(size=grid.shape)
+    K = layers._stiffness(x, np.arange(len(x))[None], Material(5.0, 0.4, 1.0), order)
+    turns = [np.cross(axis, x).ravel() for axis in np.eye(3)]
+    shifts = [np.tile(axis, len(x)) for axis in np.eye(3)]
+    np.testing.assert_allclose(K @ np.transpose(turns + shifts), 0.0, atol=1e-11)
+    assert np.linalg.matrix_rank(K.toarray(), tol=1e-9) == 3 * len(x) - 6
+
+
+def test_work_of_pressing_is_the_stored_energy():
+    scene = cc.load_scene("sphere_on_plane")
+    model = FiniteElements(scene, (31, 31), Hexahedra(layers=1))
+    at, weights = np.polynomial.legendre.leggauss(120)
+    depths = 0.2 * (at + 1.0)  # 0 to 0.4 mm
+    poses = np.zeros((len(at), 6))
+    poses[:, 1] = scene.geometry["radius"] - depths
+    work = 0.2 * weights @ -model.wrenches(poses)[:, 0, 1]
+    assert model.stored_energy(np.array([0.0, 29.6, 0.0, 0.0, 0.0, 0.0]))[0] == pytest.approx(work, rel=1e-3)
+
+
+def test_forces_press_and_keep_the_bodies_apart(knee_model, pressed_pose):
+    for body, found in zip(knee_model._bodies, next(knee_model._pressed(pressed_pose[None])), strict=True):
+        C = body.layer.compliance
+        np.testing.assert_allclose(C, C.T, atol=1e-12 * C.max())
+        assert len(found.nodes) > 3
+        assert (found.forces_n > 0.0).all()
+        np.testing.assert_allclose(C[np.ix_(found.nodes, found.nodes)] @ found.forces_n, found.overlaps_mm)
+
+
+def test_active_set_solves_like_non_negative_least_squares():
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        A = rng.normal(size=(30, 30))
+        C, d = A @ A.T + np.eye(30), rng.normal(size=30)
+        upper = np.linalg.cholesky(C).T
+        expected = nnls(upper, np.linalg.solve(upper.T, d))[0] > 0.0
+        for start in (d > 0.0, np.ones(30, dtype=bool)):
+            np.testing.assert_array_equal(active_set(C, d, start), expected)
+        np.testing.assert_array_equal(active_set(C, d, d > 0.0, most_steps=0), expected)
+
+
+def test_jacobian_is_that_of_differences(knee_model, pressed_pose):
+    h = 1e-6
+    wrenches, jacobian = knee_model.wrench_jacobian(pressed_pose)
+    moved = knee_model.wrenches(pressed_pose + h * np.vstack([np.eye(6), -np.eye(6)]))
+    differences = np.moveaxis(moved[:6] - moved[6:], 0, -1) / (2.0 * h)
+    np.testing.assert_allclose(jacobian, differences, atol=1e-6 * abs(jacobian).max())
+    np.testing.assert_allclose(wrenches, knee_model.wrenches(pressed_pose))
+    assert (wrenches[:, 1] < -50.0).all()
+
+
+def test_mirrored_pose_has_mirrored_loads(knee_model, pressed_pose):
+    mirrored = pressed_pose * [1, 1, -1, -1, -1, 1]
+    sign = np.array([1, 1, -1, -1, -1, 1])
+    wrenches = knee_model.wrenches(pressed_pose)
+    np.testing.assert_allclose(knee_model.wrenches(mirrored)[::-1] * sign, wrenches, atol=1e-6 * abs(wrenches).max())
+
+
+def test_orders_meet_as_elements_get_smaller():
+    scene = cc.load_scene("sphere_on_plane").with_overrides(poissons_ratio=0.3)
+    pose = np.array([0.0, 29.4, 0.0, 0.0, 0.0, 0.0])
+
+    def load(nodes, layers, order):
+        return -FiniteElements(scene, (nodes, nodes), Hexahedra(layers, order)).wrenches(pose)[0, 1]
+
+    fine = load(25, 2, 2)
+    errors = [abs(load(nodes, layers, 1) / fine - 1.0) for nodes, layers in ((7, 1), (25, 5))]
+    assert errors[1] < 0.015 < errors[0]
+
+
+@pytest.mark.parametrize(("depth", "aside", "force"), [(0.3, 0.0, 914.8), (0.15, 0.0, 284.3), (0.3, 3.0, 910.2)])
+def test_an_independent_solver_finds_the_same_force(depth, aside, force):
+    """CalculiX 2.20: 36×36×8 elements C3D8I (smaller in the middle) of 24×24×8 mm, rigid sphere, node to surface."""
+    scene = cc.load_scene("sphere_on_plane").with_overrides(poissons_ratio=0.3, patch_side=25.0)
+    model = FiniteElements(scene, (25, 25))
+    assert -model.wrenches(np.array([aside, 30.0 - depth, 0, 0, 0, 0]))[0, 1] == pytest.approx(force, rel=0.02)
+
+
+def test_out_of_contact_nothing_is_borne(knee_model, pressed_pose):
+    lifted = pressed_pose + np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    assert not knee_model.wrenches(lifted).any()
+    assert not knee_model.wrench_jacobian(lifted)[1].any()
+    assert (knee_model.gaps(lifted) > 0.0).all()
+    assert (knee_model.root_loads(lifted)[0] < 0.0).all()
+
+
+def test_kept_compliance_that_is_damaged_is_made_again(tmp_path, monkeypatch):
+    monkeypatch.setenv("CASADI_CONTACT_CACHE", str(tmp_path))
+    made = Layer.of(*flat_grid(np.arange(5.0)), Material(10.0, 0.3, 2.0), Hexahedra(1))
+    (kept,) = tmp_path.iterdir()
+    content = bytearray(kept.read_bytes())
+    content[-100] ^= 1
+    kept.write_bytes(content)
+    again = Layer.of(*flat_grid(np.arange(5.0)), Material(10.0, 0.3, 2.0), Hexahedra(1))
+    np.testing.assert_array_equal(again.compliance, made.compliance)
+    assert kept.read_bytes() != bytes(content)
+
+
+@pytest.mark.parametrize("values", [{"layers": 0}, {"order": 3}, {"grading": 0.0}])
+def test_meshes_that_cannot_be(values):
+    with pytest.raises(ValueError, match="expected"):
+        Hexahedra(**values)
