@@ -1,24 +1,19 @@
-"""Pressure over the fixed surface: of elements, as outputs of a contact model, and at sharp edges."""
+"""Pressure over the fixed surface: of elements, and as outputs of a contact model."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.pressure_law import law_of, pressure_derivatives
 from casadi_contact.contact.symbolic import contact_callback
-from casadi_contact.core.conventions import Array, as_poses, batched, rotation
-from casadi_contact.geometry.creases import beside_creases, creases
+from casadi_contact.core.conventions import Array, as_poses, batched
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.scenes.shapes.mesh_bodies import body_mesh, field_spacing
-
-if TYPE_CHECKING:
-    from casadi_contact.contact.elements.foundation import ElasticFoundation
 
 
 @dataclass(frozen=True)
@@ -154,38 +149,3 @@ class PressureOutputs(ABC):
         jacobian = np.concatenate([np.stack([dm[..., 0, :], of_mean, of_peak], -2), of_centre, dm[..., 5:, :]], -2)
         shape = (len(poses), len(self.pressure_names))  # no -1: there may be no poses
         return values.reshape(shape), jacobian.reshape(*shape, 6)
-
-
-def pressed_elements(model: ElasticFoundation, pose: Array) -> tuple[Array, Array]:
-    """Centres (m, 3) [mm] of the elements that bear load and their forces p·A (m,) [N]."""
-    maps = model.pressure_maps(pose)
-    force = np.concatenate([each.forces_n for each in maps])
-    return np.concatenate([each.centres_mm for each in maps])[force > 0.0], force[force > 0.0]
-
-
-SHARP_SHARE = 0.1  # of a wheel with bare edges, with less of its load there forces are off by 1 %
-
-
-def share_at_sharp_edges(model: ElasticFoundation, poses: Array) -> Array:
-    """Share (n,) of the pressing force Σ p·A, over all patches, on elements nearer to a crease of the moving mesh than
-    the nodes of its distance field lie from each other.
-
-    There the field rounds the edge off (`geometry.distance_field`), for elements and cells alike. 0 out of contact, and
-    for moving bodies without creases, as for those that are no meshes.
-    """
-    poses = as_poses(poses)
-    share = np.zeros(len(poses))
-    if model.scene.shape != "mesh":
-        return share
-    mesh, spacing = body_mesh(model.scene.geometry, "moving"), field_spacing(model.scene.geometry, "moving")
-    if not len(creases(mesh)[0]):
-        return share
-    pressed = [pressed_elements(model, pose) for pose in poses]
-    seen = [(points - pose[:3]) @ rotation(pose[3:]) for (points, _), pose in zip(pressed, poses, strict=True)]
-    at = np.repeat(np.arange(len(poses)), [len(points) for points in seen])
-    if not len(at):
-        return share
-    force = np.concatenate([each for _, each in pressed])
-    there = beside_creases(mesh, np.concatenate(seen), np.arange(len(mesh.faces)), spacing)
-    total, beside = np.bincount(at, force, len(poses)), np.bincount(at[there], force[there], len(poses))
-    return np.asarray(np.divide(beside, total, where=total > 0.0, out=share))

@@ -10,10 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.elements.foundation import (
+    SHARP_SHARE,
+    ElasticFoundation,
+    pressed_elements,
+    share_at_sharp_edges,
+)
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.pressure_law import law_of, pressures
-from casadi_contact.contact.pressures import SHARP_SHARE, pressed_elements, share_at_sharp_edges
 from casadi_contact.core.conventions import Array, as_poses, rotation
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.checks import MOST_ELEMENTS

@@ -11,6 +11,7 @@ sides of a crease, as of a chamfer, lie faces with edges of their own; but the s
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
@@ -48,7 +49,7 @@ class Surface:
     known: np.ndarray
 
 
-class Chart:
+class Chart(ABC):
     """The fixed surface of one patch over (u, v): without walls and creases, unless a chart says otherwise."""
 
     low: Array
@@ -69,9 +70,9 @@ class Chart:
         """True (nu, nv) where the surface has a point, of a grid u (nu,), v (nv,): everywhere."""
         return np.ones((len(u), len(v)), dtype=bool)
 
+    @abstractmethod
     def surface(self, u: Array, v: Array) -> Surface:
         """The surface at points (m,), (m,)."""
-        raise NotImplementedError
 
 
 class PlaneChart(Chart):

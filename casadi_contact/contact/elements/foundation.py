@@ -18,12 +18,14 @@ from casadi_contact.contact.pressures import PressedElements, PressureMap, Press
 from casadi_contact.core.compilation import threads_for
 from casadi_contact.core.compiler import CompilerError, call_in_shares, shared_library
 from casadi_contact.core.conventions import Array, as_poses, batched, rotation, twist_to_pose_gradient
+from casadi_contact.geometry.creases import beside_creases, creases
 from casadi_contact.geometry.elements import BLOCK_SIDE, ElementGrid
 from casadi_contact.geometry.moving_surface import SWEPT_ARCS, MovingSurface
 from casadi_contact.networks.kernel.source import c_text
 from casadi_contact.scenes.material import Material
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.checks import grid_size
+from casadi_contact.scenes.shapes.mesh_bodies import body_mesh, field_spacing
 
 
 def grid_text(grid: tuple[int, int]) -> str:
@@ -232,3 +234,38 @@ class ElasticFoundation(WrenchLoads):
             results = [gap_many(s.family, s.parameters, e, rotations, translations) for s, e, *_ in beds]
         gradients = twist_to_pose_gradient(np.stack([g for _, g in results], axis=1), poses)
         return np.stack([g for g, _ in results], axis=1), gradients
+
+
+def pressed_elements(model: ElasticFoundation, pose: Array) -> tuple[Array, Array]:
+    """Centres (m, 3) [mm] of the elements that bear load and their forces p·A (m,) [N]."""
+    maps = model.pressure_maps(pose)
+    force = np.concatenate([each.forces_n for each in maps])
+    return np.concatenate([each.centres_mm for each in maps])[force > 0.0], force[force > 0.0]
+
+
+SHARP_SHARE = 0.1  # of a wheel with bare edges, with less of its load there forces are off by 1 %
+
+
+def share_at_sharp_edges(model: ElasticFoundation, poses: Array) -> Array:
+    """Share (n,) of the pressing force Σ p·A, over all patches, on elements nearer to a crease of the moving mesh than
+    the nodes of its distance field lie from each other.
+
+    There the field rounds the edge off (`geometry.distance_field`), for elements and cells alike. 0 out of contact, and
+    for moving bodies without creases, as for those that are no meshes.
+    """
+    poses = as_poses(poses)
+    share = np.zeros(len(poses))
+    if model.scene.shape != "mesh":
+        return share
+    mesh, spacing = body_mesh(model.scene.geometry, "moving"), field_spacing(model.scene.geometry, "moving")
+    if not len(creases(mesh)[0]):
+        return share
+    pressed = [pressed_elements(model, pose) for pose in poses]
+    seen = [(points - pose[:3]) @ rotation(pose[3:]) for (points, _), pose in zip(pressed, poses, strict=True)]
+    at = np.repeat(np.arange(len(poses)), [len(points) for points in seen])
+    if not len(at):
+        return share
+    force = np.concatenate([each for _, each in pressed])
+    there = beside_creases(mesh, np.concatenate(seen), np.arange(len(mesh.faces)), spacing)
+    total, beside = np.bincount(at, force, len(poses)), np.bincount(at[there], force[there], len(poses))
+    return np.asarray(np.divide(beside, total, where=total > 0.0, out=share))
