@@ -40,7 +40,7 @@ def c_source(model: ExportedModel, name: str) -> str:
     words, functions = template_words(model, name), c_text("export_api.c", TEMPLATES)
     shared = casadi_interface(_casadi_functions(model, UNNAMED))
     suffixes = ("", *re.findall(r"\$\{name\}(\w+)", functions))
-    check_unused(name, f"{model.source}\n{shared}", suffixes=suffixes)
+    check_unused(name, f"{model.source}\n{functions}\n{shared}", suffixes=suffixes)
     parts = [
         _written(words),
         model.source,
@@ -52,13 +52,8 @@ def c_source(model: ExportedModel, name: str) -> str:
 
 def wrench_c_source(model: ExportedModel, name: str) -> str:
     """Another C file: the wrenches of all patches, as casadi.external takes them."""
-    outputs = {"loads": 6 * len(model.patch_names)}
-    parts = [
-        _written(template_words(model, name)),
-        model.wrench_source,
-        casadi_interface({name_of_wrenches(name): outputs}),
-    ]
-    return "\n".join(parts)
+    interface = casadi_interface({name_of_wrenches(name): {"loads": 6 * len(model.patch_names)}})
+    return "\n".join([_written(template_words(model, name)), model.wrench_source, interface])
 
 
 def _casadi_functions(model: ExportedModel, name: str) -> dict[str, dict[str, int]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import re
 from collections.abc import Iterable
 
@@ -39,18 +40,18 @@ def comment_text(text: str) -> str:
     return _NOT_FOR_COMMENTS.sub("_", text.replace("×", "x"))
 
 
-_OF_C = (  # and of C++, whose programs include the header
+_OF_C = (  # and of C++, whose programs include the header; last, macros of compilers and of C's headers
     "alignas alignof and and_eq asm auto bitand bitor bool break case catch char class compl concept const "
     "const_cast constexpr continue decltype default delete do double dynamic_cast else enum explicit export "
     "extern false float for friend goto if inline int long main mutable namespace new noexcept not not_eq nullptr "
     "operator or or_eq private protected public register reinterpret_cast requires restrict return short signed "
     "sizeof static static_assert static_cast struct switch template this thread_local throw true try typedef "
-    "typeid typename typeof union unsigned using virtual void volatile wchar_t while xor xor_eq"
+    "typeid typename typeof union unsigned using virtual void volatile wchar_t while xor xor_eq "
+    "linux unix EOF INFINITY NAN NULL fpclassify isfinite isnormal signbit"
 )
 RESERVED_NAMES = frozenset(("jac", "hess", "null", *_OF_C.split()))
-_DECLARED = re.compile(
-    r"^(?:[A-Za-z_][^\n(\[=;]*[\s*]|#define\s+)(\w+)", re.MULTILINE
-)  # at file scope, as ours is written
+_DECLARED = re.compile(r"^(?:[A-Za-z_][^\n(\[=;]*[\s*]|#define\s+)(\w+)", re.MULTILINE)  # at file scope of our C
+_C_LIBRARY = ctypes.CDLL(None)
 
 
 def check_name(name: str) -> str:
@@ -63,10 +64,11 @@ def check_name(name: str) -> str:
 
 
 def check_unused(name: str, source: str, *, suffixes: Iterable[str] = ("",)) -> None:
-    """ValueError for a name that, with one of these suffixes, a function, an array or a macro of C source has itself:
-    it would be declared twice."""
-    if {f"{name}{suffix}" for suffix in suffixes} & set(_DECLARED.findall(source)):
-        raise ValueError(f"function name {name!r} is not usable, the C of contact models has it: choose another")
+    """ValueError for a name that the C library has (types end in _t), or that, with one of these suffixes, C source has
+    itself: it would be declared twice."""
+    named = {f"{name}{suffix}" for suffix in suffixes}
+    if name.endswith("_t") or hasattr(_C_LIBRARY, name) or named & set(_DECLARED.findall(source)):
+        raise ValueError(f"function name {name!r} is not usable, C or the C of contact models has it: choose another")
 
 
 UNNAMED = "0"
