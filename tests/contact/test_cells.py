@@ -52,7 +52,9 @@ def test_cells_that_carry_are_near_enough_to_be_looked_at(tmp_path):
 
 def test_at_the_brink_of_contact_loads_fade_out_and_never_pull():
     model = cc.CellFoundation(cc.load_scene("sphere_on_plane"), Cells(1.2, 1.2), compiled=False)
-    loads = model(np.vstack([at(30.0 + height) for height in np.linspace(-0.02, 0.03, 60)]))[:, 1]
+    poses = np.vstack([at(30.0 + height) for height in np.linspace(-0.02, 0.03, 60)])
+    loads, (areas, means) = model(poses)[:, 1], model.pressures(poses)[0][:, :2].T
+    np.testing.assert_allclose(areas * means, -loads, rtol=1e-9, atol=1e-12)  # normals of a plane are parallel
     assert (loads <= 0.0).all()
     assert (np.diff(loads) >= 0.0).all()
     assert loads[0] < -5.0

@@ -23,6 +23,7 @@ BALL = [0.3, RADIUS_MM - 0.35, 0.2, 0.02, 0.1, -0.02]
 ON_MESH = [
     BALL,
     [9.0, RADIUS_MM - 0.4, *BALL[2:]],
+    [0.3, RADIUS_MM + 0.272, *BALL[2:]],  # loads fade out
     [0.3, RADIUS_MM + 0.282, *BALL[2:]],
     [0.3, RADIUS_MM + 0.4, *BALL[2:]],
 ]
