@@ -2,7 +2,7 @@
 
 g(q) = Σ_ijk c_ijk B(u - i) B(v - j) B(w - k), with (u, v, w) = (q - origin)/spacing and B the cubic B-spline. The
 coefficients interpolate the smooth surface's distance (`geometry.smooth_surface`) at every node, or, in a grid finer
-than SPACING_MM, at every node near the surface. Outside the grid, which reaches MARGIN_MM beyond the mesh, g is the
+than COARSE_MM, at every node near the surface. Outside the grid, which reaches MARGIN_MM beyond the mesh, g is the
 value at the nearest grid point plus the distance to it.
 
 Beside the coefficients each node keeps a curvature bound M: the least eigenvalue of ∇²g is at least -M everywhere
@@ -28,7 +28,7 @@ from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.smooth_surface import SmoothSurface
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 
-SPACING_MM = 0.75
+SPACING_MM, COARSE_MM = 0.75, 1.5
 MARGIN_MM = 4.0
 CURVATURE_REACH_MM = 2.2
 # Nodes at which the curvature bound is taken, by their distance g: those outside within reach of the surface, and those
@@ -104,11 +104,11 @@ def _node_counts(mesh: TriangleMesh, spacing_mm: float) -> np.ndarray:
 def _node_values(mesh: TriangleMesh, axes: Sequence[Array], spacing_mm: float, near_nodes: float = 6.0) -> Array:
     """Distances [mm] from the smooth surface at the nodes of a grid by its three axes.
 
-    A grid finer than SPACING_MM takes the distances farther than near_nodes nodes from the surface from the field of
+    A grid finer than COARSE_MM takes the distances farther than near_nodes nodes from the surface from the field of
     twice its spacing: an error in a coefficient decays by a factor of 0.27 per node.
     """
-    if spacing_mm < SPACING_MM:
-        coarse = build_field(mesh, min(2.0 * spacing_mm, SPACING_MM)).parameters
+    if spacing_mm < COARSE_MM:
+        coarse = build_field(mesh, min(2.0 * spacing_mm, COARSE_MM)).parameters
         planes = (np.stack(np.meshgrid(x, *axes[1:], indexing="ij"), axis=-1) for x in axes[0])
         values = np.concatenate([field_distances(coarse, p.reshape(-1, 3))[:, 0].reshape(p.shape[:3]) for p in planes])
     else:
