@@ -134,10 +134,22 @@ def checked_mesh(
         )
     if len(wrong := faces[(faces < 0) | (faces >= len(vertices))]):
         raise ValueError(f"mesh {name}: a triangle names vertex {wrong[0]} of {len(vertices)}: the file is damaged")
-    vertices, faces = _used_vertices(name, vertices, faces)
+    used, index = np.unique(faces, return_inverse=True)
+    vertices, faces = vertices[used], index.reshape(-1, 3)
+    if len(wrong := np.flatnonzero(~np.isfinite(vertices).all(axis=1))):
+        got = f"vertex {used[wrong[0]]} is {vertices[wrong[0]]}"
+        raise ValueError(f"mesh {name}: {got}, expected finite numbers: export it again")
     vertices = placement.points(MM_PER_UNIT[units] * vertices @ axes_rotation(axes).T)
     faces = faces[:, ::-1] if placement.mirror else faces
-    across = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    # One vertex for each position: an STL file repeats them for every triangle, an OBJ file for every normal.
+    vertices, index = np.unique(np.round(vertices, 7), axis=0, return_inverse=True)
+    faces = index.reshape(-1)[faces]
+    wide, once = _heights(vertices, faces) > least_height, _first_of_equals(faces)
+    sound, sliver = wide & once, ~wide & once & (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    if not sound.any():
+        raise ValueError(f"mesh {name}: all {len(faces)} triangles are degenerate (no area), expected a surface")
+    mesh = TriangleMesh(name, vertices, faces, int((~sound).sum()), faces[sliver]).part(sound)  # without lone corners
+    across = float(np.linalg.norm(np.ptp(mesh.vertices_mm, axis=0)))
     if not smallest_mm < across < largest_mm:
         sizes = {unit: across * size / MM_PER_UNIT[units] for unit, size in MM_PER_UNIT.items()}
         fitting = [unit for unit, size in sizes.items() if smallest_mm < size < largest_mm]
@@ -146,14 +158,6 @@ def checked_mesh(
             f"mesh {name} is {across:.3g} mm across with units = {units!r}, expected {smallest_mm:g} to "
             f"{largest_mm:g} mm: {remedy}"
         )
-    # One vertex for each position: an STL file repeats them for every triangle, an OBJ file for every normal.
-    vertices, index = np.unique(np.round(vertices, 7), axis=0, return_inverse=True)
-    faces = index.reshape(-1)[faces]
-    wide, once = _heights(vertices, faces) > least_height, _first_of_equals(faces)
-    sound, sliver = wide & once, ~wide & once & (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-    mesh = TriangleMesh(name, vertices, faces[sound], int((~sound).sum()), faces[sliver])
-    if not sound.any():
-        raise ValueError(f"mesh {name}: all {len(faces)} triangles are degenerate (no area), expected a surface")
     if mesh.dropped > most_dropped * len(faces):
         raise ValueError(
             f"mesh {name}: {mesh.dropped} of {len(faces)} triangles are degenerate or repeated, expected "
@@ -167,21 +171,12 @@ def checked_mesh(
     return mesh
 
 
-def _used_vertices(name: str, vertices: Array, faces: np.ndarray) -> tuple[Array, np.ndarray]:
-    """The vertices that triangles use, in their order; ValueError for one that is not finite."""
-    used, renumbered = np.unique(faces, return_inverse=True)
-    if not np.isfinite(vertices[used]).all():
-        row = int(used[np.argwhere(~np.isfinite(vertices[used]))[0, 0]])
-        raise ValueError(f"mesh {name}: vertex {row} is {vertices[row]}, expected finite numbers: export it again")
-    return vertices[used], renumbered.reshape(-1, 3)
-
-
 def _heights(vertices: Array, faces: np.ndarray) -> Array:
     """Height of each triangle over its longest edge, by that edge."""
     corners = vertices[faces]
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    return doubled / np.maximum(edges, 1e-300) ** 2
+    return doubled / np.maximum(edges**2, 1e-300)
 
 
 def _first_of_equals(faces: np.ndarray) -> np.ndarray:

@@ -1,26 +1,26 @@
-"""Vertices and triangles of mesh files: STL and PLY by trimesh, OBJ and VTK PolyData (.vtp) here."""
+"""Vertices and triangles of mesh files: STL, OBJ, PLY and VTK PolyData (.vtp). What is not whole is refused: trimesh
+and meshio leave out damaged faces without a word."""
 
 from __future__ import annotations
 
 import base64
-import io
 import re
 import zlib
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 from xml.etree import ElementTree
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.files.reading import MOST_MESH, MOST_UNPACKED, checked_size, one_line
 
-_VTK_TYPES = {
-    **{f"{sign}Int{bits}": f"{letter}{bits // 8}" for sign, letter in (("", "i"), ("U", "u")) for bits in (32, 64)},
-    **{"Float32": "f4", "Float64": "f8", "Int8": "i1", "UInt8": "u1"},
-}
+_PLY = {"char": "int8", "uchar": "uint8", "int": "int32", "uint": "uint32", "float": "float32"}  # unlike NumPy's names
+_FACET = b"facet normal outer loop vertex vertex vertex endloop endfacet".split()
+MOST_RATIO = 200  # of unpacked to packed bytes: zeros have 1,000, a plate's grid of points 100
+_BOM = b"\xef\xbb\xbf"
 
 
 def read_triangles(path: Path) -> tuple[Array, np.ndarray]:
@@ -29,21 +29,31 @@ def read_triangles(path: Path) -> tuple[Array, np.ndarray]:
     kind = path.suffix.lower()
     try:
         return READERS[kind](path.read_bytes())
-    except Exception as error:  # damaged bytes lead to many kinds of errors in trimesh, expat, base64, zlib and NumPy
-        if isinstance(error, ImportError) and error.name == "trimesh":  # it may itself miss one for damaged bytes
-            raise ImportError(f"reading {path.name} needs trimesh: pip install casadi_contact[mesh]") from None
+    except Exception as error:  # damaged bytes lead to many kinds of errors in expat, base64, zlib and NumPy
         inside = ", in ascii or inline base64" if kind == ".vtp" else ""
         raise ValueError(
             f"mesh {path} cannot be read ({one_line(error)}), expected a whole {kind[1:].upper()} file{inside}"
         ) from None
 
 
-def _by_trimesh(content: bytes, kind: str) -> tuple[Array, np.ndarray]:
-    import trimesh
-
-    # Not by its path: trimesh would read files that the mesh names.
-    mesh: Any = trimesh.load(io.BytesIO(content), file_type=kind, force="mesh", process=False)
-    return np.asarray(mesh.vertices), np.asarray(mesh.faces)
+def _of_stl(content: bytes) -> tuple[Array, np.ndarray]:
+    """Binary where the count of triangles fits the size (text there would be a count beyond any file's) and less than a
+    triangle follows; otherwise text, 21 words a facet."""
+    count = int.from_bytes(content[80:84], "little")
+    if 0 < 50 * count <= len(content) - 84 < 50 * (count + 1):
+        facets = np.frombuffer(content, [("corners", "<f4", 12), ("attribute", "<u2")], count, 84)
+        corners = facets["corners"][:, 3:].astype(float)
+    else:
+        lines = content.removeprefix(_BOM).lower().replace(b"\r", b"\n")
+        text, solids = re.subn(rb"(?m)^[ \t]*(end)?solid\b.*$", b"", lines)
+        words = text.split()
+        if not words or len(words) % 21 or solids % 2:
+            raise ValueError(f"neither {count} binary triangles in {len(content)} bytes nor whole facets of text")
+        table = np.array(words).reshape(-1, 21)
+        if (wrong := (table[:, [0, 1, 5, 6, 7, 11, 15, 19, 20]] != _FACET).any(axis=1)).any():
+            raise ValueError(f"facet {int(wrong.argmax()) + 1} is not whole")
+        corners = table[:, [8, 9, 10, 12, 13, 14, 16, 17, 18]].astype(float)
+    return corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
 
 
 def _of_obj(content: bytes) -> tuple[Array, np.ndarray]:
@@ -52,8 +62,8 @@ def _of_obj(content: bytes) -> tuple[Array, np.ndarray]:
     vertices: list[list[float]] = []
     corners: list[int] = []
     ends = []
-    content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    for line in re.sub(rb"#[^\n]*", b"", content).replace(b"\\\n", b"").split(b"\n"):
+    content = content.removeprefix(_BOM).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    for line in re.sub(rb"#[^\n]*", b"", content).replace(b"\\\n", b" ").lower().split(b"\n"):
         kind, *words = line.split() or [b""]
         if kind == b"v":
             vertices.append([float(word) for word in words[:3]])
@@ -63,7 +73,49 @@ def _of_obj(content: bytes) -> tuple[Array, np.ndarray]:
                 raise ValueError(f"a triangle names vertex {wrong[0]} after {len(vertices)} vertices")
             corners += [k - 1 if k > 0 else len(vertices) + k for k in indices]
             ends.append(len(corners))
-    return np.array(vertices, dtype=float), _fans(np.array(corners, dtype=np.int64), np.array(ends, dtype=np.int64))
+    points = np.array(vertices, dtype=float)
+    return points, _fans(points, corners, ends)
+
+
+def _of_ply(content: bytes) -> tuple[Array, np.ndarray]:
+    """Elements `vertex` and `face` (Stanford PLY); the numbers of a text become binary ones, to be read alike."""
+    head, _, body = re.split(rb"[\r\n]end_header[ \t]*(\r\n|\r|\n)", content, maxsplit=1)
+    lines = [line.split() for line in head.decode("latin1").splitlines() if line.strip()]
+    form = next(words[1] for words in lines if words[0] == "format")
+    if form == "ascii":
+        body = np.array(body.split(), dtype="<f8").tobytes()
+    elements: list[tuple[str, int, list[list[Any]]]] = []
+    for kind, *words in lines:
+        if kind == "element":
+            elements.append((words[0], int(words[1]), []))
+        elif kind == "property":  # type and name, or list, type of the length, type and name
+            types = ["<f8" if form == "ascii" else _PLY.get(word, word) for word in words[:-1] if word != "list"]
+            order: Literal["<", ">"] = ">" if form == "binary_big_endian" else "<"
+            elements[-1][2].append([*(np.dtype(each).newbyteorder(order) for each in types), words[-1]])
+    at, tables = 0, {}
+    for element, count, properties in elements:
+        if all(len(each) == 2 for each in properties):
+            table: Any = np.frombuffer(body, [(name, kind) for kind, name in properties], count, at)
+            at += table.nbytes
+        else:
+            table = {each[-1]: [] for each in properties}
+            for _ in range(count):
+                for *lengths, kind, name in properties:
+                    size = 1
+                    for each in lengths:
+                        size = int(np.frombuffer(body, each, 1, at)[0])
+                        at += each.itemsize
+                    values = np.frombuffer(body[:0] if size < 0 else body, kind, size, at)
+                    at += values.nbytes
+                    table[name].append(values)
+        tables[element] = table
+    if len(body) - at >= 8:  # a number of a text, less than a triangle
+        raise ValueError(f"{len(body) - at} bytes follow its elements")
+    if "face" not in tables:
+        raise ValueError(f"it holds {', '.join(tables)}, expected faces: save strips and points as triangles")
+    points = np.column_stack([np.hstack(tables["vertex"][axis]) for axis in "xyz"]).astype(float)
+    faces = tables["face"]["vertex_indices" if "vertex_indices" in tables["face"] else "vertex_index"]
+    return points, _fans(points, np.concatenate(faces), np.cumsum([len(each) for each in faces]))
 
 
 def _of_vtp(content: bytes) -> tuple[Array, np.ndarray]:
@@ -81,7 +133,7 @@ def _of_vtp(content: bytes) -> tuple[Array, np.ndarray]:
         points = _vtk_array(root, piece.find("Points/DataArray")).astype(float).reshape(-1, 3)
         cells = {array.get("Name"): array for array in piece.findall("Polys/DataArray")}
         connectivity, ends = (_vtk_array(root, cells.get(name)) for name in ("connectivity", "offsets"))
-        faces.append(_fans(connectivity.astype(np.int64), ends.astype(np.int64)) + offset)
+        faces.append(_fans(points, connectivity, ends) + offset)
         vertices.append(points)
         offset += len(points)
     return np.concatenate(vertices), np.concatenate(faces)
@@ -90,14 +142,14 @@ def _of_vtp(content: bytes) -> tuple[Array, np.ndarray]:
 def _vtk_array(root: ElementTree.Element, array: ElementTree.Element | None) -> np.ndarray:
     if array is None:
         raise ValueError("it lacks points, connectivity or offsets")
-    order = "<" if root.get("byte_order", "LittleEndian") == "LittleEndian" else ">"
-    dtype = np.dtype(order + _VTK_TYPES[array.get("type", "")])
+    order: Literal["<", ">"] = "<" if root.get("byte_order", "LittleEndian") == "LittleEndian" else ">"
+    dtype = np.dtype(array.get("type", "").lower()).newbyteorder(order)
     text = array.text or ""
     if array.get("format") == "ascii":
         return np.array(text.split(), dtype=dtype.newbyteorder("="))
     if array.get("format") != "binary":
         raise ValueError(f"its data is {array.get('format')!r}")
-    header = np.dtype(order + _VTK_TYPES[root.get("header_type", "UInt32")])
+    header = np.dtype(root.get("header_type", "UInt32").lower()).newbyteorder(order)
     return np.frombuffer(_decode("".join(text.split()), header, "compressor" in root.attrib), dtype=dtype)
 
 
@@ -113,29 +165,45 @@ def _decode(text: str, header: np.dtype, compressed: bool) -> bytes:
 
     blocks = int(numbers(1)[0])
     data, out = base64.b64decode(text[4 * -(-(3 + blocks) * header.itemsize // 3) :]), b""
+    most = min(MOST_UNPACKED, MOST_RATIO * len(data))
     for length in map(int, numbers(3 + blocks)[3:]):
-        out += zlib.decompressobj().decompress(data[:length], MOST_UNPACKED)
+        out += zlib.decompressobj().decompress(data[:length], most + 1)
         data = data[length:]
-        if len(out) >= MOST_UNPACKED:
-            raise ValueError(f"it unpacks to more than {MOST_UNPACKED} bytes")
+        if len(out) > most:
+            raise ValueError(f"it unpacks to more than {most} bytes: save it without compression")
     return out
 
 
-def _fans(connectivity: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Polygons (a, b, c, d, ...) as triangles (a, b, c), (a, c, d), ... (t, 3); ends: where each polygon ends."""
+def _fans(points: Array, corners: ArrayLike, ends: ArrayLike) -> np.ndarray:
+    """Polygons (a, b, c, d, ...) as triangles (a, b, c), (a, c, d), ... (t, 3); ends: where each polygon ends. One that
+    is not convex begins at the first corner whose triangles all face its way."""
+    corners, ends = np.array(corners, dtype=np.int64), np.asarray(ends, dtype=np.int64)
     starts = np.concatenate([[0], ends])[:-1].astype(np.int64)
-    if np.any(ends < starts) or ends[-1:].sum() != len(connectivity):
-        raise ValueError(f"its polygons end at {ends[-1:]}, expected rising offsets up to {len(connectivity)}")
-    count = np.maximum(ends - starts - 2, 0)  # triangles of each polygon
-    first = np.repeat(starts, count)
-    k = np.arange(len(first)) - np.repeat(np.cumsum(count) - count, count)
-    return connectivity[np.stack([first, first + k + 1, first + k + 2], axis=1)]
+    if np.any(ends < starts) or ends[-1:].sum() != len(corners):
+        raise ValueError(f"its polygons end at {ends[-1:]}, expected rising offsets up to {len(corners)}")
+    count = ends - starts - 2  # triangles of each polygon
+    if (count < 1).any():
+        raise ValueError(f"polygon {int((count < 1).argmax()) + 1} has {int(count.min()) + 2} corners, expected 3")
+    polygon = np.repeat(np.arange(len(count)), count)
+    k = np.arange(len(polygon)) - np.repeat(np.cumsum(count) - count, count)
+    for _ in range(int(count.max(initial=0)) + 2):
+        triangles = corners[starts[polygon][:, None] + np.stack([0 * k, k + 1, k + 2], axis=1)]
+        a, b, c = np.moveaxis(points[np.clip(triangles, 0, len(points) - 1)], 1, 0)
+        areas = np.cross(b - a, c - a)
+        whole = np.stack([np.bincount(polygon, areas[:, axis], len(count)) for axis in range(3)], axis=1)
+        along = (areas * whole[polygon]).sum(axis=1)
+        folded = np.unique(polygon[along < -1e-9 * (whole**2).sum(axis=1)[polygon]])
+        if not len(folded):
+            return triangles
+        for each in folded:
+            corners[starts[each] : ends[each]] = np.roll(corners[starts[each] : ends[each]], -1)
+    raise ValueError(f"polygon {folded[0] + 1} is not convex: save the mesh as triangles")
 
 
 READERS: dict[str, Callable[[bytes], tuple[Array, np.ndarray]]] = {
-    ".stl": partial(_by_trimesh, kind="stl"),
+    ".stl": _of_stl,
     ".obj": _of_obj,
-    ".ply": partial(_by_trimesh, kind="ply"),
+    ".ply": _of_ply,
     ".vtp": _of_vtp,
 }
 FORMATS = tuple(READERS)

@@ -117,7 +117,7 @@ def joint_page(scene: str, poses: str | None = None, surrogate: str | None = Non
         "models": escape(f"contact model: {contact!r}" + (f", {learned.title}" if learned else "")),
         "source": escape(f"{cycle.source}. Written by casadi_contact {version('casadi_contact')}."),
         "style": _text("web", "style.css"),
-        "content": json.dumps(content, separators=(",", ":")).replace("</", "<\\/"),
+        "content": json.dumps(content, separators=(",", ":")).replace("<", "\\u003c"),
         "arrays": arrays,
         "modules": page_script(),
     }

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from casadi_contact.geometry import mesh_formats
 from casadi_contact.geometry.mesh import load_mesh
 from tests.support.mesh_files import (
     base64_array,
@@ -17,6 +16,7 @@ from tests.support.mesh_files import (
     obj_each_with_its_own,
     obj_of_both_kinds,
     obj_of_polygons,
+    ply,
     stl,
     vtp,
     written,
@@ -31,11 +31,16 @@ FILES = {
     "each_with_its_own.obj": obj_each_with_its_own,
     "both_kinds.obj": obj_of_both_kinds,
     "dos.obj": dos,
+    "tabs.OBJ": lambda *ball: obj_of_polygons(*ball).replace(" ", "\t").replace("\nf", "\n  F"),
     "lower.stl": stl,
     "upper.STL": lambda *ball: stl(*ball).upper(),
     "named.stl": lambda *ball: stl(*ball, name="facet normal"),
     "binary.stl": binary_stl,
+    "a_byte_more.stl": lambda *ball: binary_stl(*ball) + b"\n",
     "exported.ply": lambda *ball: trimesh.Trimesh(*ball, process=False).export(file_type="ply"),
+    "ascii.ply": ply,
+    "old_mac.ply": lambda *ball: ply(*ball).replace("\n", "\r"),
+    "big_endian.ply": lambda *ball: ply(*ball, order=">"),
     "ascii.vtp": vtp,
     "base64.vtp": lambda *ball: vtp(*ball, base64_array),
     "zlib.vtp": lambda *ball: vtp(*ball, zlib_array),
@@ -57,20 +62,31 @@ def test_units_and_axes_are_those_of_the_library(tmp_path):
     np.testing.assert_allclose(mesh.area_vectors_mm2.sum(axis=0), 0.0, atol=1e-2)
 
 
-@pytest.mark.parametrize(("name", "write"), [("prism.vtp", vtp), ("prism.obj", obj_of_polygons)])
+WRITERS = {
+    "prism.vtp": vtp,
+    "prism.obj": obj_of_polygons,
+    "ascii.ply": ply,
+    "binary.ply": lambda *prism: ply(*prism, order="<"),
+}
+
+
+@pytest.mark.parametrize(("name", "write"), WRITERS.items())
 @pytest.mark.parametrize("first", [0, 2])
-def test_polygons_become_triangles_of_the_same_area(name, write, first, tmp_path):
+@pytest.mark.parametrize("tip", [60, 30])  # convex, and not
+def test_polygons_become_triangles_of_the_same_area(name, write, first, tip, tmp_path):
     """A prism of two hexagons and their quadrilaterals."""
-    hexagon, n = np.roll([(20, 0), (40, 0), (60, 20), (40, 40), (20, 40), (0, 20)], first, axis=0), 6
+    hexagon, n = np.roll([(20, 0), (40, 0), (tip, 20), (40, 40), (20, 40), (0, 20)], first, axis=0), 6
     points = [(x, y, z) for z in (0, 30) for x, y in hexagon]
     polygons = [[*range(n)][::-1], [*range(n, 2 * n)], *([i, (i + 1) % n, (i + 1) % n + n, i + n] for i in range(n))]
     mesh = load_mesh(written(tmp_path / name, write(points, polygons)), "mm")
     around = np.linalg.norm(np.roll(hexagon, 1, axis=0) - hexagon, axis=1).sum()
-    assert mesh.areas_mm2.sum() == pytest.approx(2 * 1600.0 + 30.0 * around)
+    assert mesh.areas_mm2.sum() == pytest.approx(2 * (1200.0 + 20.0 * (tip - 40.0)) + 30.0 * around)
 
 
 PLAIN = vtp([[0, 0, 0], [10, 0, 0], [0, 10, 0], [10, 10, 0]], [[0, 1, 2], [3, 2, 1]])
 OBJ = "v 0 0 0\nv 10 0 0\nv 0 10 0\nf {}\nv 0 0 10\n"
+CORNERS = [(0, 0), (60, 0), (60, 40), (40, 40), (40, 20), (20, 20), (20, 40), (0, 40)]
+FOLDED = obj_of_polygons([(*corner, 0) for corner in CORNERS], [range(8)])
 ENTITIES = '<!DOCTYPE x [<!ENTITY a "1"><!ENTITY b "' + "&a;" * 9 + '">]><VTKFile'
 HOSTILE = {
     "an index of a missing vertex.vtp": (PLAIN.replace("3 2 1<", "3 2 9<"), "vertex 9"),
@@ -85,8 +101,15 @@ HOSTILE = {
     "a vertex before the first.obj": (OBJ.format("-1 -2 -4"), "vertex -4 after 3"),
     "vertex 0.obj": (OBJ.format("1 0 2"), "vertex 0 after 3"),
     "a vertex after the last.obj": (OBJ.format("1 2 9"), "vertex 8 of"),
+    "a face of two.obj": (OBJ.format("1 2"), "2 corners"),
+    "a folded polygon.obj": (FOLDED, "convex"),
     "an immense index.obj": (OBJ.format(f"1 2 {'9' * 30}"), "cannot be read"),
     "four billion triangles.stl": (bytes(80) + struct.pack("<I", 0xFFFFFFFF) + bytes(100), "cannot be read|empty"),
+    "a damaged triangle.ply": (ply(*BALL).replace("\n3 ", "\n", 1), "cannot be read"),
+    "a triangle too many.ply": (ply(*BALL) + "3 0 1 2\n", "follow"),
+    "strips.ply": (ply(*BALL).replace("element face", "element tristrips"), "tristrips"),
+    "a count too low.stl": (binary_stl(*BALL) + bytes(50), "whole"),
+    "an end missing.stl": (stl(*BALL) + stl(*BALL)[:-9], "whole"),
     "xml.stl": ("<VTKFile>", "cannot be read|empty"),
 }
 
@@ -109,8 +132,7 @@ def test_a_file_made_to_mislead_is_one_line_and_takes_no_memory(name, tmp_path):
     refused(written(tmp_path / name, content), message)
 
 
-def test_a_vtp_bomb_is_refused_without_being_unpacked(tmp_path, monkeypatch):
-    monkeypatch.setattr(mesh_formats, "MOST_UNPACKED", 1 << 20)
+def test_a_vtp_bomb_is_refused_without_being_unpacked(tmp_path):
     refused(written(tmp_path / "bomb.vtp", vtp(np.zeros((1 << 21, 3)), [[0, 1, 2]], zlib_array)), "unpacks")
 
 

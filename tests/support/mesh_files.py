@@ -1,6 +1,7 @@
 """Vertices and triangles as the text or bytes of mesh files."""
 
 import base64
+import struct
 import zlib
 
 import numpy as np
@@ -75,6 +76,21 @@ def vtp(points, polygons, encode=ascii_array):
 
 def obj_of_polygons(points, polygons):
     return "".join(map(v, points)) + "".join(f"f {' '.join(str(k + 1) for k in polygon)}\n" for polygon in polygons)
+
+
+def ply(points, polygons, order=""):
+    """ASCII, or binary in the byte order < or >."""
+    form = {"": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}[order]
+    head = (
+        f"ply\nformat {form} 1.0\ncomment TextureFile a.png\nelement vertex {len(points)}\nproperty float x\n"
+        f"property float y\nproperty float z\nelement face {len(polygons)}\n"
+        "property list uchar int vertex_index\nproperty uchar red\nend_header\n"
+    )
+    if not order:
+        rows = ["{:.9f} {:.9f} {:.9f}\n".format(*point) for point in points]
+        return head + "".join(rows + [f"{len(each)} {' '.join(map(str, each))} 7\n" for each in polygons])
+    faces = [struct.pack(f"{order}B{len(each)}iB", len(each), *each, 7) for each in polygons]
+    return head.encode() + np.asarray(points, order + "f4").tobytes() + b"".join(faces)
 
 
 def written(path, content):

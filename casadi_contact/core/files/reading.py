@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -80,6 +81,8 @@ def toml_tables(text: str, what: str) -> dict[str, Any]:
     """The tables of a TOML text; raises ValueError, beginning with `what`, for text too long or not TOML."""
     if len(text) > MOST_TOML:
         raise ValueError(f"{what}: the text has {len(text)} characters, expected at most {MOST_TOML}")
+    if re.search(r"(\.[^.,\n]{1,80}){30}", text):  # of which tomllib takes time with a power of their number
+        raise ValueError(f"{what}: a key has 30 points or more, expected a few")
     try:
         return tomllib.loads(text)
     except RecursionError:
