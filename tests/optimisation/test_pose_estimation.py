@@ -57,6 +57,8 @@ def test_the_objective_is_half_the_squares_of_misfits_and_of_weighted_steps(knee
     values = [float(ca.Function("f", [p.nlp["x"]], [p.nlp["f"]])(x)) for p in (rough, smooth)]
     r = np.asarray(rough.residuals(x.reshape(4, -1).T))
     assert values[0] == pytest.approx(0.5 * np.sum(r**2))
+    medial, lateral, torque = knee(poses, ["Fy_med", "Fy_lat", "Tz"]).T
+    np.testing.assert_allclose(r[2], (torque - rough.targets.values["cop_ap"] * (medial + lateral)) / 10.0, atol=1e-6)
     steps_mm = (np.diff(poses, axis=0) * POSE_IN_MM)[:, rough.contact.columns]
     assert values[1] - values[0] == pytest.approx(0.5 * 30.0 * np.sum(steps_mm**2))
 
@@ -187,7 +189,9 @@ def test_loads_that_are_not_targets_may_press_and_a_torque_tells_that_something_
     np.testing.assert_array_equal(one_side.loaded, [True, False])
     np.testing.assert_array_equal(one_side.met(np.zeros((2, 1))), [True, False])
     assert PoseTargets.of(scene, {"Fy_med": np.array([-90.0, 0.0]), "cop_ap": np.zeros(2)}).loaded.all()
-    assert PoseTargets.of(scene, {"Fx": np.zeros(2), "Tx": np.array([6e3, 6e3])}).loaded.all()
+    by_torque = PoseTargets.of(scene, {"Fx": np.zeros(2), "Tx": np.array([6e3, 6e3])})
+    assert by_torque.loaded.all()
+    np.testing.assert_array_equal(by_torque.met(np.array([[0.9, -24.0], [0.9, 26.0]])), [True, False])  # 1 N at 25 mm
 
 
 @pytest.mark.parametrize(
