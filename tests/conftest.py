@@ -4,6 +4,7 @@ What tests compute is small: where processes share cores, threads that wait for 
 """
 
 import os
+from functools import partial
 
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")  # read when NumPy and torch are first imported
@@ -15,6 +16,7 @@ from hypothesis import settings  # noqa: E402
 
 import casadi_contact as cc  # noqa: E402
 from casadi_contact.core.compiler import CFLAGS_VARIABLE  # noqa: E402
+from casadi_contact.surrogate.calibration import CalibrationSettings, calibrate  # noqa: E402
 from tests.support.compiler import QUICK, flags_of_the_library  # noqa: E402
 
 # The same examples every time, however long the machine takes for one.
@@ -49,6 +51,15 @@ def _quick_compilation():
 def knee():
     """The shipped surrogate of the artificial knee."""
     return cc.load_surrogate("knee")
+
+
+@pytest.fixture(scope="module")
+def quick_calibration():
+    """Training calibrates with a classifier of fewer iterations than a user's."""
+    with pytest.MonkeyPatch.context() as patch:
+        quick = partial(calibrate, settings=CalibrationSettings(iterations=25))
+        patch.setattr("casadi_contact.workflow.train.calibrate", quick)
+        yield
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 import html
 import logging
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -31,26 +32,25 @@ def warned():
 
 
 @pytest.fixture(scope="module")
-def project(tmp_path_factory, warned):
+def project(tmp_path_factory, warned, quick_calibration):
     """A project with everything built in it, its scene with coarser grids than the real one."""
     folder = tmp_path_factory.mktemp("small")
     text = cc.load_scene("knee", settle=(40, 20), teacher=(80, 40)).to_toml()
     (folder / "knee.toml").write_text(text)
     PRESETS["small"] = SMALL
-    try:
+    with pytest.MonkeyPatch.context() as patch, ThreadPoolExecutor(1) as here:
+        patch.setitem(PRESETS, "small", SMALL)
         made = pipeline.Project.open(folder / "knee.toml", "small", folder / "out")
         sampling.sample(made)
         log, handler = logging.getLogger("casadi_contact.workflow.fitting"), logging.Handler(logging.WARNING)
         handler.emit = lambda record: warned.append(record.getMessage())
         log.addHandler(handler)
-        pipeline.train(made)
+        pipeline.train(made, executor=here)
         log.removeHandler(handler)
         pipeline.evaluate(made)
         pipeline.export(made)
         pipeline.report(made)
         yield made
-    finally:
-        del PRESETS["small"]
 
 
 def test_the_report_gives_every_surrogate_s_verdict_on_one_page(project):
@@ -97,7 +97,8 @@ def test_it_says_where_it_is_out_of_its_depth_and_a_rerun_calibrates_to_the_same
         assert 0.8 < surrogate.info().coverage["D1"]["Fy_med"] <= 1.0
     before, content = cc.load_surrogate(project.surrogate_path("patch")), project.samples_path.read_bytes()
     sampling.sample(project)
-    pipeline.train(project)
+    with ThreadPoolExecutor(1) as here:
+        pipeline.train(project, executor=here, structure="patch")
     after, poses = cc.load_surrogate(project.surrogate_path("patch")), samples.poses[:50]
     assert project.samples_path.read_bytes() == content
     np.testing.assert_array_equal(after(poses), before(poses))

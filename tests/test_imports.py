@@ -5,6 +5,7 @@ import importlib
 import re
 import subprocess
 import sys
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -20,6 +21,7 @@ ROOMS = [
 ]
 
 
+@cache
 def running_nodes(path: Path) -> list[ast.AST]:
     """Everything in a file but what is there for type checking alone."""
     tree = ast.parse(path.read_text("utf-8"))

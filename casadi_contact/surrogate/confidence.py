@@ -108,13 +108,10 @@ class Confidence:
     def distance(self, poses: Array) -> Array:
         """E (n,) of poses (n, 6)."""
         z = clip(poses @ self.whitening.T)
-        rows = 2000  # at once, for the size of (rows, K, 6)
-        return np.concatenate(
-            [
-                -logsumexp(-0.5 * ((z[i : i + rows, None] - self.centres) ** 2).sum(axis=2) / self.bandwidth**2, axis=1)
-                for i in range(0, max(len(z), 1), rows)
-            ]
-        )
+        rows = 2000  # at once, for the size of (rows, K)
+        blocks = (z[i : i + rows].T for i in range(0, max(len(z), 1), rows))
+        squares = (sum((x[:, None] - c) ** 2 for x, c in zip(block, self.centres.T, strict=True)) for block in blocks)
+        return np.concatenate([-logsumexp(-0.5 * s / self.bandwidth**2, axis=1) for s in squares])
 
     def inputs(self, poses: Array, roots: Array) -> Array:
         """Inputs (n, k + P) of the network at poses (n, 6) with root loads (n, P)."""

@@ -16,7 +16,7 @@ SMALL = Preset(0.1, {"patch": {"root": Effort(((10, 10),), 30.0), "ratio": Effor
 
 
 @pytest.fixture
-def scene_file(tmp_path, monkeypatch):
+def scene_file(tmp_path, monkeypatch, quick_calibration):
     monkeypatch.setitem(PRESETS, "small", SMALL)
     path = tmp_path / "socket.toml"
     path.write_text(own_contact.SCENE.to_toml())

@@ -48,7 +48,7 @@ def built(project):
 
 
 @pytest.fixture(scope="module")
-def begun(tmp_path_factory):
+def begun(tmp_path_factory, quick_calibration):
     """Samples and the surrogate without any round, and their folder."""
     folder = tmp_path_factory.mktemp("begun")
     return *built(project_in(folder)), folder
