@@ -117,6 +117,10 @@ class DishContact:
         """The scene with other dishes."""
         return self.scene.with_overrides(**dict(zip(RADII, map(float, radii_mm), strict=True)))
 
+    def foundation(self, radii_mm: Array) -> PolarFoundation:
+        """With other dishes, in NumPy: each dish would need a C kernel of its own."""
+        return PolarFoundation(self.with_radii(radii_mm), RAYS, compiled=False)
+
     def evaluate(self, poses: Array, radii_mm: Array) -> tuple[Array, Array]:
         """Loads, then penetrations (n, L + P) [N, N·mm, mm], and their derivatives by pose and radii (n, L + P, 8)."""
         R, t, law, L = rotation(poses[:, 3:]), poses[:, :3], self._model.law, len(self.scene.load_names)
@@ -196,7 +200,7 @@ def design(contact: DishContact, bounds: Array, frames: int) -> tuple[Dish, Dish
     own, n, L = np.array([scene.geometry[name] for name in RADII]), len(loads), len(scene.load_names)
     model, rest = PolarFoundation(scene, RAYS), locked + np.array([0.0, scene.start_pose[1], 0.0, 0.0, 0.0, 0.0])
     pressed = settle_in_range(model, rest, rest, ("ty", "rx"), dict(zip(SIDES, loads[:, :2].T, strict=True)))
-    first = balanced(model, own, loads, pressed)
+    first = balanced(contact.foundation(own), own, loads, pressed)
 
     opti, steps = ca.Opti(), KNEE_STEPS[COLUMNS]
     radii, peak, q = 5.0 * opti.variable(2), 5.0 * opti.variable(), opti.variable(4, n)  # mm, MPa
@@ -223,11 +227,7 @@ def design(contact: DishContact, bounds: Array, frames: int) -> tuple[Dish, Dish
     opti.solver("ipopt", options, ipopt)
     found = opti.solve()
     best, at = np.asarray(found.value(radii)), np.asarray(found.value(poses)).T
-    return (
-        first,
-        balanced(PolarFoundation(contact.with_radii(best), RAYS), best, loads, at),
-        found.stats()["iter_count"],
-    )
+    return first, balanced(contact.foundation(best), best, loads, at), found.stats()["iter_count"]
 
 
 def narrowest(scene: Scene) -> Array:

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.scenes.scene import Scene
 from problems import design
 
 BOUNDS = np.array([[5.0, 8.0], [0.5, 2.0]])
-FRAMES = 4
+FRAMES = 7
 
 
 @pytest.fixture(scope="module")
@@ -60,9 +59,7 @@ def test_no_dish_nearby_within_the_laxity_bounds_is_better(contact, solved):
     loads, _ = design.wanted_loads(FRAMES)
     for move in ([0.5, 0.0], [0.0, 0.3], [-0.5, 0.3], [0.5, -0.3]):
         radii = best.radii_mm + move
-        near = design.balanced(
-            PolarFoundation(contact.with_radii(radii), design.RAYS, compiled=False), radii, loads, best.poses
-        )
+        near = design.balanced(contact.foundation(radii), radii, loads, best.poses)
         allowed = (near.travel_mm >= BOUNDS[:, 0]).all() and (near.travel_mm <= BOUNDS[:, 1]).all()
         assert not allowed or near.peaks_mpa.max() > best.peaks_mpa.max()
 
@@ -82,9 +79,10 @@ def test_scenes_without_one_dish_or_of_another_law_are_refused():
             design.DishContact(scene)
 
 
-def test_the_program_prints_its_table_and_draws(tmp_path, capsys):
+def test_the_program_prints_its_table_and_draws(solved, monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(design, "design", lambda contact, bounds, frames: solved)
     coarse = cc.load_scene("knee").with_overrides(teacher=(60, 30), fine=(40, 20))
     (tmp_path / "coarse.toml").write_text(coarse.to_toml(), "utf-8")
-    design.main(scene=str(tmp_path / "coarse.toml"), frames=2, out=tmp_path)
+    design.main(scene=str(tmp_path / "coarse.toml"), frames=FRAMES, out=tmp_path)
     assert "best" in capsys.readouterr().out
     assert (tmp_path / "design.png").stat().st_size > 1000
