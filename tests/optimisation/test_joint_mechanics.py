@@ -98,7 +98,7 @@ def knee(names):
 
 @pytest.mark.parametrize("names", BY_NAMES.values(), ids=BY_NAMES)
 def test_the_total_wrench_and_its_centre_of_pressure_are_those_of_all_that_presses(names):
-    model = PolarFoundation(knee(names), Rays(8, 2))
+    model = PolarFoundation(knee(names), Rays(8, 2), compiled=False)
     pose = np.array([model.example_pose()])
     whole = model.wrenches(pose)[0].sum(axis=0)
     total = total_selection(model.load_names, model.patch_names) @ model(pose)[0]
@@ -119,6 +119,6 @@ def test_of_one_side_alone_there_is_none():
     with pytest.raises(ValueError, match="cop_ap"):
         PoseTargets.of(scene, {"cop_ap": np.zeros(1)})
     with pytest.raises(ValueError, match="Fy"):
-        ContactFrames(PolarFoundation(scene, Rays(8, 2)), 1).misfit({"cop_ap": 0.0})
+        ContactFrames(PolarFoundation(scene, Rays(8, 2), compiled=False), 1).misfit({"cop_ap": 0.0})
     completed = whole_wrench(scene)
     assert completed.load_names == (*ONE_SIDE, "Fy")

@@ -153,7 +153,7 @@ def test_frames_left_unsolved_are_solved_alone_from_their_neighbours(solved, mon
 
 def test_frames_beyond_the_learned_range_go_on_with_the_reference_model(knee):
     """A swing phase whose centre of pressure moves 29 mm behind: the surrogate has not learned tx so far."""
-    frames, cycle = np.arange(66, 93, 2), reference_cycle()
+    frames, cycle = np.arange(66, 93, 3), reference_cycle()
     share = np.sin(np.linspace(0.0, np.pi, len(frames)))
     lighter = 1.0 - share * (1.0 + 120.0 / (cycle.fy_med + cycle.fy_lat)[frames])
     kept = {key: getattr(cycle, key)[frames] for key in ("time_s", "rz", "ry", "cop_ml_mm")}

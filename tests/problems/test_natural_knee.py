@@ -16,14 +16,16 @@ from tests.support.compiler import needs_compiler
 from tests.support.shared_data import shared_file
 
 
-def _natural_knee():
+@pytest.fixture(scope="module")
+def model():
     shared_file("data/jam/femur_cartilage.obj")
-    return cc.load_scene(Path(__file__).parents[2] / "problems" / "scenes" / "natural_knee.toml")
+    scene = cc.load_scene(Path(__file__).parents[2] / "problems" / "scenes" / "natural_knee.toml")
+    return CellFoundation(scene, Cells(1.7, 1.7, 4, 4))
 
 
 @needs_compiler
-def test_a_convex_tibia_has_poses_without_shear_and_they_do_not_leap():
-    model, walk = CellFoundation(_natural_knee(), Cells(1.7, 1.7, 4, 4)), reference_cycle()
+def test_a_convex_tibia_has_poses_without_shear_and_they_do_not_leap(model):
+    walk = reference_cycle()
     ry, rz = walk.ry[:10], walk.rz[:10]
     poses = shear_free_poses(model, ry, rz)
     by_name = dict(zip(model.load_names, model(poses).T, strict=True))
@@ -34,10 +36,10 @@ def test_a_convex_tibia_has_poses_without_shear_and_they_do_not_leap():
 
 
 @needs_compiler
-def test_a_femur_without_a_place_free_of_shear_stands_where_it_is_least_and_is_told():
+def test_a_femur_without_a_place_free_of_shear_stands_where_it_is_least_and_is_told(model):
     """Turned outwards by 5 degrees: beside these places no step of 0.3 mm along x or z lessens the shear."""
     walk = read_cycle(shared_file("data/jw/og4_loads.csv"))
-    model, frames = CellFoundation(_natural_knee(), Cells(1.7, 1.7, 4, 4)), slice(34, 48)
+    frames = slice(34, 42)
     with pytest.warns(RuntimeWarning, match="shear"):
         poses = shear_free_poses(model, walk.ry[frames], walk.rz[frames])
 
@@ -48,7 +50,7 @@ def test_a_femur_without_a_place_free_of_shear_stands_where_it_is_least_and_is_t
 
     least = shear(poses)
     left = np.flatnonzero(least > 0.2)
-    assert 0 < len(left) < 14
+    assert 0 < len(left) < 8
     assert least.max() < 50.0
     sides = dict.fromkeys(("Fy_med", "Fy_lat"), -500.0)
     for column in (0, 2):
