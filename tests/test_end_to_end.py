@@ -17,7 +17,7 @@ from casadi_contact.workflow.presets import PRESETS, Effort, Preset
 from casadi_contact.workflow.project import project_surrogates
 
 SMALL = Preset(
-    sampling_scale=0.02,
+    sampling_scale=0.012,
     efforts={
         "patch": {"root": Effort(((12, 12),), 4.0), "ratio": Effort(((6, 6),), 0.5)},
         "two_stage": {"": Effort(((8,),), 0.5, "tanh", max_rows=500)},

@@ -86,7 +86,7 @@ def test_patches_that_share_a_bound_share_no_force(tmp_path):
         for extra in ("", halves):
             folder = tmp_path / f"{kind}{len(extra)}"
             folder.mkdir()
-            plate = sheet_mesh(14.0, 0.15 if kind == "triangles" else 2.0)
+            plate = sheet_mesh(14.0, 0.2 if kind == "triangles" else 2.0)
             ball = cap_mesh(RADIUS_MM, EDGE_MM, 0.45)
             model = cc.ElasticFoundation(scene_of(folder, ball, plate, elements=kind, grid=grid, extra=extra))
             forces.append(model.wrenches(poses)[:, :, 1])

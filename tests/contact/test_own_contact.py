@@ -12,7 +12,7 @@ from casadi_contact.workflow.presets import PRESETS, Effort, Preset
 from tests.support import own_contact
 from tests.support.own_contact import table_rows, write_csv
 
-SMALL = Preset(0.1, {"patch": {"root": Effort(((10, 10),), 30.0), "ratio": Effort(((6, 6),), 6.0)}})
+SMALL = Preset(0.1, {"patch": {"root": Effort(((10, 10),), 10.0), "ratio": Effort(((6, 6),), 2.0)}})
 
 
 @pytest.fixture

@@ -65,7 +65,7 @@ def test_cells_tell_parts_apart_as_elements_do(tmp_path):
     scene = ball_on_plate(tmp_path / "cut", med="split_z = [1.0, 2.5]", lat="split_z = [-1.0]")
     cells, poses = CellFoundation(scene, Cells(0.5, 0.5)), poses_about(8)
     parts = cells.part_wrenches(poses)
-    fine = cc.ElasticFoundation(scene, (400, 420))
+    fine = cc.ElasticFoundation(scene, (240, 250))
     size = np.repeat([np.abs(parts[..., :3]).max(), np.abs(parts[..., 3:]).max()], 3)
     np.testing.assert_allclose(parts / size, fine.part_wrenches(poses) / size, rtol=0.0, atol=0.02)
     whole = np.stack([parts[:, :3].sum(axis=1), parts[:, 3:].sum(axis=1)], axis=1)

@@ -101,7 +101,7 @@ def test_elements_are_cut_where_a_patch_ends_before_the_part_and_not_at_its_rim(
     dish, ball = oval_dish(0.8, 27.0), ball_mesh(24.0, 1.5)
     whole = scene_of(tmp_path, ball, dish)
     bounded = scene_of(tmp_path, ball, dish, extra=f"{PATCH}\nx = [-100.0, 5.0]\n")
-    for grid in ((40, 20), (60, 60), (160, 80)):
+    for grid in ((40, 20), (160, 80)):
         assert len(whole.elements(grid)[0].edge_centres_mm) == 0
         cut = bounded.elements(grid)[0].edge_centres_mm
         assert len(cut) >= grid[1] // 2
@@ -119,7 +119,7 @@ def socket(radius_mm, angle, edge_mm, outer_mm):
 
 def test_elements_are_cut_where_a_socket_grows_too_steep_for_them(tmp_path):
     """Its wall goes on and faces the ball: a load to the side is carried there, by no element of this grid."""
-    scene = scene_of(tmp_path, ball_mesh(14.5, 1.2), socket(15.0, np.radians(85.0), 1.0, 20.0))
+    scene = scene_of(tmp_path, ball_mesh(9.5, 1.0), socket(10.0, np.radians(85.0), 0.8, 14.0))
     (patch,) = scene.elements((60, 60))
     assert len(patch.edge_centres_mm) > 30
-    assert np.median(np.hypot(patch.edge_centres_mm[:, 0], patch.edge_centres_mm[:, 2])) > 12.0
+    assert np.median(np.hypot(patch.edge_centres_mm[:, 0], patch.edge_centres_mm[:, 2])) > 8.0
