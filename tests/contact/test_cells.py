@@ -55,6 +55,8 @@ def test_at_the_brink_of_contact_loads_fade_out_and_never_pull():
     poses = np.vstack([at(30.0 + height) for height in np.linspace(-0.02, 0.03, 60)])
     loads, (areas, means) = model(poses)[:, 1], model.pressures(poses)[0][:, :2].T
     np.testing.assert_allclose(areas * means, -loads, rtol=1e-9, atol=1e-12)  # normals of a plane are parallel
+    alone = [model.patches[0].wrench_and_cut(rotation(pose[3:]), pose[:3])[0][1] for pose in poses]
+    np.testing.assert_allclose(alone, loads, atol=1e-12)
     assert (loads <= 0.0).all()
     assert (np.diff(loads) >= 0.0).all()
     assert loads[0] < -5.0

@@ -110,7 +110,7 @@ def test_a_line_does_on_both_bodies_what_its_length_says():
     band, rope = (np.asarray(part).ravel() for part in slopes(at))
     found = np.asarray(assembly.forces()(at.reshape(2, 6).T, 30.0)).T.ravel()
     np.testing.assert_allclose(found, -tension * band - 30.0 * rope, rtol=1e-12, atol=1e-9)
-    for length, expected in ((49.0, 0.0), (51.5, 1000.0 * 0.03**2 / 0.12), (55.0, 1000.0 * 0.07)):
+    for length, expected in ((49.0, 0.0), (52.75, 1000.0 * 0.055**2 / 0.12), (53.5, 1000.0 * 0.04)):
         assert float(ca.DM(ligament.tension(ca.DM(length)))) == pytest.approx(expected)
 
 

@@ -51,13 +51,15 @@ def test_the_reference_cycle_is_solved_in_few_iterations_and_the_elements_agree(
 def test_the_objective_is_half_the_squares_of_misfits_and_of_weighted_steps(knee):
     cycle = reference_cycle(frames=4)
     rough, smooth = (PoseEstimation.of_cycle(knee, cycle, smoothness=weight) for weight in (0.0, 30.0))
-    poses = rough.contact.start_poses() + np.random.default_rng(0).normal(size=(4, 6)) * [0.5, 0.02, 0.5, 0.002, 0, 0]
+    pressed = rough.contact.start_poses({"Fy_med": -700.0, "Fy_lat": -500.0})
+    poses = pressed + np.random.default_rng(0).normal(size=(4, 6)) * [0.1, 0.01, 0.1, 0.001, 0, 0]
     x = rough.contact.variables(poses)
     poses = rough.contact.poses_with(poses, x)
     values = [float(ca.Function("f", [p.nlp["x"]], [p.nlp["f"]])(x)) for p in (rough, smooth)]
     r = np.asarray(rough.residuals(x.reshape(4, -1).T))
     assert values[0] == pytest.approx(0.5 * np.sum(r**2))
     medial, lateral, torque = knee(poses, ["Fy_med", "Fy_lat", "Tz"]).T
+    assert medial.max() < -100.0
     np.testing.assert_allclose(r[2], (torque - rough.targets.values["cop_ap"] * (medial + lateral)) / 10.0, atol=1e-6)
     steps_mm = (np.diff(poses, axis=0) * POSE_IN_MM)[:, rough.contact.columns]
     assert values[1] - values[0] == pytest.approx(0.5 * 30.0 * np.sum(steps_mm**2))

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.optimisation.muscle import MuscleParameters, rigid_tendon_forces
 from problems import squat
 from problems.squat import ANKLE_M, FRONTAL_M, GRAVITY, MUSCLES, Body
 
@@ -71,6 +72,15 @@ def test_motion_follows_lagrange_with_the_virtual_work_of_muscles_and_contact(le
     moment_nm = 1e-3 * (wrench[3:] - np.cross(pose[:3], wrench[:3]))[2]
     expected = lagrange(phi, rates, bend)[0] - by_muscles - moment_nm * np.array([1.0, -1.0, 0.0])
     np.testing.assert_allclose(left(leg, moment)[0], expected, atol=1e-9)
+
+
+def test_muscles_shorten_by_their_arms_times_the_angles(moment):
+    phi, rates, _, a, _, _, forces = moment
+    group = MuscleParameters(tuple(MUSCLES), squat.FORCE_N, squat.FIBRE_M, squat.TENDON_M, np.zeros(10))
+    by_shank, by_thigh, by_trunk = ANKLE_M - squat.KNEE_M, squat.KNEE_M - squat.HIP_M, squat.HIP_M
+    shorter, speed = (by_shank * x[0] + by_thigh * x[1] + by_trunk * x[2] for x in (phi, rates))
+    active, passive, _ = rigid_tendon_forces(group, squat.LENGTH_M - shorter, -speed)
+    np.testing.assert_allclose(forces, a * active + passive, atol=0.5)  # below zero a little where far too short
 
 
 def test_muscles_contact_and_spring_push_thigh_and_trunk(leg, moment):
