@@ -41,7 +41,7 @@ def project(tmp_path_factory, warned, quick_calibration):
     with pytest.MonkeyPatch.context() as patch, ThreadPoolExecutor(1) as here:
         patch.setitem(PRESETS, "small", SMALL)
         made = pipeline.Project.open(folder / "knee.toml", "small", folder / "out")
-        sampling.sample(made)
+        sampling.sample(made, executor=here)
         log, handler = logging.getLogger("casadi_contact.workflow.fitting"), logging.Handler(logging.WARNING)
         handler.emit = lambda record: warned.append(record.getMessage())
         log.addHandler(handler)
