@@ -31,8 +31,7 @@ from casadi_contact.geometry.triangle_mesh import TriangleMesh
 SPACING_MM, COARSE_MM = 0.75, 1.5
 MARGIN_MM = 4.0
 CURVATURE_REACH_MM = 2.2
-# Nodes at which the curvature bound is taken, by their distance g: those outside within reach of the surface, and those
-# up to 1 mm inside, whose coefficients still shape g just outside.
+# Nodes at which the curvature bound is taken, by g; those up to 1 mm inside have coefficients that shape g outside.
 _BOUNDED_RANGE_MM = (-1.0, 1.2 * CURVATURE_REACH_MM)
 _VALUE, _SECOND = np.array([1.0, 4.0, 1.0]) / 6.0, np.array([1.0, -2.0, 1.0])  # of a cubic B-spline at the nodes
 _FIRST = np.array([-0.5, 0.0, 0.5])
@@ -69,8 +68,10 @@ class DistanceField:
         return values[:, 0], values[:, 1:]
 
 
-def build_field(mesh: TriangleMesh, spacing_mm: float = SPACING_MM) -> DistanceField:
-    """The distance field of a mesh; raises ValueError where the grid would not fit into memory."""
+def build_field(
+    mesh: TriangleMesh, spacing_mm: float = SPACING_MM, surface: SmoothSurface | None = None
+) -> DistanceField:
+    """The distance field of a mesh, whose smooth surface may be at hand; ValueError for a grid too large for memory."""
     low = mesh.vertices_mm.min(axis=0) - MARGIN_MM
     counts = _node_counts(mesh, spacing_mm)
     if not field_fits(mesh, spacing_mm):
@@ -79,11 +80,10 @@ def build_field(mesh: TriangleMesh, spacing_mm: float = SPACING_MM) -> DistanceF
             "many for memory: choose a larger spacing, or cut the mesh to what touches"
         )
     axes = [origin + spacing_mm * np.arange(count) for origin, count in zip(low, counts, strict=True)]
-    values = _node_values(mesh, axes, spacing_mm)
+    values = _node_values(surface or SmoothSurface(mesh), axes, spacing_mm)
     coefficients = ndimage.spline_filter(values, order=3, mode="mirror")
-    bound = _curvature_bound(
-        coefficients, (values > _BOUNDED_RANGE_MM[0]) & (values < _BOUNDED_RANGE_MM[1]), spacing_mm
-    )
+    bounded = (values > _BOUNDED_RANGE_MM[0]) & (values < _BOUNDED_RANGE_MM[1])
+    bound = _curvature_bound(coefficients, bounded, spacing_mm)
     parameters = np.concatenate([low, [spacing_mm], counts, coefficients.ravel(), bound.ravel()])
     off = field_distances(parameters, mesh.vertices_mm)[:, 0]
     rms, largest = float(np.sqrt(np.mean(off**2))), float(np.abs(off).max())
@@ -101,21 +101,21 @@ def _node_counts(mesh: TriangleMesh, spacing_mm: float) -> np.ndarray:
     return np.maximum(np.ceil(size / spacing_mm).astype(int) + 1, 4)  # as many as a cubic takes
 
 
-def _node_values(mesh: TriangleMesh, axes: Sequence[Array], spacing_mm: float, near_nodes: float = 6.0) -> Array:
-    """Distances [mm] from the smooth surface at the nodes of a grid by its three axes.
+def _node_values(surface: SmoothSurface, axes: Sequence[Array], spacing_mm: float, near_nodes: float = 6.0) -> Array:
+    """Distances [mm] from the surface at the nodes of a grid by its three axes.
 
     A grid finer than COARSE_MM takes the distances farther than near_nodes nodes from the surface from the field of
     twice its spacing: an error in a coefficient decays by a factor of 0.27 per node.
     """
     if spacing_mm < COARSE_MM:
-        coarse = build_field(mesh, min(2.0 * spacing_mm, COARSE_MM)).parameters
+        coarse = build_field(surface.mesh, min(2.0 * spacing_mm, COARSE_MM), surface).parameters
         planes = (np.stack(np.meshgrid(x, *axes[1:], indexing="ij"), axis=-1) for x in axes[0])
         values = np.concatenate([field_distances(coarse, p.reshape(-1, 3))[:, 0].reshape(p.shape[:3]) for p in planes])
     else:
         values = np.zeros([len(axis) for axis in axes])
     near = np.abs(values) < near_nodes * spacing_mm
     points = np.stack([axis[index] for axis, index in zip(axes, np.nonzero(near), strict=True)], axis=1)
-    values[near] = SmoothSurface(mesh).distance(points)
+    values[near] = surface.distance(points)
     return values
 
 

@@ -52,7 +52,7 @@ def body_mesh(geometry: Geometry, body: str) -> TriangleMesh:
 
 def body_field(geometry: Geometry, body: str) -> DistanceField:
     """The signed distance from the body's smooth surface, in the body's own frame; its `fit` says how good it is."""
-    return _field(body_mesh(geometry, body), field_spacing(geometry, body))
+    return _field(body_mesh(geometry, body), field_spacing(geometry, body), body_surface(geometry, body))
 
 
 def field_spacing(geometry: Geometry, body: str) -> float:
