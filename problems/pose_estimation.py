@@ -22,6 +22,7 @@ from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import POSE_NAMES, Array
 from casadi_contact.core.quantities import FORCE, LENGTH, TORQUE, quantity
 from casadi_contact.core.terminal import run_program
+from casadi_contact.geometry.mesh import MM_PER_UNIT
 from casadi_contact.optimisation.pose_continuation import continue_on, motion_of
 from casadi_contact.optimisation.pose_estimation import PoseEstimation, PoseResult
 from casadi_contact.optimisation.pose_targets import PoseTargets
@@ -125,7 +126,8 @@ def check_targets(targets: PoseTargets) -> list[str]:
     """Warnings about units and signs of a cycle; none where they look like a joint's.
 
     Forces outside 0.01 to 20 times the scene's reference load, torques of forces on levers below 0.05 mm, centres of
-    pressure within 0.5 mm of the origin throughout, and of a knee a centre of pressure on the wrong side.
+    pressure within 0.5 mm of the origin throughout, and of a knee a centre of pressure off the one of forces at the
+    patches' anchors, Σ F z / Σ F, by more than half of that and 1 mm (RMS).
     """
     values, warnings = targets.values, []
     force_n, torque_nmm, centre_mm = (
@@ -136,16 +138,24 @@ def check_targets(targets: PoseTargets) -> list[str]:
         warnings.append(f"the largest force is {force_n:.3g} N, expected a joint's: is its unit kN, or body weight?")
     if 1e-6 * force_n < torque_nmm < 0.05 * force_n:
         warnings.append(f"the largest torque is {torque_nmm:.3g} N·mm, expected more: is its unit N·m?")
-    if 0.0 < centre_mm < 0.5:
-        warnings.append(f"centres of pressure reach {centre_mm:.2g} mm, expected some mm: is their unit m?")
     if {"Fy_med", "Fy_lat", "cop_ml"} <= set(values):
         forces, places = np.column_stack([values["Fy_med"], values["Fy_lat"]]), targets.scene.anchors_mm[:, 2]
-        from_middle = places - places.mean()
-        if (forces @ from_middle) @ (forces.sum(axis=1) * (values["cop_ml"] - places.mean())) < 0.0:
+        loaded = np.abs(forces.sum(axis=1)) > 0.05 * force_n
+        middle = places.mean()
+        expected = forces[loaded] @ (places - middle) / forces[loaded].sum(axis=1)
+        got = values["cop_ml"][loaded] - middle
+        if np.linalg.norm(got - expected) > 0.5 * np.linalg.norm(expected) + np.sqrt(len(got)):  # 1 mm a frame
+            scale = (got @ expected) / (expected @ expected)
+            cure = "check units, origin and sides"
+            if scale < 0.0:
+                cure = "check its sign, whether the sides are exchanged, and whether this is a left knee"
+            elif unit := next((unit for unit, size in MM_PER_UNIT.items() if 0.7 < scale * size < 1.4), None):
+                cure = f"is its unit {unit}?"
             warnings.append(
-                "cop_ml lies on the side of the smaller force, expected that of the larger: check its sign, whether "
-                "the sides are exchanged, and whether this is a left knee"
+                f"cop_ml contradicts Fy_med and Fy_lat by up to {np.abs(got - expected).max():.2g} mm: {cure}"
             )
+    elif 0.0 < centre_mm < 0.5:
+        warnings.append(f"centres of pressure reach {centre_mm:.2g} mm, expected some mm: is their unit m?")
     return warnings
 
 

@@ -61,6 +61,7 @@ def as_poses(poses: ArrayLike) -> Array:
     Raises ValueError, saying what was got and what was expected, for a wrong shape, text, complex numbers, NaN or
     infinity.
     """
+    poses = named_poses(poses)
     try:
         is_complex = np.iscomplexobj(poses)
         array = np.ascontiguousarray(np.real(poses) if is_complex else poses, dtype=np.float64)
@@ -79,10 +80,24 @@ def as_poses(poses: ArrayLike) -> Array:
     return array
 
 
+def named_poses(poses: Any) -> Any:
+    """Poses as they are, but a table's or a row's columns by their names, where it has any, in the order of
+    `POSE_NAMES`, and masked numbers as NaN; raises ValueError for other names."""
+    if isinstance(poses, np.ma.MaskedArray):
+        return poses.astype(float).filled(np.nan)
+    names = poses.index if hasattr(poses, "iloc") and np.ndim(poses) == 1 else getattr(poses, "columns", ())
+    if callable(names) or not any(isinstance(name, str) for name in names):
+        return poses
+    for wanted in (POSE_NAMES, [f"{name}_{'mm' if name[0] == 't' else 'rad'}" for name in POSE_NAMES]):
+        if set(wanted) <= set(names):
+            return poses[list(wanted)]
+    raise ValueError(f"poses have the columns {', '.join(map(str, names))}, expected {', '.join(POSE_NAMES)}")
+
+
 def finite_numbers(value: Any) -> Array | None:
     """Real, finite numbers of any shape; None for anything else: words, complex numbers, symbols, unequal rows."""
     try:
-        given = np.asarray(value)
+        given = np.asarray(named_poses(value) if isinstance(value, np.ma.MaskedArray) else value)
         numbers = np.full(1, np.nan) if given.dtype.kind == "c" else given.astype(float)
     except (TypeError, ValueError, NotImplementedError):  # the last by CasADi's symbols
         return None
@@ -135,7 +150,7 @@ def batched(method: _Method) -> _Method:
 
     @wraps(method)
     def for_one_or_many(self: Any, poses: Any, *arguments: Any, **keywords: Any) -> Any:
-        single = False
+        single, poses = False, named_poses(poses)
         with suppress(ValueError):  # rows of unequal length: `as_poses` says so
             single = np.shape(poses) == (6,)
         result = method(self, as_poses([poses] if single else poses), *arguments, **keywords)

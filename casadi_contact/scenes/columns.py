@@ -170,7 +170,7 @@ def check_rising(where: str, time_s: Array) -> None:
 def checked_curves(cycle: str, curves: Mapping[str, ArrayLike]) -> dict[str, Array]:
     """Curves (n,) of a cycle by name, time_s [s] among them, as arrays; raises ValueError as the checks above do."""
     count = len(np.atleast_1d(curves["time_s"]))
-    checked = {key: np.asarray(curve, dtype=float) for key, curve in curves.items()}
+    checked = {key: np.ma.filled(np.ma.array(curve, dtype=float), np.nan) for key, curve in curves.items()}
     for key, curve in checked.items():
         if curve.shape != (count,) or not np.isfinite(curve).all():
             raise ValueError(f"cycle {cycle}: {key} is not {count} finite numbers")

@@ -1,15 +1,18 @@
 """OpenSim's .mot and .sto files, and their columns as curves in this library's names and units, there and back.
 
 name                    the first line, where it is not key=value
-version=1               nRows, nColumns and inDegrees=yes|no are read, other keys and comments skipped
-datarows 101            as SIMM and old files say nRows=101; datacolumns likewise
+version=1               rows, columns and degrees are read, other keys and comments skipped
+datarows 101            as SIMM and old files say nRows=101; datacolumns likewise, nr and nc
+Angles are in degrees.  as old files say inDegrees=yes; SIMM's own (.mot before version 1) need not
 endheader
-time  label  label ...  tabs or spaces
+time  label  label ...  tabs, commas or spaces; quotes and empty cells of a spreadsheet are skipped
 """
 
 from __future__ import annotations
 
+import math
 import re
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,16 +26,18 @@ from casadi_contact.core.files.writing import write_text
 from casadi_contact.core.quantities import ANGLE, AREA, FORCE, LENGTH, PRESSURE, TORQUE, Kind, quantity
 
 TIME = "time"
-_PAIR = re.compile(r"([A-Za-z]\w*)(?:\s*=|(?<=\bdatarows)\s|(?<=\bdatacolumns)\s)\s*(.*)")
-_DEGREES = {"yes": True, "true": True, "no": False, "false": False}
+_ROWS, _COLUMNS = ("nrows", "nr", "datarows"), ("ncolumns", "nc", "datacolumns")
+_PAIR = re.compile(rf"(?i)([a-z]\w*)\s*=\s*(.*)|({'|'.join((*_ROWS, *_COLUMNS))}|version|indegrees)\s+(\S+)")
+_ANGLES = re.compile(r"(?i)angles?\s+(?:are\s+)?in\s+(deg|rad)")
+_DEGREES = {"yes": True, "y": True, "true": True, "1": True, "no": False, "n": False, "false": False, "0": False}
 
 
 @dataclass(frozen=True)
 class Table:
     """Columns (n,) by label, the first of them ``time`` [s], in the file's own units.
 
-    in_degrees: the unit of rotations that the file names, None where it names none (they are then in rad). Raises
-    ValueError for labels or columns that no file can hold.
+    in_degrees: the unit of rotations that the file names, None where it names none (they are then in rad). Cells may
+    be NaN. Raises ValueError for labels or columns that no file can hold.
     """
 
     name: str
@@ -44,11 +49,11 @@ class Table:
             raise ValueError(f"the first column is {next(iter(self.columns), None)!r}, expected {TIME!r}")
         checked = {label: np.asarray(curve, dtype=np.float64) for label, curve in self.columns.items()}
         for label, curve in checked.items():
-            if not label or label != label.strip() or "\t" in label or len(label.splitlines()) > 1:
-                raise ValueError(f"column label {label!r} is empty or holds tabs, line ends or outer spaces")
-            if curve.shape != checked[TIME].shape or curve.ndim != 1 or not np.isfinite(curve).all():
+            if not label or label != label.strip().strip(",;") or {*'"\t'} & {*label} or len(label.splitlines()) > 1:
+                raise ValueError(f"column label {label!r} is empty or holds tabs, line ends, quotes or outer spaces")
+            if curve.shape != checked[TIME].shape or curve.ndim != 1:
                 raise ValueError(
-                    f"column {label!r} of shape {curve.shape}, expected finite numbers for {checked[TIME].shape} times"
+                    f"column {label!r} has shape {curve.shape}, expected that of {checked[TIME].shape} times"
                 )
         object.__setattr__(self, "columns", checked)
 
@@ -56,48 +61,63 @@ class Table:
         return len(self.columns[TIME])
 
     def column(self, label: str) -> Array:
-        """A column by its label; raises ValueError naming the labels there are."""
+        """A column of finite numbers by its label; raises ValueError naming the labels there are, or the row."""
         if label not in self.columns:
             raise ValueError(f"table {self.name!r} has no column {label!r}; it has {', '.join(self.columns)}")
+        if not (finite := np.isfinite(self.columns[label])).all():
+            raise ValueError(f"column {label!r} has no finite number in row {finite.argmin() + 1} of {len(self)}")
         return self.columns[label]
 
 
 def read_opensim_table(path: str | Path) -> Table:
-    """Read a .mot or .sto file.
+    """Read a .mot or .sto file. A label that is there more than once gets its column's number.
 
-    Raises FileNotFoundError for no file, and ValueError naming file and line for text that is not such a file, a
-    header without end, a missing or repeated label, a ragged row, anything but finite numbers, or fewer rows than the
-    header promises.
+    Warns of counts in the header that are off. Raises FileNotFoundError for no file, and ValueError naming file and
+    line for text that is not such a file, a header without end or with two units of angles, a missing label, a ragged
+    row, or anything but numbers.
     """
     path = existing_file(path, expected="a .mot or .sto file")
     checked_size(path, MOST_TEXT)
-    try:
-        lines = [line.strip() for line in path.read_text("utf-8-sig").splitlines()]
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path} is not a text file in UTF-8 ({error}), expected a .mot or .sto file") from None
+    text = path.read_text("utf-8-sig", errors="replace").replace('"', "")
+    lines = [line.strip(" \t,;") for line in text.splitlines()]
     end = next((number for number, line in enumerate(lines) if line.lower() == "endheader"), None)
     if end is None:
         raise ValueError(f"{path} has no line 'endheader', expected a .mot or .sto file")
-    header = {pair[1].lower(): pair[2] for line in lines[:end] if (pair := _PAIR.fullmatch(line))}
-    degrees = header.get("indegrees")
-    if degrees is not None and degrees.lower() not in _DEGREES:
-        raise ValueError(f"{path}: inDegrees is {degrees!r}, expected yes or no")
+    pairs = [pair for line in lines[:end] if (pair := _PAIR.fullmatch(line))]
+    header = {(pair[1] or pair[3]).lower(): pair[2] or pair[4] or "" for pair in pairs}
     body = [(number, line) for number, line in enumerate(lines[end + 1 :], start=end + 2) if line]
     if not body:
         raise ValueError(f"{path} ends after its header, expected a line of labels and rows of numbers")
-    labels = _labels(path, *body[0])
-    rows = [_row(path, number, line, labels) for number, line in body[1:]]
-    for what, got, line in (("rows", len(rows), body[-1][0]), ("columns", len(labels), body[0][0])):
-        for key in (f"n{what}", f"data{what}"):
-            if header.get(key, str(got)) != str(got):
-                raise ValueError(f"{path} line {line}: {key} is {header[key]}, but there are {got}: truncated?")
-    values = np.array(rows, dtype=np.float64).reshape(len(rows), len(labels))
+    (first, head), *rows = body
+    cut = next((mark for mark in "\t;," if mark in head), None)
+    labels = [label.strip() for label in head.split(cut) if label.strip()]
+    if labels[0].lower() != TIME:
+        raise ValueError(f"{path} line {first}: the first label is {labels[0]!r}, expected {TIME!r}")
+    labels = [f"{each} (column {k})" if labels.count(each) > 1 else each for k, each in enumerate(labels, start=1)]
+    values = np.array([_row(path, number, line.replace(cut or " ", " "), labels) for number, line in rows])
+    for keys, got in ((_ROWS, len(rows)), (_COLUMNS, len(labels))):
+        for key in set(keys) & set(header):
+            if header[key] != str(got):
+                warnings.warn(f"{path}: {key} is {header[key]}, but there are {got}: truncated?", stacklevel=2)
     name = "" if not lines[:end] or _PAIR.fullmatch(lines[0]) else lines[0]
+    columns = dict(zip([TIME, *labels[1:]], values.reshape(len(rows), len(labels)).T, strict=True))
     try:
-        columns = {label: values[:, k] for k, label in enumerate(labels)}
-        return Table(name, columns, None if degrees is None else _DEGREES[degrees.lower()])
+        return Table(name, columns, _in_degrees(header, lines[:end], path.suffix.lower()))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def _in_degrees(header: Mapping[str, str], lines: Iterable[str], ending: str) -> bool | None:
+    """What a header says of angles, as OpenSim understands it (Storage::parseHeaders); None where it says nothing."""
+    if (value := header.get("indegrees", "no").lower()) not in _DEGREES:
+        raise ValueError(f"inDegrees is {value!r}, expected yes or no")
+    said = {match[1].lower() == "deg" for line in lines if (match := _ANGLES.match(line))}
+    if "indegrees" in header:
+        said.add(_DEGREES[value])
+    if len(said) > 1:
+        raise ValueError("the header says both degrees and radians, expected one of them: correct it")
+    simm = ending == ".mot" and header.get("version", "0").startswith("0")
+    return said.pop() if said else simm or None
 
 
 def write_table(table: Table, path: str | Path) -> None:
@@ -110,24 +130,16 @@ def write_table(table: Table, path: str | Path) -> None:
     write_text(Path(path), "\n".join([*head, "endheader", *body, ""]))
 
 
-def _labels(path: Path, number: int, line: str) -> list[str]:
-    labels = [label.strip() for label in (line.split("\t") if "\t" in line else line.split())]
-    if labels[0].lower() != TIME:
-        raise ValueError(f"{path} line {number}: the first label is {labels[0]!r}, expected {TIME!r}")
-    labels[0] = TIME
-    if len(set(labels)) != len(labels):
-        twice = next(label for label in labels if labels.count(label) > 1)
-        raise ValueError(f"{path} line {number}: the column {twice!r} is there twice")
-    return labels
-
-
 def _row(path: Path, number: int, line: str, labels: list[str]) -> list[float]:
     words = line.split()
     if any(word.count(",") > 1 for word in words):
         raise ValueError(f"{path} line {number} has vectors (DataType), expected a number for each label: save scalars")
     if len(words) != len(labels):
         raise ValueError(f"{path} line {number}: got {len(words)} values, expected {len(labels)}")
-    return [finite_number(word, f"{path} line {number}, {label}") for label, word in zip(labels, words, strict=True)]
+    return [
+        math.nan if "nan" in word.lower() or "1.#" in word else finite_number(word, f"{path} line {number}, {label}")
+        for label, word in zip(labels, words, strict=True)
+    ]
 
 
 # Size of a file's unit in the library's, OpenSim's own first.
@@ -172,19 +184,26 @@ class ColumnMap:
     def curve(self, table: Table) -> Array:
         """The curve (n,) in mm, rad, N or N·mm; raises ValueError where the table lacks the column."""
         kind = quantity(self.name).kind
-        own = "deg" if kind == ANGLE and table.in_degrees else _own_unit(kind)
+        own = "deg" if kind == ANGLE and table.in_degrees else next(iter(UNITS[kind]))
         return self.sign * UNITS[kind][self.unit or own] * table.column(self.column)
 
     def values(self, curve: Array) -> Array:
         """What a column (n,) in ``unit``, OpenSim's own if None, says of a curve in mm, rad, N or N·mm: `curve`'s
         reverse."""
         kind = quantity(self.name).kind
-        return np.asarray(self.sign * curve / UNITS[kind][self.unit or _own_unit(kind)])
+        return np.asarray(self.sign * curve / UNITS[kind][self.unit or next(iter(UNITS[kind]))])
 
 
 def mapped_curves(table: Table, maps: Iterable[ColumnMap]) -> dict[str, Array]:
     """Curves (n,) by name in mm, rad, N, N·mm, and ``time`` [s]; raises ValueError for a name mapped twice."""
-    curves = {TIME: table.column(TIME)}
+    curves, maps = {TIME: table.column(TIME)}, list(maps)
+    angles = [item.column for item in maps if quantity(item.name).kind == ANGLE and item.unit is None]
+    if angles and table.in_degrees is None:
+        warnings.warn(
+            f"the file says neither degrees nor radians: {', '.join(angles)} are taken in rad; where they are in "
+            "degrees, write inDegrees=yes in its header, or COLUMN=NAME:deg",
+            stacklevel=2,
+        )
     for item in maps:
         if item.name in curves:
             raise ValueError(f"{item.name} is mapped twice, expected one column for each curve")
@@ -216,8 +235,3 @@ def poses_table(time_s: ArrayLike, poses: ArrayLike, name: str) -> Table:
     """Poses (n, 6) [mm, rad] as an OpenSim table: translations in m, rotations in rad."""
     curves = {TIME: np.asarray(time_s, dtype=float), **dict(zip(POSE_NAMES, as_poses(poses).T, strict=True))}
     return renamed_table(curves, [ColumnMap(each, each) for each in POSE_NAMES], name)
-
-
-def _own_unit(kind: Kind) -> str:
-    """The unit that OpenSim's files have for a kind; angles are in degrees where the file says so."""
-    return next(iter(UNITS[kind]))
