@@ -82,7 +82,7 @@ def toml_tables(text: str, what: str) -> dict[str, Any]:
     if len(text) > MOST_TOML:
         raise ValueError(f"{what}: the text has {len(text)} characters, expected at most {MOST_TOML}")
     if re.search(r"(\.[^.,\n]{1,80}){30}", text):  # of which tomllib takes time with a power of their number
-        raise ValueError(f"{what}: a key has 30 points or more, expected a few")
+        raise ValueError(f"{what}: a key is nested in 30 tables or more, expected a few")
     try:
         return tomllib.loads(text)
     except RecursionError:

@@ -22,6 +22,7 @@ from casadi_contact.geometry.triangle_mesh import RayCaster, TriangleMesh
 from casadi_contact.scenes.shapes.own_model import patch_anchors
 
 MOST_BOTH_SIDES = 0.2  # largest share of an outer side's area that holds both sides of a shell: some of its rim
+LONGEST_MM = 3.0  # edges of triangles that are elements
 THIN_MM = 4.0  # a moving body thinner than this is a shell: overlaps may reach its middle
 
 
@@ -164,12 +165,17 @@ _surface, _field = lru_cache(maxsize=4)(SmoothSurface), lru_cache(maxsize=4)(bui
 
 
 def patch_mesh(geometry: Geometry, patch: str, *, reaching: bool = False) -> TriangleMesh:
-    """The triangles of the fixed mesh that belong to a patch by their centres, or all that reach into its box.
+    """All triangles of the fixed mesh that reach into a patch's box, or those that belong to it by their centres,
+    divided until no edge is longer than `LONGEST_MM`, since contact counts at centres alone.
 
     Where the scene states `pressing` or `cup_centre`, or the patch `pressing`, only those that face the moving body.
     """
-    mesh = body_mesh(geometry, "fixed").inside_box(*patch_box(geometry, patch), reaching=reaching)
-    return mesh if reaching else mesh.part(_seen(geometry, patch, mesh.corners_mm.mean(axis=1), mesh.normals))
+    box = patch_box(geometry, patch)
+    mesh = body_mesh(geometry, "fixed").inside_box(*box, reaching=True)
+    if reaching:
+        return mesh
+    mesh = mesh.subdivided(LONGEST_MM).inside_box(*box)
+    return mesh.part(_seen(geometry, patch, mesh.corners_mm.mean(axis=1), mesh.normals))
 
 
 def bare_mesh(geometry: Geometry, longest_mm: float, *, within: bool) -> TriangleMesh:
@@ -223,13 +229,17 @@ def patch_projection(geometry: Geometry, patch: str) -> Projection:
 
 def check_patches(geometry: Geometry, least_mm2: float = 4.0, least_side_mm: float = 0.2) -> None:
     """Raise ValueError for a patch with hardly any surface."""
-    mesh = body_mesh(geometry, "fixed")
-    centres, area = mesh.corners_mm.mean(axis=1), mesh.areas_mm2
     for patch in geometry["patches"]:
         low, high = patch_box(geometry, patch)
-        area_mm2, thin = area[_in_box(geometry, patch, centres)].sum(), (high - low).min() < least_side_mm
+        mesh = patch_mesh(geometry, patch, reaching=True).subdivided(LONGEST_MM)
+        inside, thin = _in_box(geometry, patch, mesh.corners_mm.mean(axis=1)), (high - low).min() < least_side_mm
+        area_mm2 = mesh.areas_mm2[inside].sum()
         if area_mm2 < least_mm2 or thin:
-            remedy = "are its bounds in m? They are in mm" if thin else f"the mesh reaches {mesh.extent}: check them"
+            remedy = (
+                "are its bounds in m? They are in mm"
+                if thin
+                else f"the mesh reaches {body_mesh(geometry, 'fixed').extent}: check"
+            )
             raise ValueError(
                 f"scene: geometry.patches.{patch} holds {area_mm2:.2g} mm² of the mesh {mesh.name} within its bounds, "
                 f"expected {least_mm2:g} mm² at least, and bounds {least_side_mm:g} mm apart: {remedy}"
