@@ -84,7 +84,7 @@ def named_poses(poses: Any) -> Any:
     """Poses as they are, but a table's or a row's columns by their names, where it has any, in the order of
     `POSE_NAMES`, and masked numbers as NaN; raises ValueError for other names."""
     if isinstance(poses, np.ma.MaskedArray):
-        return poses.astype(float).filled(np.nan)
+        return np.ma.filled(poses.astype(float), np.nan)
     names = poses.index if hasattr(poses, "iloc") and np.ndim(poses) == 1 else getattr(poses, "columns", ())
     if callable(names) or not any(isinstance(name, str) for name in names):
         return poses

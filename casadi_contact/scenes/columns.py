@@ -170,8 +170,9 @@ def check_rising(where: str, time_s: Array) -> None:
 def checked_curves(cycle: str, curves: Mapping[str, ArrayLike]) -> dict[str, Array]:
     """Curves (n,) of a cycle by name, time_s [s] among them, as arrays; raises ValueError as the checks above do."""
     count = len(np.atleast_1d(curves["time_s"]))
-    checked = {key: np.ma.filled(np.ma.array(curve, dtype=float), np.nan) for key, curve in curves.items()}
-    for key, curve in checked.items():
+    checked: dict[str, Array] = {}
+    for key, given in curves.items():
+        curve: Array = np.ma.filled(np.ma.array(given, dtype=float), np.nan)  # masked numbers are missing ones
         if curve.shape != (count,) or not np.isfinite(curve).all():
             raise ValueError(f"cycle {cycle}: {key} is not {count} finite numbers")
         check_size(f"cycle {cycle}", key, curve)
