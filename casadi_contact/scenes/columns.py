@@ -34,7 +34,8 @@ class TextColumns:
     def read(cls, path: str | Path, what: str = "file") -> TextColumns:
         """Read a file; what names it in messages.
 
-        Lines without any text are skipped, as other readers do, and so are rows of empty cells at the end. Raises
+        Lines without any text are skipped, as other readers do, rows of empty cells at the end, and lines above the
+        header with less than half of its cells. Raises
         FileNotFoundError for no file, and ValueError, naming file and line, for what is no CSV text, ragged rows, a row
         of empty cells before a full one, and a file without rows.
         """
@@ -57,11 +58,13 @@ class TextColumns:
             raise ValueError(f"{path} is not a CSV text file in UTF-8 ({error}): save it as CSV UTF-8") from None
         except csv.Error as error:
             raise ValueError(f"{path} is not a CSV text file ({error})") from None
+        while len(rows) > 1 and 2 * len(rows[0][1]) < len(rows[1][1]) and ";" not in rows[0][1][0]:
+            del rows[0]  # a title or comment above the header
         if not rows:
             raise ValueError(f"{path} is empty, expected a header and rows")
         if len(rows) == 1:
             raise ValueError(f"{path} has a header only, expected rows below it")
-        header = tuple(name.strip() for name in rows[0][1])
+        header = tuple(name.strip(" #\t") for name in rows[0][1])
         if any("\0" in name for name in header):
             raise ValueError(f"{path} is not a CSV text file in UTF-8 (in UTF-16?): save it as CSV UTF-8")
         if len(header) == 1 and (delimiter := next((c for c in ";\t" if c in rows[0][1][0]), "")):
@@ -173,6 +176,7 @@ def checked_curves(cycle: str, curves: Mapping[str, ArrayLike]) -> dict[str, Arr
     checked: dict[str, Array] = {}
     for key, given in curves.items():
         curve: Array = np.ma.filled(np.ma.array(given, dtype=float), np.nan)  # masked numbers are missing ones
+        checked[key] = curve
         if curve.shape != (count,) or not np.isfinite(curve).all():
             raise ValueError(f"cycle {cycle}: {key} is not {count} finite numbers")
         check_size(f"cycle {cycle}", key, curve)

@@ -18,8 +18,11 @@ MOST_TOML = MIB
 
 
 def existing_file(path: str | Path, what: str = "file", expected: str = "a file") -> Path:
-    """The path; raises FileNotFoundError where there is no regular file (a pipe would block the reader)."""
+    """The path; raises FileNotFoundError where there is no regular file (a pipe would block the reader), ValueError for
+    a name that no text can hold."""
     path = Path(path)
+    if any("\ud800" <= letter <= "\udfff" for letter in str(path)):
+        raise ValueError(f"{what} {ascii(str(path))} has a name that is not UTF-8: rename it")
     if path.is_file():
         return path
     if path.exists():
