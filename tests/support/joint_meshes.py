@@ -12,7 +12,7 @@ POLE, DOWN = unit(np.array([0.2, 0.8, 0.5])), np.array([0.0, -1.0, 0.0])
 
 def analysed(moving, fixed, **options):
     """Placement, patches, joint and frame of two meshes."""
-    geometry = joint_geometry({"moving": moving, "fixed": fixed}, upright="axes" not in options)
+    geometry = joint_geometry({"moving": moving, "fixed": fixed}, axes=options.get("axes"))
     return geometry.placement, geometry.patches, geometry.joint, frame_of(geometry, **options)
 
 

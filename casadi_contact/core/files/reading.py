@@ -22,7 +22,7 @@ def existing_file(path: str | Path, what: str = "file", expected: str = "a file"
     a name that no text can hold."""
     path = Path(path)
     if any("\ud800" <= letter <= "\udfff" for letter in str(path)):
-        raise ValueError(f"{what} {ascii(str(path))} has a name that is not UTF-8: rename it")
+        raise ValueError(f"{what} {str(path)!a} has a name that is not UTF-8: rename it")
     if path.is_file():
         return path
     if path.exists():

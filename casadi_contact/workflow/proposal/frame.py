@@ -53,6 +53,16 @@ def frame_of(geometry: JointGeometry, side: str | None = None, axes: Sequence[st
             f"--axes {','.join(axes)}: the patches lie beside each other along the file's "
             f"{'xyz'[patches.axis]}, expected it as the third axis, z"
         )
+    if patches.exchanged:
+        questions.append(
+            "which body is the fixed one: the moving body is flat or hollow where the fixed one is domed: are the "
+            "files exchanged?"
+        )
+    if axes is None and (others := [axis_name(way) for way in geometry.placement.doubtful]):
+        questions.append(
+            f"which way the moving body presses: taken as the file's {axis_name(geometry.placement.pressing)}, where "
+            f"the bodies come near each other most; nearly as much they do along {', '.join(others)} (--joint, --axes)"
+        )
     mirror = "z" if side == "left" and kind != "other" else ""
     if kind != "other":
         findings.append(f"a {side} joint, mirrored in z into a right one" if mirror else "a right joint")

@@ -12,9 +12,11 @@ from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
 from casadi_contact.core.conventions import WRENCH_NAMES, Array, rotation
+from casadi_contact.geometry.mesh import axes_rotation
 from casadi_contact.geometry.projection import LEAST_UPWARD, axis_name
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.workflow.proposal.pair import (
+    AXES,
     REACH_MM,
     ContactPlacement,
     Pair,
@@ -53,6 +55,7 @@ class Patches:
     other (None for one patch). cuts_mm: coordinates between neighbouring patches, rising. centre_mm (3,): centre of
     curvature of the fixed body near contact. anchors_mm (patches, 3): centre of curvature of the moving body for each
     patch. round: the moving body is convex wherever it touches. hollow: the fixed body is a cup about the centre.
+    exchanged: the fixed body is a dome where the moving one is flat or hollow.
     """
 
     weight: Array
@@ -62,6 +65,7 @@ class Patches:
     anchors_mm: Array
     round: bool
     hollow: bool
+    exchanged: bool
 
     def patch_of(self, points_mm: Array) -> np.ndarray:
         """Number of the patch (n,) that each point belongs to, by rising coordinate."""
@@ -108,6 +112,14 @@ def find_patches(
         ]
     )
     outward_cos = np.einsum("nk,nk->n", unit_rows(on_moving - anchors[numbers]), normals)
+    spot = weight > 0.0
+    bends = [
+        [_bend(pair.points_mm[own], pair.normals[own], weight[own]), _bend(on_moving[each], normals[each], areas[each])]
+        for own, each in (
+            (spot & (_patch_numbers(pair.points_mm, axis, cuts) == p), numbers == p) for p in range(len(cuts) + 1)
+        )
+    ]
+    fixed_bend, moving_bend = np.mean(bends, axis=0)
     visible, straight = share(towards_centre > LEAST_UPWARD), share(towards_centre > SETTINGS.straight_cos)
     return Patches(
         weight,
@@ -117,7 +129,14 @@ def find_patches(
         anchors,
         round=float(areas @ (outward_cos > 0.0)) > SETTINGS.round_share * float(areas.sum()),
         hollow=visible > SETTINGS.cup_share and straight > 0.5,
+        exchanged=bool(moving_bend < 0.25 * fixed_bend),
     )
+
+
+def _bend(points_mm: Array, normals: Array, weights: Array) -> float:
+    """Curvature [1/mm] of a surface, Σ w δx·δn / Σ w δx²: above 0 of a dome, below of a hollow."""
+    x, n = (each - weights @ each / weights.sum() for each in (points_mm, normals))
+    return float(weights @ (x * n).sum(axis=1) / max(weights @ (x**2).sum(axis=1), 1e-300))
 
 
 def _patch_numbers(points_mm: Array, axis: int | None, cuts_mm: tuple[float, ...]) -> np.ndarray:
@@ -261,15 +280,24 @@ class JointGeometry:
 
 
 def joint_geometry(
-    meshes: Mapping[str, TriangleMesh], kind: str | None = None, *, upright: bool = True, most_tilt_deg: float = 15.0
+    meshes: Mapping[str, TriangleMesh],
+    kind: str | None = None,
+    axes: Sequence[str] | None = None,
+    *,
+    most_tilt_deg: float = 15.0,
 ) -> JointGeometry:
     """Analyse the "moving" and the "fixed" mesh.
 
-    upright: if the moving body presses across the axes of the files, rotate both and analyse them again. Raises
-    ValueError for meshes that do not touch, or not in as many places as the kind of joint has.
+    axes: of the files, which say whereto the body of a known kind of joint presses; without them both meshes are
+    rotated and analysed again if it presses across their axes. Raises ValueError for meshes that do not touch, or not
+    in as many places as the kind of joint has.
     """
+    if axes is not None:
+        posterior, up, _ = axes_rotation(axes)
+        ways = {"patella": [posterior], "knee": [-up], "hip": [-up], None: [-up, posterior]}.get(kind, AXES)
+        return _analysed(meshes, kind, np.eye(3), np.array(ways))
     geometry = _analysed(meshes, kind, np.eye(3))
-    if not upright or geometry.tilt_deg <= most_tilt_deg:
+    if geometry.tilt_deg <= most_tilt_deg:
         return geometry
     pressing = geometry.placement.pressing
     axis = np.sign(pressing) * (np.abs(pressing) == np.abs(pressing).max())
@@ -277,12 +305,12 @@ def joint_geometry(
     return _analysed(meshes, kind, turn.as_matrix())
 
 
-def _analysed(meshes: Mapping[str, TriangleMesh], kind: str | None, turn: Array) -> JointGeometry:
+def _analysed(meshes: Mapping[str, TriangleMesh], kind: str | None, turn: Array, ways: Array = AXES) -> JointGeometry:
     moving, fixed = (
         TriangleMesh(mesh.name, mesh.vertices_mm @ turn.T, mesh.faces) for mesh in (meshes["moving"], meshes["fixed"])
     )
     pair = Pair.of(moving, fixed)
-    placement = contact_placement(pair)
+    placement = contact_placement(pair, ways)
     patches = find_patches(pair, placement)
     if kind == "hip" and patches.hollow:
         patches = find_patches(pair, placement, parted=False)

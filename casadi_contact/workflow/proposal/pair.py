@@ -144,17 +144,23 @@ class ContactPlacement:
 
     together: the files place both bodies in one frame, so that the pose zero is as scanned. pressing (3,): unit vector
     along which the moving body presses. translation_mm (3,): where it touches, unrotated. concentration: length of the
-    mean outward normal of the fixed surface nearby, 1 for a plane, 1/2 for a half-sphere.
+    mean outward normal of the fixed surface nearby, 1 for a plane, 1/2 for a half-sphere. doubtful: other directions
+    along which the bodies come near each other over 0.4 of that area and more.
     """
 
     together: bool
     pressing: Array
     translation_mm: Array
     concentration: float
+    doubtful: tuple[Array, ...] = ()
 
 
-def contact_placement(pair: Pair) -> ContactPlacement:
-    """The placement of the files if the bodies just touch there, else that of a drop along one of the axes.
+AXES = np.vstack([-np.eye(3), np.eye(3)])[[1, 4, 0, 2, 3, 5]]  # y first
+
+
+def contact_placement(pair: Pair, ways: Array = AXES) -> ContactPlacement:
+    """The placement of the files if the bodies just touch there, else that of a drop along one of the ways (n, 3), or
+    along any axis if they meet along none.
 
     Raises ValueError for bodies that do not touch, and for surfaces that are inside out.
     """
@@ -164,7 +170,7 @@ def contact_placement(pair: Pair) -> ContactPlacement:
             "where the files place them the bodies nearly touch, but the fixed surface faces away from the moving one, "
             "expected its outside towards it: turn its triangles round"
         )
-    placement = placement or _after_drop(pair)
+    placement = placement or _after_drop(pair, ways) or _after_drop(pair)
     if placement is None:
         raise ValueError("the bodies meet along no axis: are both surfaces' outsides turned to each other?")
     _check_moving_outside(pair, placement)
@@ -213,17 +219,19 @@ def _near_as_placed(
     return near if touch else None
 
 
-def _after_drop(pair: Pair, plane_weight: float = 0.2) -> ContactPlacement | None:
-    """The drop along an axis after which most of the fixed surface is near.
+def _after_drop(
+    pair: Pair, ways: Array = AXES, plane_weight: float = 0.2, doubtful_share: float = 0.4
+) -> ContactPlacement | None:
+    """The drop along one of the ways (n, 3) after which most of the fixed surface is near.
 
     Two planes that meet, such as the backs of two parts, count less: a plane comes near as a whole, a ball does not.
     """
     middle = 0.5 * (pair.points_mm.min(axis=0) + pair.points_mm.max(axis=0))
     vertices = pair.moving.vertices_mm
     centred = middle - 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
-    largest, placement = 0.0, None
+    largest, placement, areas = 0.0, None, np.zeros(len(ways))
     for start in (np.zeros(3), centred):
-        for direction in np.vstack([-np.eye(3), np.eye(3)])[[1, 4, 0, 2, 3, 5]]:
+        for k, direction in enumerate(ways):
             touched = pair.dropped(np.eye(3), start, direction)
             if touched is None:
                 continue
@@ -231,9 +239,13 @@ def _after_drop(pair: Pair, plane_weight: float = 0.2) -> ContactPlacement | Non
             area = float(pair.areas_mm2[near].sum())
             if _are_planes(pair, near, touched):
                 area *= plane_weight
+            areas[k] = max(areas[k], area)
             if area > 1.2 * largest:  # prefer earlier directions: y first, and the files' own translation
                 largest, placement = area, ContactPlacement(False, direction, touched, _pressing(pair, near)[1])
-    return placement
+    if placement is None:
+        return None
+    doubtful = ways[(areas > doubtful_share * largest) & (ways @ placement.pressing < 0.5)]
+    return replace(placement, doubtful=tuple(doubtful))
 
 
 def _are_planes(pair: Pair, near: np.ndarray, translation_mm: Array) -> bool:

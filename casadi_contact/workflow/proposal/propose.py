@@ -96,7 +96,7 @@ def propose(
         raise ValueError(
             f"{files['moving']} and {files['fixed']} hold the same body, expected the two that touch each other"
         )
-    geometry = joint_geometry(meshes, kind, upright=axes is None)
+    geometry = joint_geometry(meshes, kind, axes)
     frame = frame_of(geometry, side, axes)
     if axes is not None:
         along = frame.directions(geometry.placement.pressing)
