@@ -122,3 +122,4 @@ def test_of_one_side_alone_there_is_none():
         ContactFrames(PolarFoundation(scene, Rays(8, 2), compiled=False), 1).misfit({"cop_ap": 0.0})
     completed = whole_wrench(scene)
     assert completed.load_names == (*ONE_SIDE, "Fy")
+    assert whole_wrench(knee(["Fy_med", "Fy_lat"])).tolerances["Tz"] == 125.0  # of 5 N at 25 mm

@@ -77,9 +77,8 @@ def test_motion_follows_lagrange_with_the_virtual_work_of_muscles_and_contact(le
 def test_muscles_shorten_by_their_arms_times_the_angles(moment):
     phi, rates, _, a, _, _, forces = moment
     group = MuscleParameters(tuple(MUSCLES), squat.FORCE_N, squat.FIBRE_M, squat.TENDON_M, np.zeros(10))
-    by_shank, by_thigh, by_trunk = ANKLE_M - squat.KNEE_M, squat.KNEE_M - squat.HIP_M, squat.HIP_M
-    shorter, speed = (by_shank * x[0] + by_thigh * x[1] + by_trunk * x[2] for x in (phi, rates))
-    active, passive, _ = rigid_tendon_forces(group, squat.LENGTH_M - shorter, -speed)
+    arms = np.column_stack([ANKLE_M - squat.KNEE_M, squat.KNEE_M - squat.HIP_M, squat.HIP_M])
+    active, passive, _ = rigid_tendon_forces(group, squat.LENGTH_M - arms @ phi, -arms @ rates)
     np.testing.assert_allclose(forces, a * active + passive, atol=0.5)  # below zero a little where far too short
 
 
