@@ -56,7 +56,7 @@ def wrench_function(model: ContactModel, name: str = "contact_wrench") -> ca.Fun
     """
     total = ca.sparsify(ca.DM(total_selection(model.load_names, model.patch_names)))
     pose = ca.MX.sym("pose", 6)
-    loads = symbolic(model).function(name=f"{name}_loads", compiled=True)(pose)
+    loads = symbolic(model).function(name=f"{name}_loads")(pose)
     return ca.Function(name, [pose], [ca.mtimes(total, loads)])
 
 

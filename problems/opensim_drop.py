@@ -58,7 +58,7 @@ def by_casadi(surrogate: Surrogate, drop: Drop, tolerance: float = 1e-10) -> Arr
     state = ca.MX.sym("state", 12)
     pose, velocity, spin = state[:6], state[6:9], state[9:]
     total = total_selection(surrogate.load_names, surrogate.patch_names)
-    wrench = total @ surrogate.function(compiled=True)(pose)
+    wrench = total @ surrogate.function()(pose)
     force = -wrench[:3] + ca.DM([0.0, drop.push_n, 0.0]) - 1e-3 * drop.damping_ns_per_m * velocity
     torque = -wrench[3:] + ca.cross(pose[:3], wrench[:3]) - 1e3 * drop.damping_nms_per_rad * spin
     turning = ca.solve(angular_velocity_map(pose[3:]), spin)

@@ -63,7 +63,7 @@ def simulated(model: SymbolicContact, frames: int = 401) -> Target:
 def acceleration_forces(model: SymbolicContact) -> ca.Function:
     """(pose, rates, actuator wrench) -> M·v̇ (6) [N, N·mm] and contact loads (L)."""
     pose, rates, actuators = (ca.MX.sym(name, 6) for name in ("pose", "rates", "actuators"))
-    loads = model.function(compiled=True)(pose)
+    loads = model.function()(pose)
     contact = ca.DM(total_selection(model.load_names, model.patch_names)) @ loads
     forces = generalised_forces(pose, actuators, about="moving") - generalised_forces(pose, contact)
     forces -= ca.DM(STIFFNESS) * pose + ca.DM(DAMPING) * rates

@@ -182,7 +182,7 @@ def build(
     steps = KNEE_STEPS[[0, 1, 3]]  # mm, rad
     moved, zero = ca.diag(ca.DM(steps)) @ knee, ca.MX.zeros(1, points)
     pose = ca.vertcat(moved[0, :], moved[1, :], zero, moved[2, :], zero, phi[1, :] - phi[0, :])
-    loads = model.function(compiled=True).map(points)(pose)
+    loads = model.function().map(points)(pose)
     wrench = ca.DM(total_selection(model.load_names, model.patch_names)) @ loads
     bend = grid.derivatives(node_rates, rates) / grid.step_s
     motion, across, room = leg(body).map(points)(phi, rates, bend, a, pose, wrench)

@@ -144,7 +144,7 @@ def export(
         if isinstance(model, Surrogate) and not kernel_only:
             path = folder / kind / f"{stem}.casadi"
             file = ca.StringSerializer()  # casadi.Function.load reads what it writes
-            file.pack(model.function())
+            file.pack(model.function(compiled=False))
             write_text(path, file.encode())
             written.append(path)
         written += export_c(model, folder / kind, example_pose=pose)

@@ -27,12 +27,10 @@ from casadi_contact.networks.functions import (
     hessian_function,
     weighted_hessians,
 )
-from casadi_contact.networks.kernel.source import ExportedModel, c_text, casadi_interface, roots_source
-from casadi_contact.networks.names import UNNAMED, c_name, check_name, check_unused, name_of_batch, name_of_wrenches
+from casadi_contact.networks.kernel.source import ExportedModel, c_text, external_function, roots_source
+from casadi_contact.networks.names import c_name, check_name, name_of_wrenches
 from casadi_contact.scenes.loading import load_scene, ready_scenes
 from casadi_contact.scenes.scene import Scene
-
-BOTH = "contact_loads_and_roots"
 
 
 class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
@@ -42,12 +40,12 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
     compiled: False for NumPy in any case. ``record`` says what was chosen and how wrong it is, in plain values.
     """
 
-    compiled_by_default = True
     lanes = 4  # the most numbers that its C has in a vector
 
     def __init__(self, scene: Scene, *, compiled: bool = True) -> None:
         super().__init__(scene)
         self.record: dict[str, Any] = {}
+        self._kernels: dict[tuple[tuple[str, ...], str], Path | None] = {}
         self._compiled = compiled and scene.material.law in C_LAWS
         if compiled and not self._compiled:
             warn_once(f"the pressure law {scene.material.law!r} has no C; the contact model runs in NumPy, slower")
@@ -153,7 +151,7 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
         loads: Iterable[str] | None = None,
         name: str = "contact_loads",
         *,
-        compiled: bool | None = None,
+        compiled: bool = True,
         batch: int | None = None,
         parameters: Iterable[str] = (),
     ) -> ca.Function:
@@ -168,7 +166,7 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
         if not inputs:
             return super().function(loads, name, compiled=compiled, batch=batch)
         names = wrench_names(self.patch_names)
-        of_patches = self._function(name_of_wrenches(check_name(name)), names, ("loads",), compiled is not False, None)
+        of_patches = self._function(name_of_wrenches(check_name(name)), names, ("loads",), compiled, None)
         function = parametric_function(name, inputs, self.scene.material, self._rows(loads), of_patches)
         return function if batch is None else function.map(batch)
 
@@ -183,7 +181,7 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
         if self.scene.material.law not in C_LAWS:
             raise ValueError(f"the pressure law {self.scene.material.law!r} has no C, expected {' or '.join(C_LAWS)}")
         names, patches = self.check_loads(loads), len(self.patch_names)
-        texts = [self._source(names, patches), roots_source(range(patches + 1)), c_text("export.h", C_FOLDER)]
+        texts = [self._source(names), roots_source(range(patches + 1)), c_text("export.h", C_FOLDER)]
         texts += [self._moments_source(), c_text("pressure_outputs.h", C_FOLDER)]
         return ExportedModel(
             name=self._export_name(),
@@ -197,7 +195,7 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
             description=f"Contact loads of the scene {self.scene.name}, elastic foundation {self!r}.",
             vectors=True,
             data=self._patch_data(),
-            wrench_source=self._source(wrench_names(self.patch_names), 0),
+            wrench_source=self._source(wrench_names(self.patch_names)),
             pressure_names=self.pressure_names,
         )
 
@@ -215,39 +213,34 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
     def _function(
         self, name: str, loads: Sequence[str], outputs: Sequence[str], compiled: bool, batch: int | None
     ) -> ca.Function:
-        symbol = name_of_batch(check_name(name), batch or 1)
-        if compiled and (path := self._kernel(symbol, loads, outputs, batch or 1)):
-            return ca.external(symbol, str(path))
+        if compiled and (library := self._kernel(loads or self.load_names)):
+            sizes = {"loads": len(loads or self.load_names), "roots": len(self.patch_names)}
+            return external_function(library, name, sizes, outputs, batch or 1)
         return model_callback(with_loads(self, loads), name, loads, outputs, batch)
 
-    def _source(self, loads: Sequence[str], roots: int) -> str:
-        return kernel_source(self.scene, loads, roots, self._patch_source(), self.lanes)
+    def _source(self, loads: Sequence[str]) -> str:
+        return kernel_source(self.scene, loads, len(self.patch_names), self._patch_source(), self.lanes)
 
-    def _kernel(
-        self, name: str, loads: Sequence[str], outputs: Sequence[str], batch: int = 1, more: str = ""
-    ) -> Path | None:
-        """The compiled kernel, for CasADi and for arrays, and more C with it.
+    def _kernel(self, loads: Sequence[str], more: str = "") -> Path | None:
+        """The compiled kernel of these loads and of root loads, for CasADi and for arrays, and more C with it.
 
         None, with one warning, where there is no compiler.
         """
         if not self._compiled:
             return None
-        sizes = {"loads": len(loads), "roots": len(self.patch_names)}
-        lengths = {key: sizes[key] for key in outputs}
-        source = self._source(loads if "loads" in outputs else (), lengths.get("roots", 0))
-        check_unused(name, f"{source}\n{casadi_interface({UNNAMED: lengths}, batch)}")
-        interface = casadi_interface({check_name(name): lengths}, batch)
-        texts = [source, interface, c_text("arrays.h"), c_text("batch.h", C_FOLDER), more]
-        try:
-            return shared_library("\n".join(texts), data=self._patch_data())
-        except CompilerError as error:
-            warn_once(f"{error}; the contact model runs in NumPy, which is slower")
-            return None
+        if (key := (tuple(loads), more)) not in self._kernels:
+            texts = ["#define ENTRY", self._source(loads), c_text("arrays.h"), c_text("batch.h", C_FOLDER), more]
+            try:
+                self._kernels[key] = shared_library("\n".join(texts), data=self._patch_data())
+            except CompilerError as error:
+                warn_once(f"{error}; the contact model runs in NumPy, which is slower")
+                self._kernels[key] = None
+        return self._kernels[key]
 
-    @cached_property
+    @property
     def _library(self) -> Path | None:
-        """The kernel for arrays of poses: the one that `load_and_root_function` takes."""
-        return self._kernel(BOTH, self.load_names, ("loads", "roots"))
+        """The kernel of all loads."""
+        return self._kernel(self.load_names)
 
     def _evaluate(self, poses: Array, *, wrenches: bool = True, slopes: bool = False, gaps: bool = False) -> PatchLoads:
         """All patches in n poses: wrench (n, P, 6), gap (n, P), their derivatives by the pose, cut (n, P).
@@ -280,5 +273,4 @@ class CompiledFoundation(WrenchLoads, ContactFunctions, PressureOutputs):
     @cached_property
     def _pressure_library(self) -> Path | None:
         """A kernel of its own, compiled when pressures are first asked for."""
-        more = "\n".join([self._moments_source(), c_text("pressures.h", C_FOLDER)])
-        return self._kernel(BOTH, self.load_names, ("loads", "roots"), more=more)
+        return self._kernel(self.load_names, "\n".join([self._moments_source(), c_text("pressures.h", C_FOLDER)]))

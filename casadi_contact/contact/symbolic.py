@@ -150,7 +150,7 @@ class SymbolicContact(ContactModel, Protocol):
         loads: Iterable[str] | None = None,
         name: str = "contact_loads",
         *,
-        compiled: bool | None = None,
+        compiled: bool = True,
         batch: int | None = None,
     ) -> ca.Function:
         """casadi.Function pose (6) -> loads (L); batch: (6 x batch) -> (L x batch).
@@ -163,7 +163,7 @@ class SymbolicContact(ContactModel, Protocol):
         loads: Iterable[str] | None = None,
         name: str = "contact_loads_and_roots",
         *,
-        compiled: bool | None = None,
+        compiled: bool = True,
         batch: int | None = None,
     ) -> ca.Function:
         """casadi.Function pose (6) -> loads (L), signed root loads (P)."""

@@ -101,11 +101,12 @@ def _run(command: list[str], folder: Path | None = None) -> str:
         raise CompilerError(f"{command[0]} failed: {error}") from None
 
 
-def shared_library(source: str, waited_for: str = "", data: bytes = b"") -> Path:
+def shared_library(source: str, waited_for: str = "", data: bytes = b"", linked: Path | None = None) -> Path:
     """Path of the compiled source, from the cache if it is there.
 
     waited_for: what is announced, with a time, where it must be compiled; nothing if left out. data: what the source
-    includes into the library as the file DATA_FILE (`.incbin`), large tables for instance.
+    includes into the library as the file DATA_FILE (`.incbin`), large tables for instance. linked: a library whose
+    functions it calls.
     Where the cache folder cannot be written, the library lies in a folder that is removed when Python ends.
     Raises CompilerError without a compiler, where it fails or compiles for another machine, for flags in
     $CASADI_CONTACT_CFLAGS that it refuses, and for a cache that is not the user's alone or
@@ -113,7 +114,9 @@ def shared_library(source: str, waited_for: str = "", data: bytes = b"") -> Path
     """
     command, asked = compiler_command(), CFLAGS_VARIABLE in os.environ
     chosen = tuple(_words_of(CFLAGS_VARIABLE)) if asked else NATIVE
-    made_from = "\0".join([source, _compiler_version(tuple(command)), *command, *FLAGS, *chosen, _processor()])
+    libraries = ["-lm"] if linked is None else [str(linked)]
+    settings = [*command, *FLAGS, *chosen, *libraries, _processor()]
+    made_from = "\0".join([source, _compiler_version(tuple(command)), *settings])
     key = hashlib.sha256(made_from.encode() + (b"\0" + data if data else b"")).hexdigest()[:32]
     folder = Path(os.path.realpath(cache_folder()))
     try:
@@ -127,19 +130,21 @@ def shared_library(source: str, waited_for: str = "", data: bytes = b"") -> Path
     if found is None and waited_for:
         announce(waited_for, folder)
     try:
-        return found or _compiled(source, data, command, chosen, folder, key)
+        return found or _compiled(source, data, command, chosen, libraries, folder, key)
     except CompilerError:
         raise
     except OSError as error:
         raise CompilerError(f"cannot write to the kernel cache {folder}: {error.strerror or error}") from None
 
 
-def _compiled(source: str, data: bytes, command: list[str], chosen: tuple[str, ...], folder: Path, key: str) -> Path:
+def _compiled(
+    source: str, data: bytes, command: list[str], chosen: tuple[str, ...], libraries: list[str], folder: Path, key: str
+) -> Path:
     with tempfile.TemporaryDirectory(dir=folder, prefix=".kernel.") as name:
         place, library = Path(name), Path(name, f"kernel{SUFFIX}")
         (place / "kernel.c").write_text(source, "utf-8")
         (place / DATA_FILE).write_bytes(data)
-        last = ["-o", str(library), "kernel.c", "-lm"]
+        last = ["-o", str(library), "kernel.c", *libraries]
         try:
             _run([*command, *FLAGS, *chosen, *last], place)
         except CompilerError:
@@ -156,6 +161,17 @@ def _compiled(source: str, data: bytes, command: list[str], chosen: tuple[str, .
             ) from None
         path = folder / f"{key}-{_digest(library)}{SUFFIX}"
         os.replace(library, path)
+    return path
+
+
+def copied_library(library: Path, name: str) -> Path:
+    """A copy of a shared library beside it, which a process loads besides the original."""
+    content, path = library.read_bytes(), library.with_name(name)
+    if not (path.is_file() and is_private(path) and path.read_bytes() == content):
+        with tempfile.NamedTemporaryFile(dir=library.parent, prefix=".kernel.", delete=False) as copy:
+            copy.write(content)
+        os.chmod(copy.name, 0o700)
+        os.replace(copy.name, path)
     return path
 
 

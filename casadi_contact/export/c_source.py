@@ -16,7 +16,6 @@ from casadi_contact.core.files.writing import write_bytes, write_text
 from casadi_contact.core.quantities import quantity
 from casadi_contact.networks.kernel.source import ExportedModel, c_text, casadi_interface
 from casadi_contact.networks.names import (
-    UNNAMED,
     check_name,
     check_unused,
     comment_text,
@@ -38,9 +37,8 @@ def pose_or_example(model: Any, pose: Sequence[float] | None) -> list[float]:
 def c_source(model: ExportedModel, name: str) -> str:
     """One C file: the model, its functions by name, and the interface of casadi.external."""
     words, functions = template_words(model, name), c_text("export_api.c", TEMPLATES)
-    shared = casadi_interface(_casadi_functions(model, UNNAMED))
     suffixes = ("", *re.findall(r"\$\{name\}(\w+)", functions))
-    check_unused(name, f"{model.source}\n{functions}\n{shared}", suffixes=suffixes)
+    check_unused(name, f"{model.source}\n{functions}\n{casadi_interface({})}", suffixes=suffixes)
     parts = [
         _written(words),
         model.source,
@@ -82,9 +80,6 @@ def template_words(model: ExportedModel, name: str) -> dict[str, object]:
     return {
         "name": name,
         "guard": name.upper(),
-        "guard_OK": f"{name.upper()}_OK",
-        "guard_OUTSIDE": f"{name.upper()}_OUTSIDE",
-        "guard_NOT_FINITE": f"{name.upper()}_NOT_FINITE",
         "count": len(loads),
         "patch_count": len(patches),
         "description": comment_text(model.description),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -22,7 +22,6 @@ def checked_batch(batch: int | None) -> int | None:
 class ContactFunctions(ABC):
     """Functions of a pose that differ in what they give, made by one method, `_function`, of the model."""
 
-    compiled_by_default: ClassVar[bool] = False
     has_wrenches: bool = False  # as in `ContactModel`
     has_gaps: bool = False
 
@@ -45,22 +44,22 @@ class ContactFunctions(ABC):
         loads: Iterable[str] | None = None,
         name: str = "contact_loads",
         *,
-        compiled: bool | None = None,
+        compiled: bool = True,
         batch: int | None = None,
     ) -> ca.Function:
         """casadi.Function pose (6) -> loads (L) with derivatives; batch: (6 x batch) -> (L x batch), in one call.
 
         Zero load has zero slope: an optimiser that lost contact stays there. Use `ContactInOpti`.
         Works in ``map`` and in nlpsol. compiled: whether to take a kernel in C where the model has one, compiled once
-        and kept in the user's cache folder (None: ``compiled_by_default``); where that fails, one warning and the
-        slower form. A kernel has no third derivatives, and no file carries it (the library lies in the cache).
-        A function of n poses has CasADi's own name for that, ``mapn_name``.
+        and kept in the user's cache folder; where that fails, one warning and the slower form. A kernel has no third
+        derivatives, and no file carries it (the library lies in the cache).
+        A function of several poses at once has the name ``name_of_frames``.
         Raises ValueError for an unknown load and for a batch that is no whole number of 1 or more.
         """
         return self._made(name, self.check_loads(loads), ("loads",), compiled, batch)
 
     def root_function(
-        self, name: str = "contact_roots", *, compiled: bool | None = None, batch: int | None = None
+        self, name: str = "contact_roots", *, compiled: bool = True, batch: int | None = None
     ) -> ca.Function:
         """casadi.Function pose (6) -> signed root load of every patch (P); the rest as for `function`."""
         self.check_roots()
@@ -71,7 +70,7 @@ class ContactFunctions(ABC):
         loads: Iterable[str] | None = None,
         name: str = "contact_loads_and_roots",
         *,
-        compiled: bool | None = None,
+        compiled: bool = True,
         batch: int | None = None,
     ) -> ca.Function:
         """casadi.Function pose (6) -> loads (L), roots (P): both for the price of the loads."""
@@ -80,10 +79,9 @@ class ContactFunctions(ABC):
         return self._made(name, names, ("loads", "roots"), compiled, batch)
 
     def _made(
-        self, name: str, loads: Sequence[str], outputs: Sequence[str], compiled: bool | None, batch: int | None
+        self, name: str, loads: Sequence[str], outputs: Sequence[str], compiled: bool, batch: int | None
     ) -> ca.Function:
-        chosen = self.compiled_by_default if compiled is None else compiled
-        return self._function(name, loads, outputs, chosen, checked_batch(batch))
+        return self._function(name, loads, outputs, compiled, checked_batch(batch))
 
 
 def _empty(name: str, like: ca.MX) -> ca.MX:

@@ -71,16 +71,12 @@ def check_unused(name: str, source: str, *, suffixes: Iterable[str] = ("",)) -> 
         raise ValueError(f"function name {name!r} is not usable, C or the C of contact models has it: choose another")
 
 
-UNNAMED = "0"
-"""No name that a function can have: the interface of one by this name declares what all of them share."""
-
-
 def name_of_batch(name: str, batch: int) -> str:
-    """The name of a function of so many poses, that of CasADi's own ``map``.
+    """The name of a function of several poses at once.
 
     Code that CasADi generates calls a function by its name alone, and must not find that of one pose under it.
     """
-    return name if batch == 1 else f"map{batch}_{name}"
+    return name if batch == 1 else f"{name}_of_frames"
 
 
 def name_of_parts(name: str) -> str:

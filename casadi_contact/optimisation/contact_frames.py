@@ -47,8 +47,7 @@ class ContactFrames:
     model: a surrogate, a foundation, or any other contact model, which is called back (`contact.symbolic`).
     locked: pose parameters that do not move, by name: a number, (n,) values or an expression (1, n); all others are
     free, but for those that the scene locks or ties. loads: the named loads that are needed, all if left out. compiled:
-    as for the model's `function`, whose own choice holds if left out. variable: makes q from its shape, ``MX.sym`` if
-    left out.
+    as for the model's `function`. variable: makes q from its shape, ``MX.sym`` if left out.
     """
 
     def __init__(
@@ -58,7 +57,7 @@ class ContactFrames:
         *,
         locked: Mapping[str, Any] | None = None,
         loads: Iterable[str] | None = None,
-        compiled: bool | None = None,
+        compiled: bool = True,
         variable: Callable[[int, int], ca.MX] | None = None,
     ) -> None:
         model, space = symbolic(model), model.scene.pose_space
@@ -77,8 +76,7 @@ class ContactFrames:
         self.pose = given  # `PoseSpace.project` as an expression
         if not space.unconstrained:
             self.pose = ca.mtimes(ca.sparsify(ca.DM(space.matrix)), given) + ca.repmat(ca.DM(space.offset), 1, frames)
-        chosen: dict[str, Any] = {} if compiled is None else {"compiled": compiled}
-        function = model.load_and_root_function(self.load_names, batch=frames, **chosen)
+        function = model.load_and_root_function(self.load_names, compiled=compiled, batch=frames)
         self.loads, self.roots = function(self.pose)
         low, high = (np.tile(bound[self.columns] / self._scales, frames) for bound in pose_bounds(model))
         self.lower, self.upper = low, high

@@ -37,7 +37,7 @@ class ContactInOpti(ContactFrames):
         *,
         locked: Mapping[str, Any] | None = None,
         loads: Iterable[str] | None = None,
-        compiled: bool | None = None,
+        compiled: bool = True,
     ) -> None:
         super().__init__(model, frames, locked=locked, loads=loads, compiled=compiled, variable=opti.variable)
         self._opti, (low, high) = opti, pose_bounds(self.model)

@@ -88,7 +88,7 @@ class PoseEstimation:
         measured: Mapping[str, Array],
         *,
         smoothness: float = 0.0,
-        compiled: bool | None = None,
+        compiled: bool = True,
     ) -> None:
         if not 0.0 <= smoothness < np.inf:
             raise ValueError(f"smoothness is {smoothness}, expected a finite number >= 0")

@@ -101,7 +101,7 @@ class StaticEquilibrium:
         space.free_curves(dict(zip(POSE_NAMES, self.rest.T, strict=True)), "rest")
 
         locked = {name: self.rest[:, pose_index(name)] for name in space.free_names if name not in free}
-        self.contact = ContactFrames(model, count, locked=locked, compiled=True)
+        self.contact = ContactFrames(model, count, locked=locked)
         self._total = total_selection(self.contact.load_names, model.patch_names)
         balance = self._balance().map(count)
         r = balance(self.contact.pose, self.contact.loads, ca.DM(self.loads.T), ca.DM(self.rest.T))

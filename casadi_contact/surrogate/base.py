@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 
@@ -23,7 +22,7 @@ from casadi_contact.surrogate.confidence import Confidence
 from casadi_contact.surrogate.file import Content, write_file
 from casadi_contact.surrogate.functions import SurrogateFunctions
 from casadi_contact.surrogate.info import SurrogateInfo
-from casadi_contact.surrogate.kernel import BATCH_FROM, SurrogateArrays, compiled_arrays
+from casadi_contact.surrogate.kernel import BATCH_FROM, SurrogateArrays
 
 if TYPE_CHECKING:
     from casadi_contact.samples.samples import Samples
@@ -91,6 +90,7 @@ class Surrogate(SurrogateFunctions, ContactModel):
         self.scene = scene
         self._compiled = compiled
         self._hessians: dict[tuple[str, ...], ca.Function] = {}
+        self._kernels = {}
         self.networks = dict(networks)
         self.record = dict(record or {})
         self.confidence = confidence
@@ -145,7 +145,7 @@ class Surrogate(SurrogateFunctions, ContactModel):
         if arrays is not None:
             return arrays.hessian(poses, wanted, names)
         if names not in self._hessians:
-            self._hessians[names] = hessian_function(self.function(names))
+            self._hessians[names] = hessian_function(self.function(names, compiled=False))
         return weighted_hessians(self._hessians[names], poses, wanted)
 
     @batched
@@ -181,12 +181,7 @@ class Surrogate(SurrogateFunctions, ContactModel):
     def _arrays(self, poses: Array, loads: Sequence[str]) -> SurrogateArrays | None:
         """The kernel for so many poses; None where they are few, for other loads, and without a compiler."""
         many = self._compiled and len(poses) >= BATCH_FROM and set(loads) <= set(self.load_names)
-        return self._compiled_arrays if many else None
-
-    @cached_property
-    def _compiled_arrays(self) -> SurrogateArrays | None:
-        kernel = self.whole_kernel(self.load_names)
-        return compiled_arrays(kernel, f"the kernel of the surrogate {self.scene.name}, some seconds")
+        return self._compiled_kernel(self.load_names) if many else None
 
     def _missing(self, loads: Sequence[str]) -> list[str]:
         return [name for name in self.networks_for(self.scene, loads) if name not in self.networks]

@@ -10,16 +10,15 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 
-from casadi_contact.core.compiler import CompilerError, warn_once
 from casadi_contact.networks.functions import ContactFunctions, function_with_derivatives
 from casadi_contact.networks.graph import Expressions, nan_if_not_finite, nan_marker
 from casadi_contact.networks.kernel.networks import Bundle
-from casadi_contact.networks.kernel.source import ExportedModel, Kernel, compiled_function
+from casadi_contact.networks.kernel.source import ExportedModel, Kernel
 from casadi_contact.networks.names import c_name, name_of_parts
 from casadi_contact.networks.network import Network
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.confidence import Confidence
-from casadi_contact.surrogate.kernel import OWN_ROOTS, SurrogateKernel
+from casadi_contact.surrogate.kernel import OWN_ROOTS, SurrogateArrays, SurrogateKernel, compiled_arrays
 
 _CALLED = {"never_inline": True}  # an SX expression calls them whole: CasADi has no logsumexp of SX
 
@@ -37,6 +36,7 @@ class SurrogateFunctions(ContactFunctions):
     confidence: Confidence | None
     load_names: tuple[str, ...]
     patch_names: tuple[str, ...]
+    _kernels: dict[tuple[tuple[str, ...], bool], SurrogateArrays | None]
     ready_name = ""
     """Name under which `load_surrogate` finds it; empty for one that does not come with the library."""
 
@@ -78,7 +78,7 @@ class SurrogateFunctions(ContactFunctions):
 
     def _confidence_expressions(self, pose: ca.MX) -> tuple[ca.MX, ca.MX]:
         """Validity (1) and expected errors (L) of a pose (6)."""
-        return self.require_confidence().expressions(pose, self._validity_roots.root_function()(pose))
+        return self.require_confidence().expressions(pose, self._validity_roots.root_function(compiled=False)(pose))
 
     def validity_function(self, name: str = "contact_validity") -> ca.Function:
         """casadi.Function pose (6) -> validity (1), twice continuously differentiable.
@@ -108,13 +108,8 @@ class SurrogateFunctions(ContactFunctions):
     def _transcription(
         self, name: str, loads: Sequence[str], outputs: Sequence[str], compiled: bool, batch: int | None
     ) -> ca.Function:
-        if compiled:
-            sizes = {"loads": len(loads), "roots": self._root_bounds[-1]}
-            kernel = self._kernel(loads, roots="roots" in outputs)
-            try:
-                return compiled_function(kernel, name, {key: sizes[key] for key in outputs}, batch or 1)
-            except CompilerError as error:
-                warn_once(f"{error}; using the CasADi graph, which is slower")
+        if compiled and (kernel := self._compiled_kernel(loads or self.load_names, roots="roots" in outputs)):
+            return kernel.function(name, outputs, batch or 1)
         pose = ca.MX.sym("pose", 6)
         function = function_with_derivatives(name, pose, self._outputs(pose, loads, outputs))
         return function if batch is None else function.map(batch)
@@ -129,9 +124,17 @@ class SurrogateFunctions(ContactFunctions):
             for key in outputs
         }
 
-    def whole_kernel(self, loads: Sequence[str]) -> SurrogateKernel:
-        """C of the loads, with all else that the networks and the calibration are enough for."""
-        roots = all(name in self.networks for name in self._root_networks())
+    def _compiled_kernel(self, loads: Sequence[str], *, roots: bool = True) -> SurrogateArrays | None:
+        """The loads' kernel, compiled once; of all loads there is one that gives root loads and confidence as well."""
+        key = (tuple(loads), roots or tuple(loads) == self.load_names)
+        if key not in self._kernels:
+            waited_for = f"the kernel of the surrogate {self.scene.name}, some seconds"
+            self._kernels[key] = compiled_arrays(self._whole_kernel(*key), waited_for)
+        return self._kernels[key]
+
+    def _whole_kernel(self, loads: Sequence[str], roots: bool = True) -> SurrogateKernel:
+        """C of the loads; with roots all else that the networks and the calibration are enough for."""
+        roots = roots and all(name in self.networks for name in self._root_networks())
         kernel, confidence = self._kernel(loads, roots=roots), self.confidence if roots else None
         bundles, roots_source = list(kernel.bundles), ""
         if confidence is not None:
@@ -160,7 +163,7 @@ class SurrogateFunctions(ContactFunctions):
 
     def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
         """C of the loads, and of all that the surrogate knows of them."""
-        kernel = self.whole_kernel(self.check_loads(loads))
+        kernel = self._whole_kernel(self.check_loads(loads))
         condition, made_for = kernel.outside()
         return ExportedModel(
             self._export_name(),

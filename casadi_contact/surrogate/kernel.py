@@ -11,12 +11,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 
 from casadi_contact.core.compiler import CompilerError, call_in_shares, shared_library, warn_once
 from casadi_contact.core.conventions import Array
 from casadi_contact.networks.kernel.networks import filled_up
-from casadi_contact.networks.kernel.source import Kernel, c_text, roots_source, table
+from casadi_contact.networks.kernel.source import Kernel, c_text, external_function, roots_source, table
 from casadi_contact.surrogate.confidence import SURE, Confidence
 
 BATCH_FROM = 1000
@@ -104,11 +105,17 @@ class SurrogateArrays:
 
     library: Path
     load_names: Sequence[str]
+    root_count: int
+
+    def function(self, name: str, outputs: Sequence[str], frames: int) -> ca.Function:
+        """casadi.Function pose (6 x frames) -> outputs, "loads" and/or "roots" (of the kernel)."""
+        sizes = {"loads": len(self.load_names), "roots": self.root_count}
+        return external_function(self.library, name, sizes, outputs, frames)
 
     def loads(self, poses: Array, names: Sequence[str]) -> Array:
         """Loads (n, L) by name."""
         loads = np.empty((len(poses), len(self.load_names)))
-        call_in_shares(self.library, "array_values", poses, loads, None)
+        call_in_shares(self.library, "values_of", poses, loads, None)
         return self._picked(loads, names)
 
     def jacobian(self, poses: Array, names: Sequence[str]) -> tuple[Array, Array]:
@@ -148,8 +155,8 @@ class SurrogateArrays:
 def compiled_arrays(kernel: SurrogateKernel, waited_for: str) -> SurrogateArrays | None:
     """The compiled kernel; None, with one warning, without a compiler. waited_for: what is announced."""
     try:
-        library = shared_library("\n".join([kernel.source(), c_text("arrays.h")]), waited_for)
+        library = shared_library("\n".join(["#define ENTRY", kernel.source(), c_text("arrays.h")]), waited_for)
     except CompilerError as error:
-        warn_once(f"{error}; arrays of poses go through NumPy, which is slower")
+        warn_once(f"{error}; NumPy and the CasADi graph take the kernel's place, which are slower")
         return None
-    return SurrogateArrays(library, tuple(kernel.loads))
+    return SurrogateArrays(library, tuple(kernel.loads), kernel.root_count)

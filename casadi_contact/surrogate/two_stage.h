@@ -24,9 +24,9 @@ FUNCTION void kernel_value(const double *pose, double *loads, double *roots) {
   double raw[FORCES], u[INPUTS], y[OUTPUTS + 1];
   first_value(pose, raw);
   second_inputs(pose, raw, u);
-  second_value(u, y);
-  for (int k = 0; k < LOADS; k++) loads[k] = SOURCE[k] < FORCES ? u[6 + SOURCE[k]] : y[SOURCE[k] - FORCES];
-  for (int f = 0; ROOTS && f < FORCES; f++) roots[f] = root_of(raw[f], REFERENCE_LOAD, ROUNDING).value;
+  if (loads) second_value(u, y);
+  for (int k = 0; loads && k < LOADS; k++) loads[k] = SOURCE[k] < FORCES ? u[6 + SOURCE[k]] : y[SOURCE[k] - FORCES];
+  for (int f = 0; roots && f < FORCES; f++) roots[f] = root_of(raw[f], REFERENCE_LOAD, ROUNDING).value;
 }
 
 FUNCTION void kernel_jacobian(const double *pose, double *loads, double *roots, double (*loads_jacobian)[6],
@@ -35,13 +35,13 @@ FUNCTION void kernel_jacobian(const double *pose, double *loads, double *roots, 
   first_gradient(pose, raw, d_raw[0]);
   second_inputs(pose, raw, u);
   clamp_slopes(raw, d_raw, d_force);
-  second_gradient(u, y, dy[0]);
-  for (int f = 0; ROOTS && f < FORCES; f++) {
+  if (loads) second_gradient(u, y, dy[0]);
+  for (int f = 0; roots && f < FORCES; f++) {
     const Root root = root_of(raw[f], REFERENCE_LOAD, ROUNDING);
     roots[f] = root.value;
     for (int j = 0; j < 6; j++) roots_jacobian[f][j] = root.slope * d_raw[f][j];
   }
-  for (int k = 0; k < LOADS; k++) {
+  for (int k = 0; loads && k < LOADS; k++) {
     const int m = SOURCE[k] - FORCES;
     loads[k] = m < 0 ? u[6 + SOURCE[k]] : y[m];
     for (int j = 0; j < 6; j++) {
@@ -79,7 +79,7 @@ FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, con
   for (int f = 0; f < FORCES; f++) {
     on_force[f] = g[6 + f] + c[f];
     if (!(raw[f] < 0.0)) on_force[f] = 0.0;
-    if (ROOTS) {
+    if (roots_weight) {
       const Root root = root_of(raw[f], REFERENCE_LOAD, ROUNDING);
       on_force[f] += roots_weight[f] * root.slope;
       for (int i = 0; i < 36; i++) hessian[i] += roots_weight[f] * root.bend * d_raw[f][i / 6] * d_raw[f][i % 6];
@@ -97,9 +97,10 @@ FUNCTION void kernel_batch(const double *pose, double (*loads)[LANES], double (*
     for (int l = 0; l < LANES; l++) {
       const double force = raw[f * LANES + l];
       u[(6 + f) * LANES + l] = force < 0.0 ? force : 0.0;
-      if (ROOTS) roots[f][l] = root_of(force, REFERENCE_LOAD, ROUNDING).value;
+      if (roots) roots[f][l] = root_of(force, REFERENCE_LOAD, ROUNDING).value;
     }
   }
+  if (!loads) return;
   second_batch(u, y);
   for (int k = 0; k < LOADS; k++) {
     memcpy(loads[k], SOURCE[k] < FORCES ? u + (6 + SOURCE[k]) * LANES : y + (SOURCE[k] - FORCES) * LANES, sizeof loads[k]);

@@ -89,7 +89,7 @@ def _point(candidate: Candidate, cycle: LoadCycle | JointCycle, truth: ElasticFo
     point = replace(candidate.point, training_seconds=0.0, parameters=0, remark="")
     if candidate.model is None:
         return point
-    result = PoseEstimation.of_cycle(_symbolic(candidate), cycle, compiled=True).solve()
+    result = PoseEstimation.of_cycle(_symbolic(candidate), cycle).solve()
     solved = int(result.solved.sum())
     if solved < len(result.solved):
         return replace(point, failure=f"{solved} of {len(result.solved)} frames solved")
@@ -104,7 +104,7 @@ def _symbolic(candidate: Candidate) -> SymbolicContact:
 
 def _seconds_a_frame(model: SymbolicContact, cycle: LoadCycle | JointCycle) -> float:
     began = time.perf_counter()
-    PoseEstimation.of_cycle(model, cycle, compiled=True).solve()
+    PoseEstimation.of_cycle(model, cycle).solve()
     return (time.perf_counter() - began) / len(cycle.time_s)
 
 

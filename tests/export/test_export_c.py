@@ -68,20 +68,20 @@ def test_code_for_many_poses_does_not_call_the_exported_function_of_one(kind, tm
     poses, name = ca.MX.sym("poses", 6, 3), model.exported().name
     loads = model.function(name=name, compiled=True, batch=3)(poses)
     ca.Function("mine", [poses], [loads, ca.jacobian(ca.vec(loads), ca.vec(poses))]).generate("mine.c")
-    calls = set(re.findall(rf"\w*{name}(?=\()", (tmp_path / "mine.c").read_text()))
-    assert calls == {f"map3_{name}", f"jac_map3_{name}"}
+    calls = set(re.findall(rf"\w*{name}\w*(?=\()", (tmp_path / "mine.c").read_text()))
+    assert calls == {f"{name}_of_frames", f"jac_{name}_of_frames"}
 
 
 @needs_compiler
 def test_a_function_is_not_named_as_what_its_c_is_made_of(tmp_path):
     surrogate = random_surrogate(load_scene("sphere_on_plane"), "patch")
     of_c = "int main class sin j1 stdin errno size_t linux unix NAN EOF"
-    for name in f"{of_c} not-a-c-name example linear dense work_of status_of BATCH".split():
+    for name in f"{of_c} not-a-c-name example linear dense work_of blocks outside FRAMES".split():
         with pytest.raises(ValueError, match="not usable"):
             cc.export_c(surrogate, tmp_path, name=name)
     assert not list(tmp_path.iterdir())
     for model in (surrogate, cc.foundation("sphere_on_plane")):
-        for name in ("linear", "block_diagonal"):
+        for name in ("blocks", "values_of"):
             with pytest.raises(ValueError, match=f"'{name}' is not usable, C or the C of contact models has it"):
                 model.function(name=name, compiled=True)
     assert surrogate.function(name="example", compiled=True).name() == "example"

@@ -50,7 +50,8 @@ def test_missing_networks_limit_the_loads_and_are_named(surrogate):
             ask()
     one_side = PatchSurrogate(KNEE, {"root_lat": surrogate.networks["root_lat"]})
     assert one_side.load_names == ("Fy_lat",)
-    np.testing.assert_allclose(one_side.function()(poses[0]).full()[0], surrogate(poses[:1], ["Fy_lat"])[0], rtol=1e-12)
+    load = one_side.function(compiled=False)(poses[0]).full()[0]
+    np.testing.assert_allclose(load, surrogate(poses[:1], ["Fy_lat"])[0], rtol=1e-12)
     with pytest.raises(ValueError, match="root_med"):
         one_side.root_loads(poses)
     for bad, said in (({"root_top": surrogate.networks["root_med"]}, "unknown network 'root_top'"), ({}, "not enough")):

@@ -1,6 +1,6 @@
 /* Many poses in one call, for NumPy: what is 0 is left out. Derivatives are by pose. Gaps are those of patches that carry
  * no normal load, and without wrenches those of all. */
-ARRAYS void foundation_loads(long long n, const double *poses, double *wrenches, double *slopes, int *cut, double *gaps,
+void foundation_loads(long long n, const double *poses, double *wrenches, double *slopes, int *cut, double *gaps,
                              double *gap_slopes) {
   for (long long row = 0; row < n * PATCHES; row++) {
     const double *pose = poses + 6 * (row / PATCHES);

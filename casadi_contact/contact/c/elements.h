@@ -2,11 +2,6 @@
  * for element. surface: arcs, tube radius, centre z, then axis x, y, tube offset and end tangent x, y of each arc.
  * boxes: middle and the three half axes (vectors) of a box about each block's elements, BLOCK blocks together; members:
  * of each block c, n and area of its GROUP elements, one quantity after the other, filled up with elements of no area. */
-#if defined(_WIN32)
-#define EXPORT __declspec(dllexport)
-#else
-#define EXPORT
-#endif
 
 #define GROUP 16
 #define RAY_ITERATIONS 30
@@ -155,7 +150,7 @@ INLINE void one_pose(const Body *body, long long blocks, const double *boxes, co
   add_touching(body, &held, slopes, sums);
 }
 
-EXPORT void element_wrenches(long long n, const double *rotations, const double *translations, double *wrenches,
+void element_wrenches(long long n, const double *rotations, const double *translations, double *wrenches,
                              double *stiffnesses, const long long *blocks, const double *surface, const double *boxes,
                              const double *members) {
   for (long long i = 0; i < n; i++) {

@@ -59,20 +59,20 @@ INLINE void add_by_pose(const Frame *frame, const double m[6][6], double *hessia
 INLINE void kernel_loads(const double *pose, int order, double *loads, double *roots, double (*loads_jacobian)[6],
                          double (*roots_jacobian)[6]) {
   const Frame frame = frame_of(pose);
-  memset(loads, 0, LOADS * sizeof(double));
-  if (order == FIRST) memset(loads_jacobian, 0, LOADS * sizeof(double[6]));
+  if (loads) memset(loads, 0, LOADS * sizeof(double));
+  if (loads && order == FIRST) memset(loads_jacobian, 0, LOADS * sizeof(double[6]));
   for (int p = 0; p < PATCHES; p++) {
     PatchLoads of;
     double rows[6][6], slope[3], normal;
-    patch_loads(p, pose, &frame, order, ROOTS > 0, 0, &of);
+    patch_loads(p, pose, &frame, order, roots != 0, 0, &of);
     for (int k = 0; k < 6 && order == FIRST; k++) row_by_pose(&frame, of.stiffness[k], rows[k]);
-    for (int i = 0; i < LOADS; i++) {
+    for (int i = 0; loads && i < LOADS; i++) {
       for (int k = 0; k < 6; k++) {
         loads[i] += selection[p][i][k] * of.wrench[k];
         for (int j = 0; j < 6 && order == FIRST; j++) loads_jacobian[i][j] += selection[p][i][k] * rows[k][j];
       }
     }
-    if (!ROOTS) continue;
+    if (!roots) continue;
     normal = normal_load(p, of.wrench, slope);
     roots[p] = normal > 0.0 ? sqrt(normal * (1.0 / REFERENCE_LOAD)) : -GAP_SLOPE * of.gap + 0.0 * normal;
     if (order == VALUE) continue;
@@ -121,7 +121,7 @@ FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, con
     PatchLoads of;
     double weights[6] = {0.0};
     for (int i = 0; i < LOADS; i++) for (int k = 0; k < 6; k++) weights[k] += loads_weight[i] * selection[p][i][k];
-    if (ROOTS) {
+    if (roots_weight) {
       double slope[3], bent[6][6];
       patch_loads(p, pose, &frame, FIRST, 0, 0, &of);
       if (normal_load(p, of.wrench, slope) > 0.0) {
@@ -129,9 +129,9 @@ FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, con
         add_by_pose(&frame, bent, hessian);
       }
     }
-    patch_loads(p, pose, &frame, SECOND, ROOTS > 0, weights, &of);
+    patch_loads(p, pose, &frame, SECOND, roots_weight != 0, weights, &of);
     add_by_pose(&frame, of.curvature, hessian);
-    if (ROOTS) {
+    if (roots_weight) {
       for (int a = 0; a < 6; a++) for (int b = 0; b < 6; b++) of.gap_curvature[a][b] *= -GAP_SLOPE * roots_weight[p];
       add_by_pose(&frame, of.gap_curvature, hessian);
     }
@@ -139,5 +139,5 @@ FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, con
 }
 
 FUNCTION void kernel_batch(const double *pose, double (*loads)[LANES], double (*roots)[LANES]) {
-  kernel_value(pose, loads[0], roots[0]);
+  kernel_value(pose, loads ? loads[0] : 0, roots ? roots[0] : 0);
 }

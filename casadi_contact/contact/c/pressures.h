@@ -1,6 +1,6 @@
 /* Pressure moments of many poses, for NumPy: area, integrals of p and p c, largest depth (contact/pressures.py).
  * A model defines patch_moments, with derivatives by the twist of the moving body about t; here they are by pose. */
-EXPORT void foundation_moments(long long n, const double *poses, double *values, double *slopes) {
+void foundation_moments(long long n, const double *poses, double *values, double *slopes) {
   for (long long i = 0; i < n; i++) {
     const Frame frame = frame_of(poses + 6 * i);
     for (int p = 0; p < PATCHES; p++) {

@@ -12,10 +12,8 @@
  *           below it$no_confidence
  * pressures $pressures
  *
- * Every function returns a status: $guard_OK;
- * $guard_OUTSIDE, where the pose is not one that this model is made for ($learned): the
- * numbers are given all the same, and mean nothing; $guard_NOT_FINITE, where the pose holds NaN or
- * infinity: all numbers are NaN. */
+ * Numbers are given for every pose; NaN where it holds NaN or infinity. Where it is not one that this model is made for
+ * ($learned), they mean nothing, as ${name}_status says. */
 #ifndef ${guard}_H
 #define ${guard}_H
 
@@ -34,27 +32,30 @@ extern const char *const ${name}_load_names[${guard}_LOADS];
 extern const char *const ${name}_load_units[${guard}_LOADS];
 extern const char *const ${name}_patch_names[${guard}_PATCHES];
 
+/* Whether the model is made for a pose; it takes as long as the confidence does. */
+int ${name}_status(const double pose[6]);
+
 /* loads [$units] of pose [mm, mm, mm, rad, rad, rad] */
-int ${name}_loads(const double pose[6], double loads[${guard}_LOADS]);
+void ${name}_loads(const double pose[6], double loads[${guard}_LOADS]);
 
 /* jacobian[i][j] = d loads[i] / d pose[j], row after row [a load's unit per mm, per rad] */
-int ${name}_jacobian(const double pose[6], double loads[${guard}_LOADS], double jacobian[${guard}_LOADS][6]);
+void ${name}_jacobian(const double pose[6], double loads[${guard}_LOADS], double jacobian[${guard}_LOADS][6]);
 
 /* hessian = sum of weights[i] * d2 loads[i] / d pose2, symmetric, in full; it has the units of that sum */
-int ${name}_hessian(const double pose[6], const double weights[${guard}_LOADS], double hessian[6][6]);
+void ${name}_hessian(const double pose[6], const double weights[${guard}_LOADS], double hessian[6][6]);
 
 /* roots [-]; jacobian[p][j] = d roots[p] / d pose[j] [1/mm, 1/rad] */
-int ${name}_roots(const double pose[6], double roots[${guard}_PATCHES], double jacobian[${guard}_PATCHES][6]);
+void ${name}_roots(const double pose[6], double roots[${guard}_PATCHES], double jacobian[${guard}_PATCHES][6]);
 
 /* validity [-] and expected_error [$units] */
-int ${name}_confidence(const double pose[6], double *validity, double expected_error[${guard}_LOADS]);
+void ${name}_confidence(const double pose[6], double *validity, double expected_error[${guard}_LOADS]);
 
 #if ${guard}_PRESSURES
 extern const char *const ${name}_pressure_names[${guard}_PRESSURES];
 extern const char *const ${name}_pressure_units[${guard}_PRESSURES];
 
 /* pressures as listed above, of pose [mm, mm, mm, rad, rad, rad] */
-int ${name}_pressures(const double pose[6], double pressures[${guard}_PRESSURES]);
+void ${name}_pressures(const double pose[6], double pressures[${guard}_PRESSURES]);
 #endif
 
 #ifdef __cplusplus

@@ -6,7 +6,8 @@
 
 #include "$name.h"
 
-static int told(int status) {
+static int told(const double pose[6]) {
+  const int status = ${name}_status(pose);
   if (status == ${guard}_OUTSIDE) fprintf(stderr, "pose out of the model's range ($learned): its loads mean nothing\n");
   if (status == ${guard}_NOT_FINITE) fprintf(stderr, "pose is not finite\n");
   return status != ${guard}_OK;
@@ -18,25 +19,25 @@ static void print_row(const double *values, int count) {
 
 static int evaluate(const double pose[6]) {
   double loads[${guard}_LOADS], jacobian[${guard}_LOADS][6], weights[${guard}_LOADS], hessian[6][6];
-  const int status = ${name}_jacobian(pose, loads, jacobian);
+  ${name}_jacobian(pose, loads, jacobian);
   for (int i = 0; i < ${guard}_LOADS; i++) weights[i] = 1.0;
   ${name}_hessian(pose, weights, hessian);
   print_row(loads, ${guard}_LOADS);
   for (int i = 0; i < ${guard}_LOADS; i++) print_row(jacobian[i], 6);
   for (int i = 0; i < 6; i++) print_row(hessian[i], 6);
-  return told(status);
+  return told(pose);
 }
 
 static int demo(const double pose[6]) {
   double loads[${guard}_LOADS], validity, expected_error[${guard}_LOADS];
-  const int status = ${name}_loads(pose, loads);
+  ${name}_loads(pose, loads);
   ${name}_confidence(pose, &validity, expected_error);
   for (int i = 0; i < ${guard}_LOADS; i++) {
     printf("%-8s %14.6f %s", ${name}_load_names[i], loads[i], ${name}_load_units[i]);
     if (expected_error[i] == expected_error[i]) printf(" (expected error %.2g)", expected_error[i]);
     printf("\n");
   }
-  return told(status);
+  return told(pose);
 }
 
 int main(int argc, char **argv) {

@@ -39,8 +39,7 @@ void mexFunction(int nlhs, mxArray *plhs[], int nrhs, const mxArray *prhs[]) {
   for (mwSize k = 0; k < n; k++) {
     double rows[${guard}_LOADS][6], slopes[${guard}_PATCHES][6], valid, errors[${guard}_LOADS];
     const double *pose = poses + 6 * k;
-    double *load = loads + ${guard}_LOADS * k;
-    const int told = jacobian ? ${name}_jacobian(pose, load, rows) : ${name}_loads(pose, load);
+    ${name}_jacobian(pose, loads + ${guard}_LOADS * k, rows);
     for (int j = 0; jacobian && j < 6; j++) {
       for (int i = 0; i < ${guard}_LOADS; i++) jacobian[(6 * k + j) * ${guard}_LOADS + i] = rows[i][j];
     }
@@ -48,6 +47,6 @@ void mexFunction(int nlhs, mxArray *plhs[], int nrhs, const mxArray *prhs[]) {
     if (validity) ${name}_confidence(pose, &valid, errors);
     if (validity) validity[k] = valid;
     for (int i = 0; expected && i < ${guard}_LOADS; i++) expected[${guard}_LOADS * k + i] = errors[i];
-    if (status) status[k] = told;
+    if (status) status[k] = ${name}_status(pose);
   }
 }

@@ -40,7 +40,8 @@ static int say(Instance *of, int status, const char *message) {
 }
 
 /* What the model's own status means to a simulation; a pose out of range is told once per visit. */
-static int status_of(Instance *of, int status) {
+static int status_of(Instance *of) {
+  const int status = ${name}_status(of->pose);
   if (status == ${guard}_NOT_FINITE) return say(of, DISCARD, "the pose is not finite");
   if (status == ${guard}_OUTSIDE && !of->told) {
     say(of, WARNING, "the pose is out of the model's range ($learned): its loads mean nothing");
@@ -119,8 +120,7 @@ FMI int fmi3SetFloat64(void *instance, const uint32_t *references, size_t n, con
 FMI int fmi3GetFloat64(void *instance, const uint32_t *references, size_t n, double *values, size_t count) {
   Instance *of = instance;
   double loads[LOADS], roots[PATCHES], slopes[PATCHES][6], validity, errors[LOADS];
-  bool rooted = false, confident = false;
-  int status = OK;
+  bool loaded = false, rooted = false, confident = false;
   if (count != n) return say(of, ERROR, "one value is expected for each reference");
   for (size_t i = 0; i < n; i++) {
     const uint32_t k = references[i];
@@ -129,13 +129,13 @@ FMI int fmi3GetFloat64(void *instance, const uint32_t *references, size_t n, dou
       values[i] = k == TIME ? of->time : of->pose[k - POSE];
       continue;
     }
-    if (status == OK) status = 1 + ${name}_loads(of->pose, loads);
+    if (!loaded) ${name}_loads(of->pose, loads), loaded = true;
     if (k >= VALIDITY && !confident) ${name}_confidence(of->pose, &validity, errors), confident = true;
     else if (k >= FIRST_ROOT && k < VALIDITY && !rooted) ${name}_roots(of->pose, roots, slopes), rooted = true;
     values[i] = k < FIRST_ROOT ? loads[k - FIRST_LOAD]
                                : (k < VALIDITY ? roots[k - FIRST_ROOT] : (k == VALIDITY ? validity : errors[k - FIRST_ERROR]));
   }
-  return status == OK ? OK : status_of(of, status - 1);
+  return loaded ? status_of(of) : OK;
 }
 
 /* Products with d unknown / d known, from the loads' and roots' own Jacobians; rows are output variables, columns the
@@ -143,7 +143,8 @@ FMI int fmi3GetFloat64(void *instance, const uint32_t *references, size_t n, dou
 static int derivatives(Instance *of, const uint32_t *unknowns, size_t n, const uint32_t *knowns, size_t m,
                        const double *seed, size_t seeds, double *products, size_t count, bool adjoint) {
   double rows[LOADS + PATCHES][6];
-  const int status = status_of(of, ${name}_roots(of->pose, (double[PATCHES]){0}, rows + LOADS));
+  const int status = status_of(of);
+  ${name}_roots(of->pose, (double[PATCHES]){0}, rows + LOADS);
   ${name}_jacobian(of->pose, (double[LOADS]){0}, rows);
   if (status > WARNING) return status;
   if (seeds != (adjoint ? n : m) || count != (adjoint ? m : n)) return say(of, ERROR, "seeds or results do not fit");

@@ -6,18 +6,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
 
-from casadi_contact.core.compiler import shared_library
+from casadi_contact.core.compiler import copied_library, shared_library
 from casadi_contact.networks.kernel.network_functions import (
     LANES,
     bundle_functions,
     network_functions,
 )
 from casadi_contact.networks.kernel.networks import WIDTH, Bundle
-from casadi_contact.networks.names import UNNAMED, check_name, check_unused, name_of_batch
+from casadi_contact.networks.names import check_name, check_unused, name_of_batch
 
 
 def c_text(name: str, package: str = f"{__package__}.c") -> str:
@@ -31,7 +32,7 @@ class Kernel:
 
     kernel_value(pose, loads, roots), kernel_jacobian(pose, loads, roots, loads_jacobian, roots_jacobian),
     kernel_hessian(pose, loads_weight, roots_weight, hessian): of the weighted sum, 6 x 6 in full,
-    kernel_batch(pose, loads, roots): LANES poses at once. With ROOTS 0 the roots are neither computed nor touched.
+    kernel_batch(pose, loads, roots): LANES poses at once. Loads or roots that are 0 are not computed.
     """
 
     bundles: Sequence[Bundle]
@@ -96,39 +97,23 @@ def roots_source(bounds: Sequence[int]) -> str:
 # --- the interface of casadi.external
 
 
-def _pattern(call: str, size: str) -> str:
-    """A sparsity pattern, filled in when it is asked for."""
-    return f"{{ static casadi_int pattern[{size}]; return {call}, pattern); }}"
+Pattern = tuple[str, *tuple[int | str, ...]]  # a function of casadi_interface.h, and its numbers
 
 
-def _dense(rows: int) -> str:
-    return _pattern(f"dense({rows}", "3")
-
-
-def _empty(rows: str | int, columns: str = "BATCH") -> str:
-    """Without entries: of an input that is of no use here, or of a derivative by it."""
-    return _pattern(f"empty({rows}, {columns}", f"3 + {columns}")
-
-
-def _blocks(rows: int, columns: int) -> str:
-    return _pattern(f"block_diagonal({rows}, {columns}", f"PATTERN({rows}, {columns})")
-
-
-def _seconds(rows: int) -> str:
-    return _pattern(f"second_blocks({rows}", f"3 + 6 * BATCH + 36 * {rows} * BATCH")
-
-
-def _function(name: str, inputs: Sequence[str], outputs: Sequence[str], statements: Sequence[str]) -> str:
+def _function(name: str, inputs: Sequence[Pattern], outputs: Sequence[Pattern], statements: Sequence[str]) -> str:
     """A function as casadi.external wants it, with the sparsity of its inputs and outputs."""
     lines = [
         f"EXPORT casadi_int {name}_n_in(void) {{ return {len(inputs)}; }}",
         f"EXPORT casadi_int {name}_n_out(void) {{ return {len(outputs)}; }}",
     ]
     for side, patterns in (("in", inputs), ("out", outputs)):
-        cases = "".join(f"    case {i}: {pattern}\n" for i, pattern in enumerate(patterns))
+        calls = (
+            f"{function}({', '.join(map(str, numbers))}, kept + {i})" for i, (function, *numbers) in enumerate(patterns)
+        )
+        cases = "".join(f"    case {i}: return {call};\n" for i, call in enumerate(calls))
         lines.append(
             f"EXPORT const casadi_int *{name}_sparsity_{side}(casadi_int i) {{\n"
-            f"  switch (i) {{\n{cases}    default: return 0;\n  }}\n}}"
+            f"  static casadi_int *kept[{len(patterns)}];\n  switch (i) {{\n{cases}    default: return 0;\n  }}\n}}"
         )
     lines.append(
         f"EXPORT int {name}_work(casadi_int *sz_arg, casadi_int *sz_res, casadi_int *sz_iw, casadi_int *sz_w) {{\n"
@@ -142,9 +127,9 @@ def _function(name: str, inputs: Sequence[str], outputs: Sequence[str], statemen
     return "\n".join(lines)
 
 
-def casadi_interface(functions: Mapping[str, Mapping[str, int]], batch: int = 1) -> str:
+def casadi_interface(functions: Mapping[str, Mapping[str, int]]) -> str:
     """For every name in functions C functions name, jac_name, adj1_name, jac_adj1_name and jac_jac_name, for poses (6 x
-    batch).
+    FRAMES).
 
     functions: the outputs of each, "loads" and/or "roots" with their numbers of rows. jac_name gives the Jacobian's
     blocks, adj1_name the product of an adjoint with it, and jac_adj1_name, its Jacobian, the Hessian of a Lagrangian:
@@ -152,7 +137,7 @@ def casadi_interface(functions: Mapping[str, Mapping[str, int]], batch: int = 1)
     forward sensitivities of an integrator ask for.
     """
     texts = [_functions(name, outputs) for name, outputs in functions.items()]
-    return "\n".join([f"#define BATCH {batch}", c_text("casadi_interface.h"), *texts])
+    return "\n".join([c_text("casadi_interface.h"), *texts])
 
 
 def _functions(name: str, outputs: Mapping[str, int]) -> str:
@@ -164,18 +149,20 @@ def _functions(name: str, outputs: Mapping[str, int]) -> str:
         places = {key: f"{of}[{first + step * place}]" for place, key in enumerate(keys)}
         return ", ".join(places.get(key, "0") for key in ("loads", "roots"))
 
-    of_pose, unused, seeds = _dense(6), [_empty(size) for size in sizes], [_dense(size) for size in sizes]
+    of_pose: Pattern = ("dense", 6)
+    unused: list[Pattern] = [("empty", size, "FRAMES") for size in sizes]
+    seeds: list[Pattern] = [("dense", size) for size in sizes]
 
-    def by_unused(rows: int, batch: str = "BATCH * BATCH") -> list[str]:
+    def by_unused(rows: int, frames: str = "FRAMES * FRAMES") -> list[Pattern]:
         """Derivatives of so many rows by the inputs that are of no use."""
-        return [_empty(f"{rows} * {batch}", f"{size} * BATCH") for size in sizes]
+        return [("empty", f"{rows} * {frames}", f"{size} * FRAMES") for size in sizes]
 
     functions = [
         _function(name, [of_pose], seeds, [f"value_of_all(arg[0], {pair('res', 0)});"]),
         _function(
             f"jac_{name}",
             [of_pose, *unused],
-            [_blocks(size, 6) for size in sizes],
+            [("blocks", size, 6) for size in sizes],
             [f"jacobian_of_all(arg[0], {pair('res', 0)}, 0);"],
         ),
         _function(
@@ -186,8 +173,8 @@ def _functions(name: str, outputs: Mapping[str, int]) -> str:
         ),
         _function(
             f"jac_adj1_{name}",
-            [of_pose, *unused, *seeds, _empty(6)],
-            [_blocks(6, 6), *by_unused(6, "BATCH"), *(_blocks(6, size) for size in sizes)],
+            [of_pose, *unused, *seeds, ("empty", 6, "FRAMES")],
+            [("blocks", 6, 6), *by_unused(6, "FRAMES"), *(("blocks", 6, size) for size in sizes)],
             [
                 f"hessian_of_all(arg[0], {pair('arg', 1 + n)}, res[0]);",
                 f"jacobian_of_all(arg[0], {pair('res', 1 + n)}, 1);",
@@ -195,8 +182,8 @@ def _functions(name: str, outputs: Mapping[str, int]) -> str:
         ),
         _function(
             f"jac_jac_{name}",
-            [of_pose, *unused, *(_empty(f"{size} * BATCH", "6 * BATCH") for size in sizes)],
-            [block for size in sizes for block in (_seconds(size), *by_unused(6 * size))],
+            [of_pose, *unused, *(("empty", f"{size} * FRAMES", "6 * FRAMES") for size in sizes)],
+            [block for size in sizes for block in (("second_blocks", size), *by_unused(6 * size))],
             [f"seconds_of_all(arg[0], {pair('res', 0, 1 + n)});"],
         ),
     ]
@@ -210,13 +197,17 @@ def _functions(name: str, outputs: Mapping[str, int]) -> str:
     )
 
 
-def compiled_function(kernel: Kernel, name: str, outputs: Mapping[str, int], batch: int = 1) -> ca.Function:
-    """casadi.Function pose (6 x batch) -> outputs, compiled, with its own first- and second-order derivative functions.
+def external_function(
+    library: Path, name: str, sizes: Mapping[str, int], outputs: Sequence[str], frames: int = 1
+) -> ca.Function:
+    """casadi.Function pose (6 x frames) -> outputs of a kernel's library, with its first and second derivatives.
 
-    outputs: "loads" and/or "roots" with their numbers. Raises CompilerError where it cannot be compiled.
+    sizes: numbers of "loads" and "roots" of the kernel; outputs: some of them. A small library of its own, which every
+    number of frames shares, tells CasADi of them. Raises CompilerError where it cannot be compiled.
     """
-    name = name_of_batch(check_name(name), batch)
-    source = kernel.source(loads=outputs.get("loads", 0), roots=outputs.get("roots", 0))
-    check_unused(name, f"{source}\n{casadi_interface({UNNAMED: outputs}, batch)}")
-    library = shared_library(f"{source}\n{casadi_interface({name: outputs}, batch)}")
-    return ca.external(name, str(library))
+    name = name_of_batch(check_name(name), frames)
+    check_unused(name, f"{c_text('frames.h')}\n{casadi_interface({})}")
+    numbers = [f"#define LOADS {sizes['loads']}", f"#define ROOTS {sizes['roots']}"]
+    interface = casadi_interface({name: {key: sizes[key] for key in outputs}})
+    beside = shared_library("\n".join([c_text("frames.h"), *numbers, interface]), linked=library)
+    return ca.external(name, str(beside if frames == 1 else copied_library(beside, f"x{frames}-{beside.name}")))

@@ -149,7 +149,7 @@ class Assembly:
 
     def _contact_loads(self, contact: Contact, poses: ca.MX) -> ca.MX:
         """Named loads of a contact (L)."""
-        function = contact.model.function(name=contact.function_name, compiled=True)
+        function = contact.model.function(name=contact.function_name)
         return function(self.contact_pose(contact, poses))
 
     def _in_ground(self, contact: Contact, poses: ca.MX) -> ca.MX:

@@ -13,12 +13,12 @@ FUNCTION void kernel_value(const double *given, double *loads, double *roots) {
   }
   roots_value($patches, which, x, of_roots);
   for (int p = 0; p < $patches; p++) {
-    normal[p] = $n0 * pressed_square(s[p]);
+    normal[p] = loads ? $n0 * pressed_square(s[p]) : 0.0;
     if (normal[p] > 0.0) which[count++] = p;
   }
   ratios_value(count, which, x, of_ratios);
-  memset(loads, 0, LOADS * sizeof(double));
-  if (ROOTS) memcpy(roots, s, sizeof s);
+  if (loads) memset(loads, 0, LOADS * sizeof(double));
+  if (roots) memcpy(roots, s, sizeof s);
 $values
 }
 
@@ -38,19 +38,21 @@ FUNCTION void kernel_jacobian(const double *given, double *loads, double *roots,
   roots_gradient($patches, which, x, of_roots, slopes_of_roots);
   for (int p = 0; p < $patches; p++) {
     gradient_in_pose(local + p, ds[p]);
-    normal[p] = $n0 * pressed_square(s[p]);
+    normal[p] = loads ? $n0 * pressed_square(s[p]) : 0.0;
     if (normal[p] > 0.0) which[count++] = p;
   }
   ratios_gradient(count, which, x, of_ratios, slopes_of_ratios);
-  memset(loads, 0, LOADS * sizeof(double));
-  memset(loads_jacobian, 0, LOADS * sizeof(double[6]));
-  if (ROOTS) {
+  if (loads) {
+    memset(loads, 0, LOADS * sizeof(double));
+    memset(loads_jacobian, 0, LOADS * sizeof(double[6]));
+  }
+  if (roots) {
     memcpy(roots, s, sizeof s);
     memcpy(roots_jacobian, ds, sizeof ds);
   }
 $jacobians
-  for (int k = 0; k < LOADS; k++) gradient_by_free(loads_jacobian[k], 1);
-  for (int k = 0; k < ROOTS; k++) gradient_by_free(roots_jacobian[k], 1);
+  for (int k = 0; loads && k < LOADS; k++) gradient_by_free(loads_jacobian[k], 1);
+  for (int k = 0; roots && k < ROOTS; k++) gradient_by_free(roots_jacobian[k], 1);
 }
 
 FUNCTION void kernel_hessian(const double *given, const double *loads_weight, const double *roots_weight,
@@ -67,7 +69,7 @@ FUNCTION void kernel_hessian(const double *given, const double *loads_weight, co
     x[p] = local[p].x, of_roots[p] = s + p, which[p] = p;
   }
   roots_value($patches, which, x, of_roots);
-  for (int p = 0; p < $patches; p++) bent[p] = s[p] > 0.0 || (ROOTS && roots_weight[p] != 0.0);
+  for (int p = 0; p < $patches; p++) bent[p] = s[p] > 0.0 || (roots_weight && roots_weight[p] != 0.0);
 #define BENT(p) if (bent[p])
 #else
 #define BENT(p)
@@ -85,6 +87,6 @@ FUNCTION void kernel_batch(const double *given, double (*loads)[LANES], double (
     memcpy(pose + 6 * l, $held, 6 * sizeof(double));
     frame[l] = frame_of(pose + 6 * l);
   }
-  memset(loads, 0, LOADS * sizeof(double[LANES]));
+  if (loads) memset(loads, 0, LOADS * sizeof(double[LANES]));
 $batches
 }

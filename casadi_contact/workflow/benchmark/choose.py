@@ -203,7 +203,7 @@ def surrogate_file(project: Project, name: str) -> Path | str | None:
 def python_line(scene: str, name: str, loads: Sequence[str], file: Path | str | None) -> str:
     """How to make the model in Python (after ``import casadi_contact as cc``)."""
     if file is not None:
-        compiled = "" if name.endswith(MX_SUFFIX) else ", compiled=True"
+        compiled = ", compiled=False" if name.endswith(MX_SUFFIX) else ""
         return f"cc.load_surrogate({str(file)!r}).function({list(loads)!r}{compiled})"
     if name.startswith(f"{EF_FAMILY} "):
         return f"cc.ElasticFoundation(cc.load_scene({scene!r}), grid=({name.split()[1].replace('×', ', ')}))"

@@ -2,8 +2,8 @@ FUNCTION void kernel_value(const double *pose, double *loads, double *roots) {
   double y[NETWORKS];
   networks_value(pose, y);
   for (int m = 0; m < NETWORKS; m++) {
-    if (LOAD_OF_NETWORK[m] >= 0) loads[LOAD_OF_NETWORK[m]] = y[m];
-    if (ROOT_OF_NETWORK[m] >= 0) roots[ROOT_OF_NETWORK[m]] = -y[m] / REFERENCE_LOAD;
+    if (loads && LOAD_OF_NETWORK[m] >= 0) loads[LOAD_OF_NETWORK[m]] = y[m];
+    if (roots && ROOT_OF_NETWORK[m] >= 0) roots[ROOT_OF_NETWORK[m]] = -y[m] / REFERENCE_LOAD;
   }
 }
 
@@ -13,11 +13,11 @@ FUNCTION void kernel_jacobian(const double *pose, double *loads, double *roots, 
   networks_gradient(pose, y, dy[0]);
   for (int m = 0; m < NETWORKS; m++) {
     const int load = LOAD_OF_NETWORK[m], root = ROOT_OF_NETWORK[m];
-    if (load >= 0) {
+    if (loads && load >= 0) {
       loads[load] = y[m];
       memcpy(loads_jacobian[load], dy[m], sizeof dy[m]);
     }
-    if (root >= 0) {
+    if (roots && root >= 0) {
       roots[root] = -y[m] / REFERENCE_LOAD;
       for (int j = 0; j < 6; j++) roots_jacobian[root][j] = -dy[m][j] / REFERENCE_LOAD;
     }
@@ -29,7 +29,7 @@ FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, con
   double c[NETWORKS], y[NETWORKS], g[6] = {0}, h[36] = {0};
   for (int m = 0; m < NETWORKS; m++) {
     const int load = LOAD_OF_NETWORK[m], root = ROOT_OF_NETWORK[m];
-    c[m] = (load >= 0 ? loads_weight[load] : 0.0) - (root >= 0 ? roots_weight[root] / REFERENCE_LOAD : 0.0);
+    c[m] = (load >= 0 ? loads_weight[load] : 0.0) - (roots_weight && root >= 0 ? roots_weight[root] / REFERENCE_LOAD : 0.0);
   }
   networks_hessian(pose, c, y, g, h);
   for (int i = 0; i < 6; i++) {
@@ -45,8 +45,8 @@ FUNCTION void kernel_batch(const double *pose, double (*loads)[LANES], double (*
   networks_batch(x, y);
   for (int m = 0; m < NETWORKS; m++) {
     for (int l = 0; l < LANES; l++) {
-      if (LOAD_OF_NETWORK[m] >= 0) loads[LOAD_OF_NETWORK[m]][l] = y[m * LANES + l];
-      if (ROOT_OF_NETWORK[m] >= 0) roots[ROOT_OF_NETWORK[m]][l] = -y[m * LANES + l] / REFERENCE_LOAD;
+      if (loads && LOAD_OF_NETWORK[m] >= 0) loads[LOAD_OF_NETWORK[m]][l] = y[m * LANES + l];
+      if (roots && ROOT_OF_NETWORK[m] >= 0) roots[ROOT_OF_NETWORK[m]][l] = -y[m * LANES + l] / REFERENCE_LOAD;
     }
   }
 }

@@ -1,29 +1,17 @@
 /* Arrays of poses (n x 6), for NumPy; an array that is 0 is left out. */
-#if defined(_WIN32)
-#define ARRAYS __declspec(dllexport)
-#else
-#define ARRAYS
-#endif
-
-ARRAYS void array_values(long long n, const double *poses, double *loads, double *roots) {
-  values_of(n, poses, loads, roots);
-}
-
-ARRAYS void array_jacobians(long long n, const double *poses, double *loads, double *slopes) {
+void array_jacobians(long long n, const double *poses, double *loads, double *slopes) {
   for (long long i = 0; i < n; i++) {
-    double s[ROOTS + 1], ds[ROOTS + 1][6];
-    guarded_jacobian(poses + 6 * i, loads + LOADS * i, s, (double(*)[6])(slopes + 6 * LOADS * i), ds);
+    guarded_jacobian(poses + 6 * i, loads + LOADS * i, 0, (double(*)[6])(slopes + 6 * LOADS * i), 0);
   }
 }
 
 /* Of the weighted sum of loads, weights (n x LOADS): 6 x 6 in full. */
-ARRAYS void array_hessians(long long n, const double *poses, const double *weights, double *hessians) {
-  const double none[ROOTS + 1] = {0};
-  for (long long i = 0; i < n; i++) guarded_hessian(poses + 6 * i, weights + LOADS * i, none, hessians + 36 * i);
+void array_hessians(long long n, const double *poses, const double *weights, double *hessians) {
+  for (long long i = 0; i < n; i++) guarded_hessian(poses + 6 * i, weights + LOADS * i, 0, hessians + 36 * i);
 }
 
 #ifdef CALIBRATED /* expected errors (n x LOADS) */
-ARRAYS void array_confidence(long long n, const double *poses, double *validity, double *errors) {
+void array_confidence(long long n, const double *poses, double *validity, double *errors) {
   for (long long i = 0; i < n; i += LANES) {
     double parts[LANES][ROOTS];
     const int here = n - i < LANES ? (int)(n - i) : LANES;

@@ -1,6 +1,10 @@
-/* The interface of casadi.external for BATCH poses. Sparsity patterns are filled in when they are asked for. */
+/* The interface of casadi.external for FRAMES poses: one, but where FRAMES is defined before. Sparsity patterns are filled in
+ * when they are asked for. */
+#include <stdlib.h>
 #define casadi_int long long int
-#define PATTERN(rows, columns) (3 + (columns) * BATCH + (rows) * (columns) * BATCH)
+#ifndef FRAMES
+#define FRAMES 1
+#endif
 
 #if defined(_WIN32)
 #define EXPORT __declspec(dllexport)
@@ -17,36 +21,46 @@ INLINE int work_of(int inputs, int outputs, casadi_int *sz_arg, casadi_int *sz_r
   return 0;
 }
 
-INLINE const casadi_int *dense(casadi_int rows, casadi_int *pattern) {
-  pattern[0] = rows, pattern[1] = BATCH, pattern[2] = 1;
+/* Room for a pattern of so many columns and entries, kept; it starts with its numbers of rows and columns. */
+INLINE casadi_int *pattern_of(casadi_int rows, casadi_int columns, casadi_int entries, casadi_int **kept) {
+  if (!*kept) *kept = malloc((3 + columns + entries) * sizeof(casadi_int));
+  if (*kept) (*kept)[0] = rows, (*kept)[1] = columns;
+  return *kept;
+}
+
+INLINE const casadi_int *dense(casadi_int rows, casadi_int **kept) {
+  casadi_int *pattern = pattern_of(rows, FRAMES, 0, kept);
+  if (pattern) pattern[2] = 1;
   return pattern;
 }
 
-INLINE const casadi_int *empty(casadi_int rows, casadi_int columns, casadi_int *pattern) {
-  pattern[0] = rows, pattern[1] = columns;
-  for (casadi_int j = 0; j <= columns; j++) pattern[2 + j] = 0;
+/* Without entries: of an input that is of no use here, or of a derivative by it. */
+INLINE const casadi_int *empty(casadi_int rows, casadi_int columns, casadi_int **kept) {
+  casadi_int *pattern = pattern_of(rows, columns, 0, kept);
+  for (casadi_int j = 0; pattern && j <= columns; j++) pattern[2 + j] = 0;
   return pattern;
 }
 
-INLINE const casadi_int *block_diagonal(casadi_int rows, casadi_int columns, casadi_int *pattern) {
-  casadi_int *start = pattern + 2, *row = start + columns * BATCH + 1;
-  pattern[0] = rows * BATCH, pattern[1] = columns * BATCH;
-  for (casadi_int j = 0; j <= columns * BATCH; j++) start[j] = j * rows;
-  for (casadi_int j = 0; j < columns * BATCH; j++) {
+/* Of each pose a block. */
+INLINE const casadi_int *blocks(casadi_int rows, casadi_int columns, casadi_int **kept) {
+  const casadi_int n = FRAMES, all = columns * n;
+  casadi_int *pattern = pattern_of(rows * n, all, rows * all, kept), *start = pattern + 2, *row = start + all + 1;
+  for (casadi_int j = 0; pattern && j <= all; j++) start[j] = j * rows;
+  for (casadi_int j = 0; pattern && j < all; j++) {
     for (casadi_int i = 0; i < rows; i++) row[j * rows + i] = (j / columns) * rows + i;
   }
   return pattern;
 }
 
 /* d(Jacobian, stacked by columns)/d(pose): of each pose's block of the Jacobian, by that pose alone. */
-INLINE const casadi_int *second_blocks(casadi_int rows, casadi_int *pattern) {
-  casadi_int *start = pattern + 2, *row = start + 6 * BATCH + 1;
-  pattern[0] = rows * BATCH * 6 * BATCH, pattern[1] = 6 * BATCH;
-  for (casadi_int c = 0; c <= 6 * BATCH; c++) start[c] = c * 6 * rows;
-  for (casadi_int c = 0; c < 6 * BATCH; c++) {
-    casadi_int i = c / 6;
+INLINE const casadi_int *second_blocks(casadi_int rows, casadi_int **kept) {
+  const casadi_int n = FRAMES, all = 6 * n;
+  casadi_int *pattern = pattern_of(rows * n * all, all, 6 * rows * all, kept), *start = pattern + 2;
+  casadi_int *row = start + all + 1;
+  for (casadi_int c = 0; pattern && c <= all; c++) start[c] = c * 6 * rows;
+  for (casadi_int c = 0; pattern && c < all; c++) {
     for (casadi_int j = 0; j < 6; j++) {
-      for (casadi_int k = 0; k < rows; k++) *row++ = (6 * i + j) * rows * BATCH + rows * i + k;
+      for (casadi_int k = 0; k < rows; k++) *row++ = (6 * (c / 6) + j) * rows * n + rows * (c / 6) + k;
     }
   }
   return pattern;
@@ -54,68 +68,61 @@ INLINE const casadi_int *second_blocks(casadi_int rows, casadi_int *pattern) {
 
 /* CasADi leaves out what it does not need. */
 INLINE void value_of_all(const double *pose, double *loads, double *roots) {
-  double f[LOADS + 1], s[ROOTS + 1];
-  if (BATCH > 1) {
-    values_of(BATCH, pose, loads, roots);
-    return;
-  }
-  guarded_value(pose, loads ? loads : f, roots ? roots : s);
+  if (FRAMES > 1) values_of(FRAMES, pose, loads, roots);
+  else guarded_value(pose, loads, roots);
 }
 
 /* Blocks by columns, as CasADi stores them, or (transpose) d(adjoint product)/d(adjoint). */
+INLINE void block_of(int rows, double (*jacobian)[6], double *to, int transpose) {
+  for (int j = 0; j < 6; j++) {
+    for (int k = 0; k < rows; k++) to[transpose ? 6 * k + j : rows * j + k] = jacobian[k][j];
+  }
+}
+
 INLINE void jacobian_of_all(const double *pose, double *loads, double *roots, int transpose) {
-  if (!loads && !roots) return;
-  for (int i = 0; i < BATCH; i++) {
+  const casadi_int n = loads || roots ? FRAMES : 0;
+  for (casadi_int i = 0; i < n; i++) {
     double f[LOADS + 1], s[ROOTS + 1], df[LOADS + 1][6], ds[ROOTS + 1][6];
-    guarded_jacobian(pose + 6 * i, f, s, df, ds);
-    for (int j = 0; j < 6; j++) {
-      if (loads) {
-        for (int k = 0; k < LOADS; k++) loads[6 * LOADS * i + (transpose ? 6 * k + j : LOADS * j + k)] = df[k][j];
-      }
-      if (roots) {
-        for (int k = 0; k < ROOTS; k++) roots[6 * ROOTS * i + (transpose ? 6 * k + j : ROOTS * j + k)] = ds[k][j];
-      }
-    }
+    guarded_jacobian(pose + 6 * i, loads ? f : 0, roots ? s : 0, df, ds);
+    if (loads) block_of(LOADS, df, loads + 6 * LOADS * i, transpose);
+    if (roots) block_of(ROOTS, ds, roots + 6 * ROOTS * i, transpose);
   }
 }
 
 /* adjoint·Jacobian; a seed that CasADi leaves out is zero */
 INLINE void adjoint_of_all(const double *pose, const double *loads_seed, const double *roots_seed, double *product) {
-  if (!product) return;
-  for (int i = 0; i < BATCH; i++) {
+  const casadi_int n = product ? FRAMES : 0;
+  for (casadi_int i = 0; i < n; i++) {
     double f[LOADS + 1], s[ROOTS + 1], df[LOADS + 1][6], ds[ROOTS + 1][6];
-    guarded_jacobian(pose + 6 * i, f, s, df, ds);
+    guarded_jacobian(pose + 6 * i, loads_seed ? f : 0, roots_seed ? s : 0, df, ds);
     for (int j = 0; j < 6; j++) {
       double sum = 0.0;
-      if (loads_seed) {
-        for (int k = 0; k < LOADS; k++) sum += loads_seed[LOADS * i + k] * df[k][j];
-      }
-      if (roots_seed) {
-        for (int k = 0; k < ROOTS; k++) sum += roots_seed[ROOTS * i + k] * ds[k][j];
-      }
+      for (int k = 0; loads_seed && k < LOADS; k++) sum += loads_seed[LOADS * i + k] * df[k][j];
+      for (int k = 0; roots_seed && k < ROOTS; k++) sum += roots_seed[ROOTS * i + k] * ds[k][j];
       product[6 * i + j] = sum;
     }
   }
 }
 
 INLINE void hessian_of_all(const double *pose, const double *loads_seed, const double *roots_seed, double *hessian) {
-  static const double zeros[LOADS + ROOTS] = {0};
-  if (!hessian) return;
-  for (int i = 0; i < BATCH; i++) {
-    guarded_hessian(pose + 6 * i, loads_seed ? loads_seed + LOADS * i : zeros,
-                   roots_seed ? roots_seed + ROOTS * i : zeros, hessian + 36 * i);
+  static const double zeros[LOADS + 1] = {0};
+  const casadi_int n = hessian ? FRAMES : 0;
+  for (casadi_int i = 0; i < n; i++) {
+    guarded_hessian(pose + 6 * i, loads_seed ? loads_seed + LOADS * i : zeros, roots_seed ? roots_seed + ROOTS * i : 0,
+                    hessian + 36 * i);
   }
 }
 
 /* The Hessian of one output after the other, as second_blocks has them. */
 INLINE void seconds_of_all(const double *pose, double *loads, double *roots) {
-  for (int i = 0; i < BATCH; i++) {
+  const casadi_int n = FRAMES;
+  for (casadi_int i = 0; i < n; i++) {
     for (int m = 0; m < LOADS + ROOTS; m++) {
       int root = m >= LOADS, rows = root ? ROOTS : LOADS, k = root ? m - LOADS : m;
       double *to = root ? roots : loads, weights[LOADS + ROOTS] = {0}, hessian[36];
       if (!to) continue;
       weights[m] = 1.0;
-      guarded_hessian(pose + 6 * i, weights, weights + LOADS, hessian);
+      guarded_hessian(pose + 6 * i, weights, root ? weights + LOADS : 0, hessian);
       for (int e = 0; e < 36; e++) to[(36 * i + e) * rows + k] = hessian[e];
     }
   }

@@ -21,10 +21,12 @@
 #define INLINE static inline __attribute__((always_inline, unused))
 #define FUNCTION static __attribute__((noinline, unused))
 #define ALIGNED __attribute__((aligned(64))) /* to lines of the cache, as whole registers are read */
+#define UNROLL _Pragma("GCC unroll 32")
 #else
 #define INLINE static inline
 #define FUNCTION static
 #define ALIGNED
+#define UNROLL
 #endif
 
 /* Complete unrolling before vectorisation would leave scalar code. */
@@ -35,12 +37,6 @@
 #endif
 
 #define WIDTH 8 /* every padded layer is a multiple of this */
-
-#if defined(__GNUC__)
-#define UNROLL _Pragma("GCC unroll 32")
-#else
-#define UNROLL
-#endif
 
 /* Networks of one shape are evaluated side by side, a step of each in turn: no step waits for the one before it. */
 #define SIDE 4 /* at most */
