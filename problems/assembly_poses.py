@@ -19,6 +19,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 
 import casadi_contact as cc
@@ -177,7 +178,9 @@ def main(
     found = solve(joint, given)
     for part in joint.contacts:
         elements = reference_model(part.model.scene)
-        poses = joint.contact_poses(part.name, found.poses)
+        q = ca.MX.sym("q", 6, len(joint.bodies))
+        at_contact = ca.Function("at_contact", [q], [joint.contact_pose(part, q)])
+        poses = np.array([at_contact(frame.T).full().ravel() for frame in found.poses])
         print(f"{part.name}: {verify(part.model, poses, elements, found.solved).line}")
     print(
         f"{int(found.solved.sum())} of {len(given)} frames solved, up to {found.residual_n.max():.1g} N left on a body"

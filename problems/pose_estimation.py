@@ -23,7 +23,6 @@ from casadi_contact.core.conventions import POSE_NAMES, Array
 from casadi_contact.core.quantities import FORCE, LENGTH, TORQUE, quantity
 from casadi_contact.core.terminal import run_program
 from casadi_contact.geometry.mesh import MM_PER_UNIT
-from casadi_contact.optimisation.pose_continuation import continue_on, motion_of
 from casadi_contact.optimisation.pose_estimation import PoseEstimation, PoseResult
 from casadi_contact.optimisation.pose_targets import PoseTargets
 from casadi_contact.optimisation.reference import reference_model
@@ -34,6 +33,7 @@ from casadi_contact.scenes.joint_cycle import JointCycle
 from casadi_contact.scenes.load_cycle import LoadCycle
 from casadi_contact.scenes.opensim import poses_table, write_table
 from problems.contact_source import load_contact, load_cycle
+from problems.pose_continuation import continue_on, motion_of
 from problems.summary import write_summary
 
 

@@ -44,8 +44,7 @@ from casadi_contact.scenes.load_cycle import LoadCycle
 class PoseResult:
     """Poses (n, 6), loads there (n, L) of the targets' ``load_names``, errors (n, targets) from the targets.
 
-    outcome (n,): `FrameOutcome`; ON_REFERENCE frames stand, with their loads, on another contact model
-    (`pose_continuation.continue_on`).
+    outcome (n,): `FrameOutcome`; ON_REFERENCE frames stand, with their loads, on another contact model.
     """
 
     poses: Array

@@ -1,7 +1,7 @@
 """Write the pages of results from result files: ``python -m problems.studies.pages``.
 
 The folder of result files holds, as far as measured: speed_accuracy.csv (``python -m
-casadi_contact.workflow.benchmark.measure knee``), chart-SCENE.csv (``casadi-contact chart``), kernel_speed.json
+problems.studies.shipped_front``), chart-SCENE.csv (``casadi-contact chart``), kernel_speed.json
 (``casadi-contact speed``), solve_time.csv and stability.json (``python -m problems.studies.solve_time`` and
 ``.stability``), and summaries of the problems in pose_estimation/ and muscle_contact/. Every number of a page stands in
 one of these files.
@@ -32,7 +32,7 @@ from problems.studies.stability.methods import FAILURES, Line
 
 BEGIN = "<!-- numbers: written by python -m problems.studies.pages -->"
 END = "<!-- end of numbers -->"
-_FRONT = "python -m casadi_contact.workflow.benchmark.measure knee"
+_FRONT = "python -m problems.studies.shipped_front"
 _PACKAGES = ("casadi_contact", "casadi", "numpy", "scipy", "numba", "torch")
 _INTRO = (
     "This page is written from result files (`docs/results/data`) by a command, as are [charts](charts.md) of other "

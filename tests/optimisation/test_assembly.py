@@ -143,7 +143,6 @@ ONE = Assembly("one", "earth", {"body": np.zeros(6)}, pulls=[ROPE])
         (lambda: Settling(ONE, {"body": ("tx", "tx")}), "once"),
         (lambda: Settling(ONE, {"moon": ("tx",)}), "moon"),
         (lambda: ONE.function("my loads"), "name"),
-        (lambda: ONE.contact_poses("any", np.zeros((2, 6))), "shape"),
         (lambda: cc.load_assembly("elbow"), "knee_with_patella"),
     ],
 )

@@ -13,13 +13,13 @@ from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.contact.symbolic import symbolic
 from casadi_contact.core.conventions import POSE_IN_MM
 from casadi_contact.optimisation.ipopt import FrameOutcome
-from casadi_contact.optimisation.pose_continuation import continue_on
 from casadi_contact.optimisation.pose_estimation import PoseEstimation
 from casadi_contact.optimisation.pose_targets import PoseTargets
 from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.scenes.joint_cycle import JointCycle, scene_cycles
 from casadi_contact.scenes.load_cycle import read_cycle
 from casadi_contact.scenes.walking import reference_cycle
+from problems.pose_continuation import continue_on
 from problems.pose_estimation import check_targets
 from tests.support.compiler import needs_compiler
 from tests.support.shared_data import shared_file

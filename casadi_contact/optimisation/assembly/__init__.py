@@ -126,17 +126,6 @@ class Assembly:
             raise ValueError(f"assembly {self.name} has no contact {name}, expected one of {', '.join(found)}")
         return found[name]
 
-    def contact_poses(self, name: str, poses: ArrayLike) -> Array:
-        """Poses (n, 6) of a contact's moving body in its fixed one, for poses (n, bodies, 6) or (bodies, 6); ValueError
-        for another shape, and for a contact that is not there."""
-        count, numbers = len(self.bodies), np.asarray(poses, dtype=float)
-        if numbers.shape[-2:] != (count, 6):
-            raise ValueError(f"poses have shape {numbers.shape}, expected (n, {count}, 6): {', '.join(self.bodies)}")
-        q = ca.MX.sym("q", 6, count)
-        pose = ca.Function("contact_pose", [q], [self.contact_pose(self.contact(name), q)])
-        stacked = numbers.reshape(-1, 6)
-        return np.asarray(pose.map(len(stacked) // count)(stacked.T)).T
-
     def contact_pose(self, contact: Contact, poses: ca.MX) -> ca.MX:
         """Pose (6) of a contact's moving body in its fixed one, for poses (6 x bodies)."""
         return relative_pose(

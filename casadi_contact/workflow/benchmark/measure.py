@@ -1,31 +1,20 @@
-"""Measure every candidate in one run on one thread: times and errors on unseen walking poses.
-
-``python -m casadi_contact.workflow.benchmark.measure knee`` measures what is shipped for the knee; a maintainer puts
-the file into ``casadi_contact/workflow/benchmark/ready``.
-"""
+"""Measure every candidate in one run on one thread: times and errors on unseen walking poses."""
 
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
 from casadi_contact.core.conventions import Array, Update
-from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.core.machine import machine_record
-from casadi_contact.core.terminal import new_app, run_app
 from casadi_contact.core.workers import one_thread
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import Samples, load_errors
-from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.workflow.benchmark.candidates import (
     Candidate,
@@ -41,10 +30,8 @@ from casadi_contact.workflow.benchmark.front_file import FILE_NAME, Front, Point
 from casadi_contact.workflow.benchmark.timing import compare
 from casadi_contact.workflow.project import (
     Project,
-    built_in_motion,
     project_surrogates,
     read_motion,
-    shipped_surrogates,
 )
 
 # A slow model is timed on fewer poses, so that one measurement takes about this long at most.
@@ -155,27 +142,3 @@ def _with_errors(candidate: Candidate, scene: Scene, walking: Array, converged: 
     if not all(math.isfinite(error["rms"]) for error in errors.values()):
         return replace(point, failure="gives NaN or infinity on the walking poses")
     return replace(point, load_rms={load: error["rms"] for load, error in errors.items()})
-
-
-app = new_app(add_completion=False)
-
-
-@app.command()
-def measure_shipped(
-    scene: Annotated[str, typer.Argument(help="a ready scene or the path of a .toml")],
-    out: Annotated[Path | None, typer.Option(help="file to write; results/SCENE-front.csv if left out")] = None,
-) -> None:
-    """Measure time and error of elastic foundations, and of the scene's shipped surrogates, on unseen walking."""
-    loaded = load_scene(scene)
-    path = Path("results") / f"{loaded.name}-front.csv" if out is None else out
-    writable_folder(path.parent)  # before minutes of measuring
-    walking = unseen_walking(ElasticFoundation(loaded, loaded.grids["settle"]), built_in_motion(loaded))
-    candidates = list(untrained_candidates(loaded))
-    for name, surrogate in shipped_surrogates(loaded).items():
-        candidates += surrogate_candidates(name, surrogate, graph=True)
-    write_front(path, measure(candidates, loaded, walking, print))
-    print(f"written {path}")
-
-
-if __name__ == "__main__":
-    run_app(app, "measure", sys.argv[1:], "python -m casadi_contact.workflow.benchmark.measure")

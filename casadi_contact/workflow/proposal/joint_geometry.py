@@ -105,21 +105,11 @@ def find_patches(
     rows, on_moving, gradients = (np.concatenate([each[k] for each in touched]) for k in range(3))
     normals, areas = unit_rows(gradients), pair.areas_mm2[rows]
     numbers = _patch_numbers(pair.points_mm, axis, cuts)[rows]
-    anchors = np.array(
-        [
-            centre_of_normals(on_moving[numbers == p], normals[numbers == p], areas[numbers == p])
-            for p in range(len(cuts) + 1)
-        ]
-    )
+    each = [numbers == p for p in range(len(cuts) + 1)]
+    anchors = np.array([centre_of_normals(on_moving[p], normals[p], areas[p]) for p in each])
     outward_cos = np.einsum("nk,nk->n", unit_rows(on_moving - anchors[numbers]), normals)
-    spot = weight > 0.0
-    bends = [
-        [_bend(pair.points_mm[own], pair.normals[own], weight[own]), _bend(on_moving[each], normals[each], areas[each])]
-        for own, each in (
-            (spot & (_patch_numbers(pair.points_mm, axis, cuts) == p), numbers == p) for p in range(len(cuts) + 1)
-        )
-    ]
-    fixed_bend, moving_bend = np.mean(bends, axis=0)
+    fixed_bend = sum(_bend(pair.points_mm[rows[p]], pair.normals[rows[p]], areas[p]) for p in each)
+    moving_bend = sum(_bend(on_moving[p], normals[p], areas[p]) for p in each)
     visible, straight = share(towards_centre > LEAST_UPWARD), share(towards_centre > SETTINGS.straight_cos)
     return Patches(
         weight,
@@ -129,7 +119,7 @@ def find_patches(
         anchors,
         round=float(areas @ (outward_cos > 0.0)) > SETTINGS.round_share * float(areas.sum()),
         hollow=visible > SETTINGS.cup_share and straight > 0.5,
-        exchanged=bool(moving_bend < 0.25 * fixed_bend),
+        exchanged=moving_bend < 0.25 * fixed_bend,
     )
 
 

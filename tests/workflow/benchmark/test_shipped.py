@@ -10,14 +10,13 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.cli import pipeline
 from casadi_contact.cli.tables import read_kernel_speed
-from casadi_contact.core.terminal import run_app
 from casadi_contact.samples.samples import load_errors, rms_by_kind
 from casadi_contact.workflow.benchmark import kernel_speed as speed_module
-from casadi_contact.workflow.benchmark import measure as measuring
 from casadi_contact.workflow.benchmark.evaluate import unseen_walking
 from casadi_contact.workflow.benchmark.front_file import read_front, shipped_front
 from casadi_contact.workflow.benchmark.timing import Timing
 from casadi_contact.workflow.project import Project, available_surrogates, built_in_motion
+from problems.studies import shipped_front as measuring
 from tests.support.own_contact import SCENE as SOCKET
 
 
@@ -101,18 +100,13 @@ def test_speed_times_the_shipped_surrogates_on_poses_of_the_built_in_cycles(proj
     assert set(content["surrogates"]) == set(timed)
 
 
-def test_measuring_again_writes_a_file_of_its_own_and_a_mistake_is_one_line(tmp_path, monkeypatch, capsys):
+def test_measuring_again_writes_a_file_of_its_own(tmp_path, monkeypatch):
     path, front = shipped_front(cc.load_scene("knee"))
     before = path.read_bytes()
     monkeypatch.setattr(measuring, "measure", lambda *_: front)
     for slow in ("untrained_candidates", "surrogate_candidates", "unseen_walking", "built_in_motion"):
         monkeypatch.setattr(measuring, slow, lambda *_, **__: ())
     monkeypatch.chdir(tmp_path)
-    measuring.measure_shipped("knee", None)
+    measuring.main()
     assert read_front(tmp_path / "results" / "knee-front.csv") == front
     assert path.read_bytes() == before
-    with pytest.raises(SystemExit) as ended:
-        run_app(measuring.app, "measure", [str(tmp_path / "none.toml")], "measure")
-    said = f"{ended.value.code} {capsys.readouterr().err}".strip()
-    assert "none.toml" in said
-    assert "\n" not in said

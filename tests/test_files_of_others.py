@@ -1,0 +1,94 @@
+"""Small files of others that were once misread (shared data): each is read as its format says, or doubted aloud."""
+
+import numpy as np
+import pytest
+
+from casadi_contact.geometry.mesh import load_mesh
+from casadi_contact.optimisation.pose_targets import PoseTargets
+from casadi_contact.scenes.load_cycle import read_cycle
+from casadi_contact.scenes.loading import load_scene
+from casadi_contact.scenes.pose_file import read_poses
+from casadi_contact.scenes.shapes.mesh_bodies import patch_mesh
+from casadi_contact.workflow.proposal.frame import frame_of
+from casadi_contact.workflow.proposal.joint_geometry import joint_geometry
+from casadi_contact.workflow.proposal.propose import load_meshes
+from problems.pose_estimation import check_targets
+from tests.support.shared_data import shared_file
+
+
+def ball(name, faces=5120, across_mm=60.0):
+    def same(folder):
+        mesh = load_mesh(folder / name, "mm")
+        return len(mesh.faces) == faces and np.allclose(np.ptp(mesh.vertices_mm, axis=0).max(), across_mm)
+
+    return same
+
+
+def table(name, degrees):
+    return lambda folder: np.allclose(read_poses(folder / name)[0], [0.5, 27.2, 0.1, *np.radians(degrees)])
+
+
+def proposed(moving, fixed, axes=None):
+    """The open questions and the direction of pressing."""
+    geometry = joint_geometry(load_meshes({"moving": moving, "fixed": fixed}, None)[1], axes=axes)
+    return " ".join(frame_of(geometry, axes=axes).open_questions), geometry.placement.pressing.tolist()
+
+
+def patella(folder):
+    files = folder / "sb_Patella.obj", folder / "sb_Femur.obj"
+    return "--axes" in proposed(*files)[0] and proposed(*files, ("-x", "y", "-z"))[1] == [-1.0, 0.0, 0.0]
+
+
+def swapped(_):
+    files = [shared_file(f"data/dm_tka/{name}.stl") for name in ("tibial_insert", "femoral_component")]
+    return "exchanged" in proposed(*files)[0] and "exchanged" not in proposed(*reversed(files))[0]
+
+
+def sole(folder):
+    geometry = {**load_scene(folder / "foot_sole.toml").geometry, "fixed": str(folder / "ground12.stl")}
+    del geometry["fixed_sha256"]
+    return len(patch_mesh(geometry, "heel").faces) > 1000
+
+
+CASES = {
+    "csv_comment_line": lambda folder: read_cycle(folder / "cycle.csv").fy_med[0] == -600.0,
+    "cycle_cop_in_cm": lambda folder: "unit cm?" in warned(folder / "cycle.csv"),
+    "inch_files": lambda folder: load_meshes({"a": folder / "ball_inch.stl", "b": folder / "plate_inch.stl"}, None),
+    "mot_angles_are_in_degrees": table("poses.mot", [1.0, 2.0, -3.0]),
+    "mot_unused_column_twice": table("poses.mot", [10.0, 20.0, -30.0]),
+    "obj_concave_ngon": lambda folder: load_mesh(folder / "plate.obj", "mm"),
+    "obj_indented_faces": ball("ball.obj"),
+    "obj_tab_after_v": ball("ball.obj"),
+    "obj_upper_case_keys": ball("ball.obj"),
+    "patella_in_its_own_frame": patella,
+    "ply_texture_comment": ball("ball.ply", 1280, 50.0),
+    "ply_tristrips": ball("ball.ply", 1280, 50.0),
+    "sole_on_coarse_ground": sole,
+    "stl_one_byte_more": ball("ball.stl"),
+    "stl_point_facet_warning": ball("ball.stl", 1280, 50.0),
+    "stl_sliver_inf_needle": ball("ball.stl", 1280, 50.0),
+    "stl_zero_facet_ct_frame": ball("ball.stl"),
+    "sto_in_degrees_y": table("poses.sto", [1.0, 2.0, -3.0]),
+    "sto_ncolumns_off": table("poses.sto", [10.0, 20.0, -30.0]),
+    "sto_quoted_header": table("poses.sto", [10.0, 20.0, -30.0]),
+    "swapped_bodies": swapped,
+    "triangles_as_elements_coarse": lambda f: (
+        len(patch_mesh(load_scene(f / "ball.toml").geometry, "contact").faces) > 5000
+    ),
+}
+REFUSED = {"inch_files": "inch", "obj_concave_ngon": "not convex", "ply_tristrips": "strips"}
+
+
+def warned(path):
+    return " ".join(check_targets(PoseTargets.of(load_scene("knee"), read_cycle(path).estimation_targets())))
+
+
+@pytest.mark.filterwarnings("error", "ignore:.*truncated:UserWarning")
+@pytest.mark.parametrize("name", CASES)
+def test_a_file_of_others_is_read_right_or_refused_with_its_cure(name):
+    folder = shared_file(f"data/cases/{name}/README.md").parent
+    if name in REFUSED:
+        with pytest.raises(ValueError, match=REFUSED[name]):
+            CASES[name](folder)
+    else:
+        assert CASES[name](folder)
