@@ -40,7 +40,7 @@ def main(scene: Path, files: list[Path], out: Path = Path("results/implant")) ->
     """Find the poses of measured cycles (CSV) on the meshes of a joint.
 
     scene: a scene file, or the moving body's mesh, which the fixed body's mesh follows (STL, OBJ, PLY or VTP). files:
-    the cycles. Exit status 2: some frames are not solved; 3: all are, but some are not verified.
+    the cycles. Exit status 3: some frames are not solved; 4: all are, but some are not verified.
     """
     for path in files:
         existing_file(path, "mesh or cycle file")
@@ -57,7 +57,7 @@ def main(scene: Path, files: list[Path], out: Path = Path("results/implant")) ->
     for name, cycle in measured.items():
         print(f"{name}: {len(cycle.time_s)} frames")
         codes.append(estimate(model, cycle, out / name))
-    raise SystemExit(2 if 2 in codes else max(codes))
+    raise SystemExit(3 if 3 in codes else max(codes))
 
 
 if __name__ == "__main__":

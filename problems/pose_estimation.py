@@ -46,7 +46,7 @@ def main(
 ) -> None:
     """Find the poses of a cycle (CSV) on a surrogate, or on the foundation of a scene; verify them on its elements.
 
-    smoothness weighs the change from frame to frame [N²/mm²]. Exit status 2: some frames are not solved; 3: all are,
+    smoothness weighs the change from frame to frame [N²/mm²]. Exit status 3: some frames are not solved; 4: all are,
     but some are not verified.
     """
     model = load_contact(surrogate, scene)

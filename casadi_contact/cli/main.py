@@ -84,7 +84,7 @@ for command in (scene, cut, *_PROJECT, info, report, cycle, show, page):
 
 
 def main() -> None:
-    """Entry point: a user's mistake is one line on stderr and exit status 1, never a traceback."""
+    """Entry point: a user's mistake is one line on stderr, never a traceback."""
     run_app(app, "casadi-contact", sys.argv[1:] or ["--help"])
 
 

@@ -104,7 +104,8 @@ def new_app(**settings: Any) -> typer.Typer:
 
 
 def run_app(app: typer.Typer, name: str, arguments: Sequence[str], prog_name: str | None = None) -> NoReturn:
-    """Run and end with an exit status: a user's mistake is one line on stderr, after `name`, and status 1.
+    """Run and end with an exit status: a user's mistake is one line on stderr, after `name`, and status 1,
+    or 2 for an unknown command or option.
 
     prog_name: the program's name in its help; as it was called if left out.
     """
@@ -121,7 +122,8 @@ def run_app(app: typer.Typer, name: str, arguments: Sequence[str], prog_name: st
             raise
         sys.exit(INTERRUPTED)
     except _UsageError as error:
-        message = error.format_message()  # type: ignore[attr-defined]
+        print(f"{name}: {printable(error.format_message())}", file=sys.stderr)  # type: ignore[attr-defined]
+        sys.exit(2)
     except (ValueError, OSError, ImportError, RuntimeError, MemoryError) as error:
         if was_interrupted():  # in C++ that calls Python, Ctrl-C becomes an error like any other
             sys.exit(INTERRUPTED)
@@ -140,7 +142,7 @@ def _check_empty(arguments: Sequence[str]) -> None:
 
 def run_program(main: Callable[..., None]) -> NoReturn:
     """Run a program such as ``python -m problems.wear``: the options are the parameters of its function, the help is
-    its docstring. A user's mistake is one line on stderr and exit status 1."""
+    its docstring. Ends like `run_app`."""
     app = new_app(add_completion=False)
     app.command()(main)
     spec = main.__globals__.get("__spec__")

@@ -113,10 +113,10 @@ class Verification:
 
     @property
     def exit_code(self) -> int:
-        """0: every frame verified, or solved with no model to ask; 2: some not solved; 3: solved, not all verified."""
+        """0: every frame verified, or solved with no model to ask; 3: some not solved; 4: solved, not all verified."""
         if not (self.solved | self.without_load).all():
-            return 2
-        return 0 if not self.checked or (self.verified | self.without_load).all() else 3
+            return 3
+        return 0 if not self.checked or (self.verified | self.without_load).all() else 4
 
     @property
     def line(self) -> str:

@@ -98,15 +98,16 @@ def test_every_mistake_is_told_without_a_traceback_and_exits_non_zero(arguments,
     assert ended.value.code not in (0, None)
     message = f"{ended.value.code} {capsys.readouterr().err}"
     assert word.lower() in message.lower()
-    assert len(message.splitlines()) == 1
+    assert len(message.strip().splitlines()) == 1
 
 
-def test_a_mistake_in_the_options_of_a_problem_ends_as_one_of_casadi_contact_does(monkeypatch):
+def test_a_mistake_in_the_options_of_a_problem_ends_as_one_of_casadi_contact_does(monkeypatch, capsys):
     from problems import squat
 
     monkeypatch.setattr("sys.argv", ["squat", "--intervals", "many"])
-    with pytest.raises(SystemExit, match=r"^squat: .*--intervals.*\Z"):
+    with pytest.raises(SystemExit, match="2"):
         run_program(squat.main)
+    assert capsys.readouterr().err.startswith("squat: Invalid value for '--intervals'")
 
 
 @pytest.mark.parametrize("arrives_as", [KeyboardInterrupt, SystemError])

@@ -134,7 +134,7 @@ def test_a_verdict_holds_no_frame_verified_whose_load_nothing_counts(folder):
     poses = np.array([[7.8, 7.7, 0.0, 0.0, 0.0, 0.0], [12.0, 7.7, 0.0, 0.0, 0.0, 0.0]])
     verdict = cc.verify(model, poses, model, loads=("Fy",))
     assert verdict.verified.tolist() == [False, True], "what bears on the wall is not counted"
-    assert verdict.exit_code == 3
+    assert verdict.exit_code == 4
     assert "of the load not counted" in verdict.words[0]
     assert "1 solved, but up to" in verdict.line
 

@@ -71,21 +71,21 @@ def test_the_error_named_is_the_largest_against_its_tolerance(knee):
     assert check.words[0].startswith("solved, differs by ")
     assert check.words[0].endswith(f"({knee.load_names[worst]})")
     assert check.words[1] == "solved and verified"
-    assert check.exit_code == 3
+    assert check.exit_code == 4
     assert "1 solved but differ, at most by" in check.line
 
 
 def test_only_the_loads_that_a_problem_uses_are_judged(knee):
     twisted = off_by(knee, 100.0, ["Ty"])
     assert cc.verify(knee, [POSE], twisted, loads=("Fy_med", "Fy_lat")).exit_code == 0
-    assert cc.verify(knee, [POSE], twisted).exit_code == 3
+    assert cc.verify(knee, [POSE], twisted).exit_code == 4
 
 
 def test_unsolved_frames_come_first_in_the_exit_code_and_those_without_load_count_for_nothing(knee):
     poses, model = np.tile(POSE, (3, 1)), off_by(knee, 10.0)
     check = cc.verify(knee, poses, model, [False, True, False], without_load=[False, False, True])
     assert check.words[::2] == ["not solved", "no load"]
-    assert check.exit_code == 2
+    assert check.exit_code == 3
     assert check.line.startswith("0 of 2 solved and verified on Off, 1 bear no load; 1 solved but differ")
     assert check.line.endswith("; 1 not solved")
     assert cc.verify(knee, poses, knee, [True, True, False], without_load=[False, False, True]).exit_code == 0
@@ -117,7 +117,7 @@ def test_frames_without_a_number_confirm_nothing_and_leave_the_errors_of_the_oth
     np.testing.assert_allclose(check.worst, 0.25)
     nowhere = cc.verify(knee, [POSE], silent_at(knee, [0], number))
     assert nowhere.checked
-    assert nowhere.exit_code == 3
+    assert nowhere.exit_code == 4
 
 
 def test_a_scene_without_a_model_of_its_own_says_so(knee):
@@ -153,7 +153,7 @@ def test_a_frame_on_elements_that_are_too_coarse_is_solved_and_not_verified(solv
     model, finer = with_teacher((20, 15)), with_teacher((40, 30))
     check = cc.verify(model, [POSE, LIFTED], model, solved)
     assert check.verified.tolist() == [False, solved[1]], "where nothing touches any elements do"
-    assert check.exit_code == (3 if all(solved) else 2)
+    assert check.exit_code == (4 if all(solved) else 3)
     if solved[0]:
         off = model([POSE]) - finer([POSE])
         np.testing.assert_allclose(check.off_finer[0], off[0], atol=1e-9)

@@ -43,7 +43,7 @@ def test_pose_estimation_reads_a_cycle_and_reports_a_frame_that_no_pose_carries(
     cycle.fy_med[5] = cycle.fy_lat[5] = 0.0
     write_cycle(cycle, tmp_path / "walk.csv")
     status, said, rows = run(pose_estimation, cycle=tmp_path / "walk.csv")
-    assert status == 2
+    assert status == 3
     assert "5 of 6 solved" in said
     assert rows[5]["outcome"] == rows[5]["verdict"] == "no load"
     assert [row["outcome"] for row in rows].index("not solved") == 3

@@ -66,7 +66,7 @@ def run(
 
 
 def main() -> None:
-    """Entry point: a user's mistake is one line on stderr and exit status 1."""
+    """Entry point: a user's mistake is one line on stderr."""
     run_program(run)
 
 
