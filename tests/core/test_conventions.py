@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from casadi_contact.core.conventions import (
+    POSE_NAMES,
     angular_velocity_map,
     as_poses,
     evenly_spaced_indices,
@@ -34,6 +35,21 @@ def test_angular_velocity_map_is_the_rate_of_the_rotation(a, axis):
     np.testing.assert_allclose(angular_velocity_map(a)[:, axis], omega, atol=1e-8)
 
 
+class Frame(dict):
+    """As a table of named columns, such as pandas' or Polars'."""
+
+    columns = property(list)
+
+    def __getitem__(self, names):
+        return np.stack([self.get(name) for name in names], axis=1)
+
+
+@pytest.mark.parametrize("names", [POSE_NAMES, ("tx_mm", "ty_mm", "tz_mm", "rx_rad", "ry_rad", "rz_rad")])
+def test_columns_of_a_table_are_taken_by_name(names):
+    table = Frame({name: np.array([float(k)]) for k, name in reversed([*enumerate(names)])})
+    assert as_poses(table).tolist() == [[0.0, 1.0, 2.0, 3.0, 4.0, 5.0]]
+
+
 @pytest.mark.parametrize(
     ("poses", "said"),
     [
@@ -42,6 +58,8 @@ def test_angular_velocity_map_is_the_rate_of_the_rotation(a, axis):
         ([[0, np.inf, 0, 0, 0, 0]], "ty"),
         ([["a", 0, 0, 0, 0, 0]], "numbers"),
         (np.zeros((1, 6), complex), "complex"),
+        (np.ma.masked_equal(np.arange(6.0)[None], 2.0), "tz"),
+        (Frame(zip("abcdef", np.zeros((6, 1)), strict=True)), "columns a, b"),
     ],
 )
 def test_bad_poses_are_refused_with_what_was_got(poses, said):

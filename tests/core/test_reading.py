@@ -110,3 +110,5 @@ def test_a_missing_file_a_folder_and_a_pipe_are_told_apart(tmp_path):
     for path, word in ((tmp_path / "none", "exist"), (tmp_path, "folder"), (tmp_path / "pipe", "pipe")):
         with pytest.raises(FileNotFoundError, match=word):
             existing_file(path)
+    with pytest.raises(ValueError, match="UTF-8"):
+        existing_file(tmp_path / "walk\udcff.csv")

@@ -1,7 +1,6 @@
 """Mesh files are read as their formats define them; what is not whole or made to mislead is one line at once."""
 
 import struct
-import sys
 import tracemalloc
 
 import numpy as np
@@ -144,22 +143,3 @@ def test_a_mesh_file_beyond_the_stated_size_and_other_files_are_refused(tmp_path
     refused(tmp_path / "part.step", "step")
     with pytest.raises(FileNotFoundError, match="does not exist"):
         load_mesh(tmp_path / "none.stl", "mm")
-
-
-def test_a_mesh_file_reads_no_other_file(tmp_path):
-    """Neither the materials of an OBJ file nor the picture of a PLY file."""
-    (tmp_path / "secret.mtl").write_text("newmtl m\nmap_Kd picture.png\n")
-    obj = written(tmp_path / "t.obj", "mtllib secret.mtl\nusemtl m\n" + OBJ.format("1/1 2/1 3/1"))
-    ply = trimesh.Trimesh(*BALL, process=False).export(file_type="ply")
-    ply = written(tmp_path / "t.ply", ply.replace(b"\nelement", b"\ncomment TextureFile picture.png\nelement", 1))
-    opened = []
-
-    def watch(event, arguments):
-        if event == "open":
-            opened.append(str(arguments[0]))
-
-    sys.addaudithook(watch)
-    load_mesh(obj, "mm")
-    load_mesh(ply, "mm")
-    assert str(ply) in opened
-    assert [name for name in opened if name.endswith((".mtl", ".png"))] == []

@@ -198,8 +198,10 @@ def test_a_cycle_of_another_joint_is_that_of_its_scene(tmp_path):
 
 
 def test_measured_poses_of_a_file_of_version_3_become_a_pose_file(tmp_path):
-    labels = ("knee_ant_r=tx:m", "knee_sup_r=ty:m", "knee_lat_r=tz", "knee_flex_r=rx:rad", "knee_add_r=ry")
-    poses = read_poses(written(tmp_path, shared_file("data/dm_tka/fluoroscopic_gait.sto"), *labels, "knee_rot_r=rz"))
+    labels = ("knee_ant_r=tx:m", "knee_sup_r=ty:m", "knee_lat_r=tz", "knee_flex_r=rx:rad", "knee_add_r=ry:rad")
+    poses = read_poses(
+        written(tmp_path, shared_file("data/dm_tka/fluoroscopic_gait.sto"), *labels, "knee_rot_r=rz:rad")
+    )
     assert poses.shape == (101, 6)
     np.testing.assert_allclose(poses[0], [-7.4, 41.7, -1.0, 0.0063, 0.0037, -0.0943], atol=1e-12)
 
@@ -231,13 +233,6 @@ def test_poses_go_to_the_states_of_a_moco_knee_and_back(tmp_path):
     write_table(table, tmp_path / "states.sto")
     back = mapped_curves(read_opensim_table(tmp_path / "states.sto"), MAPS)
     np.testing.assert_allclose(poses_from_curves(back), POSES, rtol=1e-14)
-
-
-def test_torques_leave_in_nm_and_the_femur_gets_the_opposite():
-    curves = {"time": TIME, "Fy": np.full(4, -700.0), "Tx": np.full(4, 1500.0)}
-    maps = [ColumnMap.parse(text) for text in ("tibia_vy=Fy", "tibia_torque_x=Tx", "femur_torque_x=-Tx:Nm")]
-    table = renamed_table(curves, maps, "contact")
-    assert [table.column(item.column)[0] for item in maps] == [-700.0, 1.5, -1.5]
 
 
 def by_opensim(code, folder, *arguments):
