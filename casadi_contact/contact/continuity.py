@@ -90,13 +90,11 @@ class Motion:
                     now, then = ({name: curve[at] for name, curve in self.targets.items()} for at in (frame, to))
                     pose, share = follow(self.model, pose, poses[to], self.free, now, then, self.tolerance_n[to])
                     inside = ((pose >= self.low) & (pose <= self.high))[self.columns].all()
-                    if share < 1.0 or not inside or self._is_known(pose, known[to]):
+                    near = any(self._mm(other - pose) < self.same_mm for other in known[to])
+                    if share < 1.0 or not inside or near:
                         break
                     known[to].append(pose)
                     frame = to
-
-    def _is_known(self, pose: Array, known: list[Array]) -> bool:
-        return any(self._mm(other - pose) < self.same_mm for other in known)
 
     def _mm(self, steps: Array) -> Array:
         """Size (...) of steps (..., 6) of the free pose parameters [mm]."""

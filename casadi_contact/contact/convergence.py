@@ -37,11 +37,7 @@ class Errors:
     def of_allowed(self) -> Array:
         """Errors (n, L) as shares of what a single pose may be wrong by."""
         share = np.maximum(self.forces_n / self.scene.reference_load, 1.0)
-        return self._tolerance.single_ratios(self.loads / share[:, None])
-
-    @property
-    def _tolerance(self) -> Tolerance:
-        return Tolerance.of(self.scene)
+        return Tolerance.of(self.scene).single_ratios(self.loads / share[:, None])
 
     @property
     def ratio(self) -> float:
@@ -82,7 +78,7 @@ class Errors:
 
     def _rms(self, rows: np.ndarray) -> Array:
         """Of every load (L,), in its tolerance."""
-        return self._tolerance.rms_ratios(np.sqrt(np.mean(self.loads[rows] ** 2, axis=0)))
+        return Tolerance.of(self.scene).rms_ratios(np.sqrt(np.mean(self.loads[rows] ** 2, axis=0)))
 
     @property
     def _judged(self) -> np.ndarray:
@@ -91,10 +87,7 @@ class Errors:
 
 def cheapest(scene: Scene, candidates: Iterable[Model], errors_of: Callable[[Model], Array], **details: Any) -> Model:
     """The first candidate whose errors (poses, loads) are small enough (`Errors.ratio`, whatever the force), its
-    record telling so.
-
-    said: what the record holds besides. Raises ValueError where no candidate is good enough.
-    """
+    record telling so, with details besides; raises ValueError where no candidate is good enough."""
     for model in candidates:
         values = np.abs(errors_of(model))
         errors = Errors(scene, values, np.zeros(len(values)), np.zeros(len(values), dtype=bool))

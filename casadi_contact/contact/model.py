@@ -177,14 +177,6 @@ class WrenchLoads(ContactModel):
         self._selection = load_selection(self.load_names, self.patch_names)
 
     @abstractmethod
-    def wrenches(self, poses: Array) -> Array:
-        """Wrench of each patch on the fixed body (n, patches, 6) [N, N·mm], for poses (n, 6)."""
-
-    @abstractmethod
-    def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:
-        """Wrenches (n, patches, 6) and their derivatives by the pose (n, patches, 6, 6)."""
-
-    @abstractmethod
     def _gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Gaps (n, patches) [mm] and their derivatives by the pose (n, patches, 6)."""
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -40,15 +39,8 @@ class PressureMap:
 MEASURES = ("contact_area", "mean_pressure", "peak_pressure", "cop_x", "cop_y", "cop_z", "penetration")
 
 
-class PressedElements(NamedTuple):
-    """Elements (m,) of one patch in one pose: centres (m, 3) [mm], areas [mm²], depths [mm] and pressures [MPa]."""
-
-    pose: int
-    patch: int
-    centres_mm: Array
-    areas_mm2: Array
-    depths_mm: Array
-    pressures_mpa: Array
+Pressed = tuple[int, int, Array, Array, Array, Array]
+"""Pose, patch, and of its elements centres (m, 3) [mm], areas (m,) [mm²], depths (m,) [mm] and pressures (m,) [MPa]."""
 
 
 @dataclass(frozen=True)
@@ -67,20 +59,20 @@ class PressureSummary:
 
     @classmethod
     def of_elements(
-        cls, shape: tuple[int, int], pressed: Iterable[PressedElements], *, counted_alike: bool = False
+        cls, shape: tuple[int, int], pressed: Iterable[Pressed], *, counted_alike: bool = False
     ) -> PressureSummary:
         """Of elements' loads in poses × patches; counted_alike: the mean counts each element in contact once."""
         area, mean, largest, deepest = (np.zeros(shape) for _ in range(4))
         centre = np.full((*shape, 3), np.nan)
-        for at in pressed:
-            loaded = at.pressures_mpa > 0.0
+        for pose, patch, centres_mm, areas_mm2, depths_mm, pressures_mpa in pressed:
+            loaded = pressures_mpa > 0.0
             if not loaded.any():
                 continue
-            here, force = (at.pose, at.patch), at.pressures_mpa * at.areas_mm2
-            area[here] = at.areas_mm2[loaded].sum()
-            mean[here] = at.pressures_mpa[loaded].mean() if counted_alike else force.sum() / area[here]
-            largest[here], deepest[here] = at.pressures_mpa.max(), at.depths_mm[loaded].max()
-            centre[here] = force @ at.centres_mm / force.sum()
+            here, force = (pose, patch), pressures_mpa * areas_mm2
+            area[here] = areas_mm2[loaded].sum()
+            mean[here] = pressures_mpa[loaded].mean() if counted_alike else force.sum() / area[here]
+            largest[here], deepest[here] = pressures_mpa.max(), depths_mm[loaded].max()
+            centre[here] = force @ centres_mm / force.sum()
         return cls(area, mean, largest, deepest, centre)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from casadi_contact.contact.callable_model import CallableModel
 from casadi_contact.contact.pressure_law import law_of, pressures
-from casadi_contact.contact.pressures import PressedElements, PressureSummary
+from casadi_contact.contact.pressures import PressureSummary
 from casadi_contact.core.conventions import Array, as_poses, rotation
 from casadi_contact.geometry.triangle_mesh import RayCaster
 from casadi_contact.scenes.scene import Scene
@@ -47,7 +47,7 @@ class RayCastFoundation(CallableModel):
         """
         poses = as_poses(poses)
         pressed = (
-            PressedElements(n, p, self._patches[p][0], self._patches[p][2], depths, pressures(*self._law, depths))
+            (n, p, self._patches[p][0], self._patches[p][2], depths, pressures(*self._law, depths))
             for n, p, depths in self._depths(poses)
         )
         return PressureSummary.of_elements((len(poses), len(self._patches)), pressed, counted_alike=True)

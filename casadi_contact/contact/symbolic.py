@@ -10,9 +10,10 @@ about its origin.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from operator import attrgetter
-from typing import Any, Protocol, cast, runtime_checkable
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -116,22 +117,7 @@ def model_callback(
     return function if batch is None else function.map(batch)
 
 
-@runtime_checkable
-class HasConfidence(Protocol):
-    """A model that estimates its own errors, as a surrogate does. Not calibrated, its confidence is None."""
-
-    @property
-    def confidence(self) -> object | None:
-        """What the two below are made of."""
-
-    def validity(self, poses: Array) -> Array:
-        """Validity (n,): 1 well inside the learned region, 0 far outside."""
-
-    def expected_error(self, poses: Array) -> Array:
-        """Bounds (n, L) of the errors of ``load_names`` [N, N·mm], below which 95 % lie."""
-
-
-class SymbolicContact(ContactModel, Protocol):
+class SymbolicContact(ContactFunctions, ContactModel):
     """A `ContactModel` with CasADi functions: a surrogate, a foundation (`cc.foundation`), or `symbolic` of any other.
 
     record: plain values, with the learned range of poses as "pose_range" where there is one.
@@ -139,42 +125,17 @@ class SymbolicContact(ContactModel, Protocol):
 
     record: dict[str, Any]
 
+    @abstractmethod
     def __call__(self, poses: Array, loads: Iterable[str] | None = None) -> Array:
         """Named loads (n, loads) [N, N·mm], all or those asked for."""
-
-    def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
-        """The loads asked for (None: all); ValueError for one that the model does not give."""
-
-    def function(
-        self,
-        loads: Iterable[str] | None = None,
-        name: str = "contact_loads",
-        *,
-        compiled: bool = True,
-        batch: int | None = None,
-    ) -> ca.Function:
-        """casadi.Function pose (6) -> loads (L); batch: (6 x batch) -> (L x batch).
-
-        Zero load has zero slope: an optimiser that lost contact stays there. Use `ContactInOpti`.
-        """
-
-    def load_and_root_function(
-        self,
-        loads: Iterable[str] | None = None,
-        name: str = "contact_loads_and_roots",
-        *,
-        compiled: bool = True,
-        batch: int | None = None,
-    ) -> ca.Function:
-        """casadi.Function pose (6) -> loads (L), signed root loads (P)."""
 
 
 def symbolic(model: ContactModel) -> SymbolicContact:
     """The model itself where it has CasADi functions, else called back from CasADi, with differenced Hessians."""
-    return cast(SymbolicContact, model if isinstance(model, ContactFunctions) else CallbackContact(model))
+    return model if isinstance(model, SymbolicContact) else CallbackContact(model)
 
 
-class CallbackContact(ContactFunctions, ContactModel):
+class CallbackContact(SymbolicContact):
     """Any contact model with CasADi functions that call it back, through Python, with its own Jacobian."""
 
     jacobian: Any = property(attrgetter("model.jacobian"))

@@ -34,7 +34,7 @@ import platformdirs
 
 from casadi_contact.core.compilation import announce
 from casadi_contact.core.conventions import Array
-from casadi_contact.core.files.reading import short
+from casadi_contact.core.files.reading import sha256_of, short
 
 FLAGS = ("-std=gnu99", "-O3", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
 NATIVE = ("-march=native",)
@@ -159,7 +159,7 @@ def _compiled(
                 f"the compiled kernel cannot be loaded ({short(str(error))}), expected a compiler for this machine "
                 f"($CC) and a folder on a disc that may hold programs (not noexec): choose one by ${CACHE_VARIABLE}"
             ) from None
-        path = folder / f"{key}-{_digest(library)}{SUFFIX}"
+        path = folder / f"{key}-{sha256_of(library)[:32]}{SUFFIX}"
         os.replace(library, path)
     return path
 
@@ -208,16 +208,12 @@ def is_private(path: Path) -> bool:
     return there.st_uid in (0, os.geteuid()) and not there.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
-def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:32]
-
-
 def _intact(folder: Path, key: str) -> Path | None:
     """The library made from key, if there is one whose bytes are those that were compiled and that is ours alone."""
     for path in sorted(folder.glob(f"{key}-*{SUFFIX}")):
         if not stat.S_ISREG(path.lstat().st_mode):
             raise CompilerError(f"{path} is a folder or a link, expected a compiled kernel: remove it")
-        if is_private(path) and path.stem.partition("-")[2] == _digest(path):
+        if is_private(path) and path.stem.partition("-")[2] == sha256_of(path)[:32]:
             return path
         with suppress(OSError):  # not ours to remove: the new one is found first or lies elsewhere
             path.unlink()

@@ -35,16 +35,12 @@ class _OwnPool(ProcessPoolExecutor):  # type: ignore[misc]
 @contextmanager
 def one_thread() -> Iterator[None]:
     """numba and BLAS on one thread, where all cores are in use already, or where times are compared."""
-    import numba
     from threadpoolctl import threadpool_limits
 
-    threads = numba.get_num_threads()
-    numba.set_num_threads(1)
-    try:
-        with threadpool_limits(1):
-            yield
-    finally:
-        numba.set_num_threads(threads)
+    from casadi_contact.core.compilation import threads_for
+
+    with threads_for(1), threadpool_limits(1):
+        yield
 
 
 @contextmanager

@@ -160,13 +160,9 @@ def export_fmu(
     if exported.data:
         entries[f"sources/{DATA_FILE}"] = exported.data
     entries["sources/buildDescription.xml"] = _BUILD.format(name=name)
-    entries[f"binaries/{_platform()}/{name}{SUFFIX}"] = library
+    processor = _PROCESSORS.get(platform.machine(), platform.machine())
+    entries[f"binaries/{processor}-{sys.platform}/{name}{SUFFIX}"] = library
     with replacing(path) as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as archive:
         for entry, content in entries.items():
             archive.writestr(zipfile.ZipInfo(entry, _DATE), content, zipfile.ZIP_DEFLATED)
     return path
-
-
-def _platform() -> str:
-    """As FMI names it: x86_64-linux."""
-    return f"{_PROCESSORS.get(platform.machine(), platform.machine())}-{sys.platform}"

@@ -55,7 +55,8 @@ def check_outside(mesh: TriangleMesh, flat_mm: float = 1e-6) -> None:
     """
     piece, count = mesh.pieces, int(mesh.pieces.max()) + 1
     areas = mesh.areas_mm2
-    volume = np.bincount(piece, _volumes(mesh), count)
+    a, b, c = np.moveaxis(mesh.corners_mm - mesh.vertices_mm.mean(axis=0), 1, 0)
+    volume = np.bincount(piece, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0, count)  # to one point, signed
     inward = volume < -flat_mm * np.bincount(piece, areas, count)
     inward[piece[_at_boundary(mesh)]] = False
     wrong = np.flatnonzero(inward)
@@ -113,12 +114,6 @@ def _near(corners_mm: Array, contact: Sequence[Box] | None, margin_mm: float = 3
         )
         near |= reaches.all(axis=1)
     return near
-
-
-def _volumes(mesh: TriangleMesh) -> Array:
-    """Volume (f,) [mm³] between each triangle and one point, less than 0 where it faces the point."""
-    a, b, c = np.moveaxis(mesh.corners_mm - mesh.vertices_mm.mean(axis=0), 1, 0)
-    return np.asarray(np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0)
 
 
 def _at_boundary(mesh: TriangleMesh) -> np.ndarray:

@@ -22,9 +22,6 @@ def checked_batch(batch: int | None) -> int | None:
 class ContactFunctions(ABC):
     """Functions of a pose that differ in what they give, made by one method, `_function`, of the model."""
 
-    has_wrenches: bool = False  # as in `ContactModel`
-    has_gaps: bool = False
-
     @abstractmethod
     def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
         """The loads asked for (None: all); ValueError for one that the model does not give."""

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.contact.symbolic import HasConfidence, SymbolicContact
+from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import Array, as_poses, load_unit
 from casadi_contact.core.quantities import format_above_limit, three_digits
 from casadi_contact.optimisation.reference import loads_on, off_finer, unmodelled_fraction
@@ -213,8 +213,8 @@ def verify(
     rows = {key: _truths(key, value, len(poses)) for key, value in given.items()}
     shape, tolerance = (len(poses), len(names)), Tolerance.of(surrogate.scene, names)
     outside = np.zeros(len(poses), dtype=bool)
-    if isinstance(surrogate, HasConfidence):  # without confidence no region is known
-        outside |= surrogate.validity(poses) < 0.5 if surrogate.confidence is not None else True
+    if hasattr(surrogate, "validity"):  # of other models no region is known
+        outside |= surrogate.validity(poses) < 0.5 if getattr(surrogate, "confidence", None) is not None else True
     uncounted, finer = np.zeros(len(poses)), np.zeros(shape)
     if isinstance(model, str):
         errors, name = np.full(shape, np.nan), model

@@ -13,7 +13,6 @@ import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import POSE_NAMES, Array, batched, pose_index
 from casadi_contact.networks.functions import as_weights, hessian_function, weighted_hessians
 from casadi_contact.networks.network import Network, Regression
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
     from casadi_contact.samples.samples import Samples
 
 
-class Surrogate(SurrogateFunctions, ContactModel):
+class Surrogate(SurrogateFunctions):
     """Networks and the scene they were trained for; how loads are shared out among networks is the structure's.
 
     networks: by name; record: what trained them (see `casadi_contact.surrogate.info`), plain JSON values; confidence:

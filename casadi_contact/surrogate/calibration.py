@@ -10,6 +10,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -222,18 +223,13 @@ def _fit(surrogate: Surrogate, confidence: Confidence, rows: _Rows, settings: Ca
     u = np.logaddexp(
         confidence.sharpness * (confidence.distance(rows.poses) - confidence.edge), settings.steepness * (answer - half)
     )
-    hidden = np.column_stack([np.ones(len(x)), _last_hidden(network, x)])
+    m = len(network.biases[-2])  # activations of the last hidden layer
+    hidden = np.column_stack([np.ones(len(x)), _ending_in(network, np.eye(m), np.zeros(m)).value(x)])
     valid = u < 0.0
     heads = [_log_bound(hidden, rows, valid, k, tolerances[k], settings) for k in range(len(tolerances))]
     scale = float(np.ravel(network.output_scale)[0]) * settings.steepness
     last = np.vstack([scale * network.weights[-1], *(head[None, 1:] for head in heads)])
     bias = np.r_[scale * network.biases[-1][0] - settings.steepness * half, [head[0] for head in heads]]
-    whole = replace(
-        network,
-        weights=(*network.weights[:-1], last),
-        biases=(*network.biases[:-1], bias),
-        output_scale=1.0,
-    )
     usual = np.array([_usual(rows, k, tolerances[k]) for k in range(len(tolerances))])
     outside = growth_outside(np.maximum(u + SURE, 0.0))
     missing = rows.errors - np.exp(hidden @ np.array(heads).T)
@@ -242,7 +238,7 @@ def _fit(surrogate: Surrogate, confidence: Confidence, rows: _Rows, settings: Ca
         far = rows.carried[:, k] & (outside > 1e-3)
         fitted = np.quantile(missing[far, k] / outside[far], settings.coverage) if far.sum() >= 40 else most
         growth[k] = max(10.0 * tolerances[k], float(fitted))
-    return replace(confidence, network=whole, growth=growth)
+    return replace(confidence, network=_ending_in(network, last, bias), growth=growth)
 
 
 def _classifier(x: Array, target: Array, settings: CalibrationSettings) -> Network:
@@ -272,15 +268,10 @@ def _threshold(
     return kept if allowed[-1] == len(order) - 1 else min(kept, float(answer[order][allowed[-1]]))
 
 
-def _last_hidden(network: Network, x: Array) -> Array:
-    """Activations (n, m) of the last hidden layer."""
-    m = len(network.biases[-2])
-    return replace(
-        network,
-        weights=(*network.weights[:-1], np.eye(m)),
-        biases=(*network.biases[:-1], np.zeros(m)),
-        output_scale=1.0,
-    ).value(x)
+def _ending_in(network: Network, weights: Array, biases: Array) -> Network:
+    """The network with another last layer, in units of its own."""
+    all_weights, all_biases = (*network.weights[:-1], weights), (*network.biases[:-1], biases)
+    return replace(network, weights=all_weights, biases=all_biases, output_scale=1.0)
 
 
 def _log_bound(
@@ -352,10 +343,7 @@ def coverage_by_group(
         groups[name] = part.rows(surrogate.validity(part.poses) > VALID) if len(part) else part
     result = {name: dict(_coverage(surrogate, part)) for name, part in groups.items() if len(part)}
     if others and any(len(part) for part in edge):
-        joined = edge[0]
-        for part in edge[1:]:
-            joined = joined.join_samples(part)
-        result["edge"] = dict(_coverage(surrogate, joined))
+        result["edge"] = dict(_coverage(surrogate, reduce(Samples.join_samples, edge)))
     return result
 
 

@@ -5,37 +5,33 @@ from __future__ import annotations
 import hashlib
 from abc import abstractmethod
 from collections.abc import Iterable, Sequence
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
 
-from casadi_contact.networks.functions import ContactFunctions, function_with_derivatives
+from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.networks.functions import function_with_derivatives
 from casadi_contact.networks.graph import Expressions, nan_if_not_finite, nan_marker
 from casadi_contact.networks.kernel.networks import Bundle
 from casadi_contact.networks.kernel.source import ExportedModel, Kernel
 from casadi_contact.networks.names import c_name, name_of_parts
 from casadi_contact.networks.network import Network
-from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.confidence import Confidence
 from casadi_contact.surrogate.kernel import OWN_ROOTS, SurrogateArrays, SurrogateKernel, compiled_arrays
 
 _CALLED = {"never_inline": True}  # an SX expression calls them whole: CasADi has no logsumexp of SX
 
 
-class SurrogateFunctions(ContactFunctions):
+class SurrogateFunctions(SymbolicContact):
     """What a structure gives as CasADi expressions and as C, made into functions that optimisation can use.
 
     Derivatives are exact and explicit; only the networks that the loads need are in a function.
     """
 
-    scene: Scene
     structure: ClassVar[str]
     networks: dict[str, Network]
-    record: dict[str, Any]
     confidence: Confidence | None
-    load_names: tuple[str, ...]
-    patch_names: tuple[str, ...]
     _kernels: dict[tuple[tuple[str, ...], bool], SurrogateArrays | None]
     ready_name = ""
     """Name under which `load_surrogate` finds it; empty for one that does not come with the library."""

@@ -89,7 +89,7 @@ def fit_surrogate(
     fits = fit_all(chosen, settings, executor, fitting.checkpoints, progress, starts)
     if progress is not None:
         for name, fit in fits.items():
-            remark = f"{size_text(fit.hidden)} RMS {fit.rms:.3g} after {fit.gflop:.3g} Gflop, {fit.stop_reason}"
+            remark = f"{size_text(fit.network.hidden)} RMS {fit.rms:.3g} after {fit.gflop:.3g} Gflop, {fit.stop_reason}"
             progress(name, fit.gflop, fit.gflop, remark)
     networks |= {name: fit.network for name, fit in fits.items()}
     networks |= {twin: kind.reflection(twin, networks[of], scene) for twin, of in twins.items()}

@@ -13,7 +13,7 @@ from threadpoolctl import ThreadpoolController
 from casadi_contact.contact.elements.foundation import ElasticFoundation, PatchElements, grid_text
 from casadi_contact.contact.elements.loops import overlap_many
 from casadi_contact.contact.model import WrenchLoads
-from casadi_contact.contact.pressures import PressedElements, PressureMap, PressureSummary
+from casadi_contact.contact.pressures import PressureMap, PressureSummary
 from casadi_contact.core.conventions import (
     Array,
     as_poses,
@@ -214,7 +214,7 @@ class FiniteElements(WrenchLoads):
             for p, (body, found) in enumerate(zip(self._bodies, pressed, strict=True)):
                 areas = body.layer.areas_mm2[found.nodes]
                 points, pressures = body.layer.points_mm[found.nodes], found.forces_n / areas
-                elements.append(PressedElements(k, p, points, areas, found.overlaps_mm, pressures))
+                elements.append((k, p, points, areas, found.overlaps_mm, pressures))
         return PressureSummary.of_elements((len(poses), len(self._bodies)), elements)
 
     def _pressed(self, poses: Array) -> Iterator[list[Pressed]]:

@@ -132,23 +132,17 @@ extern const char cells_data[] __attribute__((visibility("hidden")));
 """
 
 
-@dataclass
-class _Tables:
-    """Arrays one after the other."""
-
-    data: bytes = b""
-
-    def place(self, array: np.ndarray) -> int:
-        """Add an array; where it begins."""
-        start = len(self.data)
-        self.data += array.tobytes()
-        self.data += bytes(-len(self.data) % _LINE)
-        return start
+def _place(tables: bytearray, array: np.ndarray) -> int:
+    """Add an array to the tables, which lie one after the other; where it begins."""
+    start = len(tables)
+    tables.extend(array.tobytes())
+    tables.extend(bytes(-len(tables) % _LINE))
+    return start
 
 
 def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) -> tuple[str, bytes]:
     """C that defines `patch_loads`, and its data; with_tangents: False for half the data of a mesh, and more time."""
-    tables, cells, law = _Tables(), patches[0].cells, patches[0].law
+    tables, cells, law = bytearray(), patches[0].cells, patches[0].law
     functions, shares = hermite_functions(cells).T, corner_shares(cells).T
     whole = law[1] / law[2] * shares.T @ functions
     rows, reaches = zip(*(_patch(quad.patch, functions, tables) for quad in patches), strict=True)
@@ -173,7 +167,7 @@ def cell_source(patches: Sequence[Quadrature], *, with_tangents: bool = True) ->
         f"static const Patch patches[PATCHES] = {{{', '.join(rows)}}};",
         *(c_text(name, C_FOLDER) for name in ("cells_sums.h", "cells_curvature.h", "cells.h")),
     ]
-    return "\n".join(text), tables.data
+    return "\n".join(text), bytes(tables)
 
 
 def _sizes(patches: Sequence[Quadrature]) -> dict[str, float]:
@@ -195,7 +189,7 @@ def _sizes(patches: Sequence[Quadrature]) -> dict[str, float]:
     }
 
 
-def _body(surface: MovingSurface, tables: _Tables, largest_mm: float | None) -> str:
+def _body(surface: MovingSurface, tables: bytearray, largest_mm: float | None) -> str:
     """Definitions that ``cells_body.h`` reads; with tangents for blocks that reach as far as largest_mm from their
     middles, if that is given."""
     if surface.family == HALF_SPACE:
@@ -211,7 +205,7 @@ def _body(surface: MovingSurface, tables: _Tables, largest_mm: float | None) -> 
     sizes = {
         **{f"FIELD_{axis}": count for axis, count in zip("XYZ", coefficients.shape, strict=True)},
         "FIELD_SPACING": spacing,
-        "FIELD_COEFFICIENTS": f"((const float *)(cells_data + {tables.place(coefficients.astype(np.float32))}))",
+        "FIELD_COEFFICIENTS": f"((const float *)(cells_data + {_place(tables, coefficients.astype(np.float32))}))",
     }
     if largest_mm is not None:
         settings = _Tangents()
@@ -219,13 +213,13 @@ def _body(surface: MovingSurface, tables: _Tables, largest_mm: float | None) -> 
         rows, index = tangents(coefficients, spacing, reach_mm, settings)
         sizes |= {f"TANGENTS_{axis}": count for axis, count in zip("XYZ", index.shape, strict=True)}
         sizes |= {"CONCAVITY_REACH": reach_mm, "TANGENT_SPACING": settings.stride * spacing}
-        sizes["FIELD_TANGENTS"] = f"((const Tangent *)(cells_data + {tables.place(rows)}))"
-        sizes["FIELD_INDEX"] = f"((const int *)(cells_data + {tables.place(index)}))"
+        sizes["FIELD_TANGENTS"] = f"((const Tangent *)(cells_data + {_place(tables, rows)}))"
+        sizes["FIELD_INDEX"] = f"((const int *)(cells_data + {_place(tables, index)}))"
     lines = [f"#define {name} {value}" for name, value in sizes.items()]
     return "\n".join(["#define BODY_FIELD 1", *lines, f"static const double field_origin[3] = {braces(origin)};"])
 
 
-def _patch(patch: CellPatch, functions: Array, tables: _Tables) -> tuple[str, float]:
+def _patch(patch: CellPatch, functions: Array, tables: bytearray) -> tuple[str, float]:
     """The fields of `Patch` in their order, and how far its largest block reaches from its middle [mm]."""
     nodes = np.zeros(len(patch.c), _NODE)
     nodes["c"], nodes["first"][:, 0], nodes["first"][:, 1:] = patch.c, patch.n, patch.tangents
@@ -250,8 +244,8 @@ def _patch(patch: CellPatch, functions: Array, tables: _Tables) -> tuple[str, fl
         ("Block", np.stack([groups[:-1], groups[1:]], 1).astype("i4")),
         ("unsigned char", patch.known.astype("u1")),
     )
-    pointers = [f"(const {kind} *)(cells_data + {tables.place(array)})" for kind, array in tables_of]
-    shares = tables.place(1.0 - np.concatenate([whole, patterns]))
+    pointers = [f"(const {kind} *)(cells_data + {_place(tables, array)})" for kind, array in tables_of]
+    shares = _place(tables, 1.0 - np.concatenate([whole, patterns]))
     pointers.append(f"(const double (*)[SUB_POINTS])(cells_data + {shares})")
     return f"{{{', '.join([*pointers, str(len(spans))])}}}", float(blocks[:, 10].max())
 

@@ -14,7 +14,7 @@ from casadi_contact.contact.elements.loops import element_depths, gap_many, poin
 from casadi_contact.contact.foundation_source import C_FOLDER, C_LAWS, law_source
 from casadi_contact.contact.model import WrenchLoads
 from casadi_contact.contact.pressure_law import law_of, pressures
-from casadi_contact.contact.pressures import PressedElements, PressureMap, PressureSummary
+from casadi_contact.contact.pressures import PressureMap, PressureSummary
 from casadi_contact.core.compilation import threads_for
 from casadi_contact.core.compiler import CompilerError, call_in_shares, shared_library
 from casadi_contact.core.conventions import Array, as_poses, batched, rotation, twist_to_pose_gradient
@@ -184,7 +184,7 @@ class ElasticFoundation(WrenchLoads):
         """Areas, pressures, centres of pressure and penetrations of each patch at poses (n, 6), over its elements."""
         poses = as_poses(poses)
         found = (
-            PressedElements(n, p, elements[0], elements[2], depths, pressures(*self._law, depths))
+            (n, p, elements[0], elements[2], depths, pressures(*self._law, depths))
             for n, pose in enumerate(poses)
             for p, (elements, depths) in enumerate(self._depths(pose))
         )

@@ -46,11 +46,6 @@ class Fit:
     gflop: float
     cpu_s: float
 
-    @property
-    def hidden(self) -> tuple[int, ...]:
-        """Neurons per hidden layer."""
-        return self.network.hidden
-
 
 def progress_text(hidden: tuple[int, ...], rms: float) -> str:
     """What an `Update` says beside the work of a fit: its unit, hidden layers and training RMS."""

@@ -102,7 +102,7 @@ def _collect(futures: dict[str, Future[Fit]], jobs: dict[str, _Job], progress: U
             if future in done:
                 ended = future.result()
                 if progress:
-                    progress(name, ended.gflop, ended.gflop, progress_text(ended.hidden, ended.rms))
+                    progress(name, ended.gflop, ended.gflop, progress_text(ended.network.hidden, ended.rms))
         for name, job in jobs.items():
             line = _last_report(job.report)
             if progress and line and reported.get(name) != line:

@@ -106,7 +106,7 @@ def test_the_smallest_network_that_meets_the_tolerance_is_kept():
     only_small = fit(smooth(), replace(GROWING, sizes=GROWING.sizes[:1]))
     result = fit(smooth(tolerance=0.3 * only_small.rms), GROWING)
     assert result.stop_reason == "error reached"
-    assert result.hidden in GROWING.sizes[1:-1]
+    assert result.network.hidden in GROWING.sizes[1:-1]
 
 
 def test_a_stalled_fit_restarts_from_other_seeds_and_the_best_is_kept():
