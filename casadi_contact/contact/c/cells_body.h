@@ -109,7 +109,7 @@ INLINE void spot_of(const Lanes q[3], Spot *spot) {
     const Lanes along = (q[i] - field_origin[i]) * (1.0 / FIELD_SPACING);
     node[i] = place_on(along, counts[i], spot->share + i, spot->beyond + i);
   }
-  spot->first = whole_of((node[0] * FIELD_Y + node[1]) * FIELD_Z + node[2]);
+  spot->first = __builtin_convertvector((node[0] * FIELD_Y + node[1]) * FIELD_Z + node[2], Whole);
   spot->is_out = any((spot->beyond[0] != 0.0) | (spot->beyond[1] != 0.0) | (spot->beyond[2] != 0.0));
 }
 

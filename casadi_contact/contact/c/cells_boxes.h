@@ -27,12 +27,6 @@ typedef struct {
 } Nearest;
 
 #ifdef FIELD_TANGENTS
-#if defined(__clang__)
-#define MIXED(x, y, ...) __builtin_shufflevector(x, y, __VA_ARGS__)
-#else
-#define MIXED(x, y, ...) __builtin_shuffle(x, y, (Choice){__VA_ARGS__})
-#endif
-
 #if defined(__AVX__)
 INLINE Eight most_of(Eight a, Eight b) { return _mm256_max_ps(a, b); }
 INLINE Eight least_of(Eight a, Eight b) { return _mm256_min_ps(a, b); }
@@ -54,16 +48,18 @@ INLINE Eight sum3(const Eight a[3], const Eight b[3]) { return a[0] * b[0] + a[1
 INLINE void transpose_eight(const Eight row[8], Eight column[8]) {
   Eight part[2][4];
   for (int k = 0; k < 2; k++, row += 4) {
-    const Eight a = MIXED(row[0], row[1], 0, 8, 1, 9, 4, 12, 5, 13);
-    const Eight b = MIXED(row[2], row[3], 0, 8, 1, 9, 4, 12, 5, 13);
-    const Eight c = MIXED(row[0], row[1], 2, 10, 3, 11, 6, 14, 7, 15);
-    const Eight d = MIXED(row[2], row[3], 2, 10, 3, 11, 6, 14, 7, 15);
-    part[k][0] = MIXED(a, b, 0, 1, 8, 9, 4, 5, 12, 13), part[k][1] = MIXED(a, b, 2, 3, 10, 11, 6, 7, 14, 15);
-    part[k][2] = MIXED(c, d, 0, 1, 8, 9, 4, 5, 12, 13), part[k][3] = MIXED(c, d, 2, 3, 10, 11, 6, 7, 14, 15);
+    const Eight a = MIXED(Choice, row[0], row[1], 0, 8, 1, 9, 4, 12, 5, 13);
+    const Eight b = MIXED(Choice, row[2], row[3], 0, 8, 1, 9, 4, 12, 5, 13);
+    const Eight c = MIXED(Choice, row[0], row[1], 2, 10, 3, 11, 6, 14, 7, 15);
+    const Eight d = MIXED(Choice, row[2], row[3], 2, 10, 3, 11, 6, 14, 7, 15);
+    part[k][0] = MIXED(Choice, a, b, 0, 1, 8, 9, 4, 5, 12, 13);
+    part[k][1] = MIXED(Choice, a, b, 2, 3, 10, 11, 6, 7, 14, 15);
+    part[k][2] = MIXED(Choice, c, d, 0, 1, 8, 9, 4, 5, 12, 13);
+    part[k][3] = MIXED(Choice, c, d, 2, 3, 10, 11, 6, 7, 14, 15);
   }
   for (int k = 0; k < 4; k++) {
-    column[k] = MIXED(part[0][k], part[1][k], 0, 1, 2, 3, 8, 9, 10, 11);
-    column[4 + k] = MIXED(part[0][k], part[1][k], 4, 5, 6, 7, 12, 13, 14, 15);
+    column[k] = MIXED(Choice, part[0][k], part[1][k], 0, 1, 2, 3, 8, 9, 10, 11);
+    column[4 + k] = MIXED(Choice, part[0][k], part[1][k], 4, 5, 6, 7, 12, 13, 14, 15);
   }
 }
 

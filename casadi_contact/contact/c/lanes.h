@@ -13,10 +13,11 @@ typedef long long Mask __attribute__((vector_size(8 * BLOCK)));
 typedef int Whole __attribute__((vector_size(4 * BLOCK)));
 typedef double Four __attribute__((vector_size(32)));
 #if defined(__clang__)
-#define SHUFFLED(x, y, ...) __builtin_shufflevector(x, y, __VA_ARGS__)
+#define MIXED(places, x, y, ...) __builtin_shufflevector(x, y, __VA_ARGS__)
 #else
-#define SHUFFLED(x, y, ...) __builtin_shuffle(x, y, (Mask){__VA_ARGS__})
+#define MIXED(places, x, y, ...) __builtin_shuffle(x, y, (places){__VA_ARGS__})
 #endif
+#define SHUFFLED(x, y, ...) MIXED(Mask, x, y, __VA_ARGS__)
 #if BLOCK == 8 /* in each half */
 #define EVENS 0, 8, 2, 10, 4, 12, 6, 14
 #define ODDS 1, 9, 3, 11, 5, 13, 7, 15
@@ -63,11 +64,7 @@ INLINE Four part_of(Lanes x, int k) {
 }
 
 INLINE double sum_of(Lanes x) {
-#if BLOCK == 8
-  const Four y = part_of(x, 0) + part_of(x, 1);
-#else
-  const Four y = x;
-#endif
+  const Four y = BLOCK == 8 ? part_of(x, 0) + part_of(x, 1) : part_of(x, 0);
   return (y[0] + y[1]) + (y[2] + y[3]);
 }
 
@@ -166,8 +163,6 @@ INLINE Lanes nearest_whole(Lanes x) {
   const double whole = 6755399441055744.0;
   return (x + whole) - whole;
 }
-
-INLINE Whole whole_of(Lanes x) { return __builtin_convertvector(x, Whole); }
 
 INLINE Lanes dot_of(const Lanes a[3], const Lanes b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
