@@ -1,7 +1,4 @@
-"""Kernels that tests compile go to a folder of their own, not to the user's cache; each process has one thread.
-
-What tests compute is small: where processes share cores, threads that wait for each other make it many times slower.
-"""
+"""Kernels of tests go to a folder of their own; each process has one thread, as what tests compute is small."""
 
 import os
 from functools import partial

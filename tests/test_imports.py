@@ -74,10 +74,7 @@ def test_the_table_of_rooms_in_the_docs_is_in_the_order_of_imports():
 
 
 def module_imports(folder: Path) -> dict[str, set[str]]:
-    """Modules of a package, each with those of the same package that it imports, anywhere in it, type checking aside.
-
-    A package's own `__init__` is left out of what its modules import: Python runs it before them in any case.
-    """
+    """Modules of a package, each with those of it that it imports, type checking and the package's `__init__` aside."""
     paths = {".".join(p.relative_to(folder.parent).with_suffix("").parts): p for p in folder.rglob("*.py")}
     names = {name.removesuffix(".__init__") for name in paths}
     found: dict[str, set[str]] = {}

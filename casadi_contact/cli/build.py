@@ -27,7 +27,7 @@ from casadi_contact.cli.options import (
     say,
     say_shipped,
 )
-from casadi_contact.cli.tables import evaluation_tables, read_evaluation
+from casadi_contact.cli.tables import evaluation_tables, read_result
 from casadi_contact.core.files.writing import folder_lock
 from casadi_contact.core.terminal import progress_bars
 from casadi_contact.core.workers import cluster_workers
@@ -194,7 +194,7 @@ def _train(project: Project, executor: Executor | None, structure: str | None = 
 
 def _evaluate(project: Project) -> None:
     path = pipeline.evaluate(project)
-    for table in evaluation_tables(read_evaluation(path)):
+    for table in evaluation_tables(read_result(path, "evaluation")):
         console.print(table)
     say(f"evaluation in {path}")
 

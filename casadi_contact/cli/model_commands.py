@@ -23,7 +23,7 @@ from casadi_contact.cli.options import (
     say,
     say_shipped,
 )
-from casadi_contact.cli.tables import choice_table, kernel_speed_tables, read_kernel_speed
+from casadi_contact.cli.tables import choice_table, kernel_speed_tables, read_result
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.files.writing import writable_folder, write_text
 from casadi_contact.core.terminal import numbers, progress_bars
@@ -144,7 +144,7 @@ def speed(scene: SceneOrSurrogate, preset: PresetName = DEFAULT_PRESET, out: Out
     project = Project.open(scene, preset, out)
     say_shipped(project, "timing")
     path = time_kernels(project)
-    for table in kernel_speed_tables(read_kernel_speed(path)):
+    for table in kernel_speed_tables(read_result(path, "kernel speed")):
         console.print(table)
     say(f"times in {path}")
 

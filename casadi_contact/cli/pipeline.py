@@ -64,8 +64,7 @@ def build(
     of all results, results/SCENE-PRESET if left out. progress: called as (what, done, all, remark). Called again
     after an interruption it goes on where it stopped.
 
-    Raises ValueError for input that cannot be used, OSError for a folder that cannot be
-    written or that another process works in.
+    Raises ValueError for input that cannot be used, OSError for a folder without right to write or in use.
     """
     check_single_source(table, cycles, model)
     project = Project.open(scene, preset, None if folder is None else Path(folder))
@@ -92,10 +91,7 @@ def calibrate(project: Project, update: Update | None = None) -> list[Path]:
     surrogates = project_surrogates(project)
     for structure, surrogate in surrogates.items():
         if model is None and "around" in surrogate.record.get("coverage", {}):
-            raise ValueError(
-                f"the {structure} surrogate was calibrated on the contact model that its samples come from, which is "
-                "not here: build again with that model"
-            )
+            raise ValueError(f"{structure} was calibrated on a contact model that is not here: build again with it")
     for structure, surrogate in surrogates.items():
         calibrated(surrogate, samples, model, update).save(project.surrogate_path(structure))
     return [project.surrogate_path(structure) for structure in surrogates]

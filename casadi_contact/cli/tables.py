@@ -12,22 +12,20 @@ from casadi_contact.core.files.reading import MOST_TEXT, checked_size
 from casadi_contact.core.quantities import FORCE, TORQUE, of_kind, quantity, three_digits
 from casadi_contact.workflow.benchmark.choose import Choice
 
+_COMMANDS = {"kernel speed": "speed", "evaluation": "evaluate"}
 
-def read_result(path: str | Path, kind: str, command: str) -> dict[str, Any]:
-    """The content of a file whose ``format`` is "casadi_contact KIND"; raises ValueError if it is something else."""
+
+def read_result(path: str | Path, kind: str) -> dict[str, Any]:
+    """The content of a ``kernel_speed.json`` ("kernel speed") or an ``evaluation.json`` ("evaluation"), whose
+    ``format`` is "casadi_contact KIND"; ValueError if it is something else."""
     checked_size(Path(path), MOST_TEXT)
     try:
         content = json.loads(Path(path).read_text("utf-8"))
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{path} is not a file of {kind} ({error})") from None
     if not isinstance(content, dict) or content.get("format") != f"casadi_contact {kind}":
-        raise ValueError(f"{path} is not a file of {kind}, expected one written by casadi-contact {command}")
+        raise ValueError(f"{path} is not a file of {kind}, expected one written by casadi-contact {_COMMANDS[kind]}")
     return content
-
-
-def read_kernel_speed(path: str | Path) -> dict[str, Any]:
-    """The content of a ``kernel_speed.json``; ValueError if it is something else."""
-    return read_result(path, "kernel speed", "speed")
 
 
 def kernel_speed_tables(content: dict[str, Any]) -> list[Table]:
@@ -65,11 +63,6 @@ def choice_table(choice: Choice) -> Table:
         cells = (f"{getattr(offer, error):.3g}" for error, _ in shown)
         table.add_row(what, offer.name, f"{offer.time_us:.3g}", *cells)
     return table
-
-
-def read_evaluation(path: str | Path) -> dict[str, Any]:
-    """The content of an ``evaluation.json``; ValueError if it is something else."""
-    return read_result(path, "evaluation", "evaluate")
 
 
 def evaluation_tables(content: dict[str, Any]) -> list[Table]:

@@ -30,9 +30,7 @@ def frame_outcomes(solved: np.ndarray, *others: tuple[np.ndarray, FrameOutcome])
     return outcome
 
 
-def ipopt_options(
-    *, tolerance: float = 1e-8, max_iterations: int = 300, print_level: int = 0, **more: Any
-) -> dict[str, Any]:
+def ipopt_options(*, tolerance: float = 1e-8, max_iterations: int = 300, **more: Any) -> dict[str, Any]:
     """Options of ``casadi.nlpsol`` or ``Opti.solver("ipopt", ...)``: quiet, with the exact Hessian that a contact
     model's function gives; more: any other option of IPOPT by its name.
 
@@ -40,7 +38,7 @@ def ipopt_options(
     there is none, or at the solution, where its tolerance then asks for the impossible.
     """
     ipopt = {
-        "print_level": print_level,
+        "print_level": 0,
         "sb": "yes",
         "max_iter": max_iterations,
         "tol": tolerance,

@@ -43,10 +43,7 @@ def total_selection(load_names: Sequence[str], patch_names: Sequence[str]) -> Ar
     where one is named neither in total nor of every patch."""
     parts = {component: loads_of_total(component, load_names, patch_names) for component in WRENCH_NAMES}
     if missing := [component for component, names in parts.items() if not names]:
-        raise ValueError(
-            f"the loads {', '.join(load_names)} hold no {', '.join(missing)}, "
-            f"expected all of {', '.join(WRENCH_NAMES)} in total or of every patch"
-        )
+        raise ValueError(f"the loads {', '.join(load_names)} lack {', '.join(missing)}, in total or of every patch")
     return np.array([[float(name in parts[component]) for name in load_names] for component in WRENCH_NAMES])
 
 

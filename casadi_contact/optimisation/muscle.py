@@ -122,10 +122,7 @@ def force_capacity(muscles: MuscleParameters, lengths_m: Array, velocities_m_per
     slack = lengths_m < muscles.tendon_slack_length_m
     for name, frames in zip(muscles.names, slack.T, strict=True):
         if frames.all():
-            raise ValueError(
-                f"muscle {name} is shorter than its tendon in every frame, expected a longer one: check the unit "
-                "of lengths, or scale the parameters (fitted_to)"
-            )
+            raise ValueError(f"muscle {name} is always shorter than its tendon: check the unit, or scale (fitted_to)")
         if frames.any():
             said = f"muscle {name} gives no force in {frames.sum()} frames, where its tendon is slack"
             warnings.warn(said, RuntimeWarning, stacklevel=2)

@@ -44,9 +44,7 @@ class MuscleWalk(OverTime):
         for shape, named in (((frames,), curves), ((frames, count), tables)):
             for what, values in named.items():
                 if values.shape != shape or not np.isfinite(values).all():
-                    raise ValueError(
-                        f"walk {self.name}: {what} has shape {values.shape}, expected finite numbers of shape {shape}"
-                    )
+                    raise ValueError(f"walk {self.name}: {what} has shape {values.shape}, expected finite {shape}")
         check_rising(f"walk {self.name}", self.time_s)
         if set(self.loads) != set(self.arms) or not set(self.loads) <= set(COORDINATES):
             raise ValueError(
@@ -81,9 +79,7 @@ def _check_units_and_signs(walk: MuscleWalk) -> None:
         if curves and not (max(curves) == 0.0 or least <= max(curves) <= most):
             raise fail(f"loads reach {max(curves):g} {unit}", "those of a body", "check the unit (body weight? N·mm?)")
     if "knee_ty" in walk.arms and walk.arms["knee_ty"].mean() > 0.0:
-        raise fail(
-            "mean arm about knee_ty is positive", "arm = -dlength/dcoordinate, negative", "turn the sign of arms"
-        )
+        raise fail("the mean arm about knee_ty is above 0", "arm = -dlength/dcoordinate", "turn the sign of arms")
     rates = np.gradient(walk.lengths_m, walk.time_s, axis=0)
     if len(walk.time_s) >= 10 and (rates * walk.velocities_m_per_s).sum() < 0.0:  # fewer do not tell rates
         raise fail("muscles lengthen at negative velocity", "v = dlength/dt", "turn the sign of velocities")

@@ -116,16 +116,10 @@ class PoseEstimation:
     def _check_determined(self) -> None:
         free, sensitive = self.contact.free, self.model.scene.sensitive_pose
         if len(self.targets.values) < len(free):
-            raise ValueError(
-                f"got the targets {', '.join(self.targets.values)} for the free pose parameters {', '.join(free)}, "
-                "expected as many: measure more of either"
-            )
+            raise ValueError(f"got {', '.join(self.targets.values)} for free {', '.join(free)}: measure as many")
         locked = [name for name in sensitive if name in self.measured]
         if locked and len(self.targets.pressing) > len(sensitive) - len(locked):
-            raise ValueError(
-                f"got {', '.join(locked)} measured, expected free: "
-                f"{', '.join(sensitive)} carry {', '.join(self.targets.pressing)}"
-            )
+            raise ValueError(f"{', '.join(locked)} measured, expected free for {', '.join(self.targets.pressing)}")
 
     @property
     def free(self) -> tuple[str, ...]:

@@ -57,9 +57,7 @@ class PoseTargets:
                 )
             needed |= {*parts[0], *parts[1]}
         if unknown := needed - set(scene.load_names):
-            raise ValueError(
-                f"scene {scene.name} has no load {', '.join(sorted(unknown))}, expected {', '.join(scene.load_names)}"
-            )
+            raise ValueError(f"unknown load {', '.join(sorted(unknown))}, expected {', '.join(scene.load_names)}")
         return cls(scene, values, tuple(name for name in scene.load_names if name in needed), centres)
 
     @property

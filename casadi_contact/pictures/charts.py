@@ -51,9 +51,8 @@ def errors_of(front: Front) -> list[tuple[Kind, str]]:
     return [(kind, name) for kind, name in _ERRORS if of_kind(front.loads, kind)]
 
 
-def panels(front: Front, count: int, title: str, measured: str | None = None) -> tuple[Any, Any]:
-    """A figure and its axes side by side, one or two; measured says on what (poses of its motion that no model has seen
-    if left out). Failures of the file's models are listed below."""
+def _panels(front: Front, count: int, title: str, measured: str | None) -> tuple[Any, Any]:
+    """A figure and its axes side by side, one or two; failures of the file's models are listed below."""
     width = 14.0 if count == 2 else 10.0
     figure = new_page(width, 6.8)
     header = front.header
@@ -97,8 +96,6 @@ def save(figure: Any, folder: Path, name: str) -> list[Path]:
 
 _NAMES = {"EF": "elastic foundation (EF), elements", "foundation": "foundation, smooth quadrature"}
 _NAMES |= {name: structure.title for name, structure in STRUCTURES.items()}
-
-
 Measured: TypeAlias = "tuple[Point, Timing, float]"
 
 
@@ -119,7 +116,7 @@ def draw_gradient_hessian_time(front: Front) -> Any:
 def _draw(front: Front, title: str, drawn: Sequence[tuple[str, str, Kind, str]], measured: str | None = None) -> Any:
     """Panels of (what of a `Point` is timed, its name, the kind of load, what a `Point` calls its error); the labels
     last, when nothing moves any more."""
-    figure, axes = panels(front, len(drawn), title, measured)
+    figure, axes = _panels(front, len(drawn), title, measured)
     shown = []
     for axis, (what, name, kind, error) in zip(axes, drawn, strict=True):
         shown.append(_scatter(axis, front, what, error))

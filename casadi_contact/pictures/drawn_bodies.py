@@ -97,11 +97,6 @@ class FixedSurface:
     triangles: Triangles
     places: Array
 
-    @classmethod
-    def of_grid(cls, points_mm: Array, normals: Array, places: Array) -> FixedSurface:
-        """Of points (n, m, 3) in a grid and places (n, m, q)."""
-        return cls(Triangles.of_grid(points_mm, normals), places.reshape(-1, places.shape[-1]))
-
 
 def fixed_surfaces(model: CompiledFoundation) -> list[FixedSurface]:
     """The fixed surface of each patch of a contact model; raises TypeError for a model without."""
@@ -122,7 +117,7 @@ def _chart_surface(patch: SmoothPatch) -> FixedSurface:
     places = np.stack([u, np.broadcast_to(v, u.shape)], -1)
     c, N, _ = fixed_point(patch, places[..., 0], places[..., 1])
     normals = N / np.linalg.norm(N, axis=-1, keepdims=True)
-    return FixedSurface.of_grid(c @ patch.turn, normals @ patch.turn, places)
+    return FixedSurface(Triangles.of_grid(c @ patch.turn, normals @ patch.turn), places.reshape(-1, 2))
 
 
 def _cup_surface(cup: Cup) -> FixedSurface:
@@ -134,7 +129,7 @@ def _cup_surface(cup: Cup) -> FixedSurface:
     second = np.cross(cup.pole, first)
     around = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * second
     e = np.cos(angle)[:, None, None] * cup.pole + np.sin(angle)[:, None, None] * around
-    return FixedSurface.of_grid(cup.centre + cup.radius * e, -e, e)
+    return FixedSurface(Triangles.of_grid(cup.centre + cup.radius * e, -e), e.reshape(-1, 3))
 
 
 def _cell_surface(patch: CellPatch, cells: Cells) -> FixedSurface:

@@ -142,10 +142,7 @@ def _surrogate(contact: CompiledFoundation, given: str | None) -> tuple[Surrogat
     if surrogate is None or surrogate.scene.digest == scene.digest:
         return surrogate, f"cc.load_surrogate({name!r})" if surrogate else ""
     if given:
-        raise ValueError(
-            f"the surrogate {name} was trained for another scene ({surrogate.scene.name}) than {scene.name}: "
-            "name the scene file that it was built from"
-        )
+        raise ValueError(f"{name} is of another scene ({surrogate.scene.name}): give the scene file it was built from")
     return None, ""
 
 

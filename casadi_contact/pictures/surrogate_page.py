@@ -38,16 +38,6 @@ tr:nth-child(even) td { background: #f4f4f4; } .high { color: #b03000; font-weig
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"  # a reader of the file loads nothing either
 
 
-def page(title: str, parts: Sequence[str]) -> str:
-    """The whole page of parts, each a piece of HTML."""
-    body = "\n".join(parts)
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
-        f"<title>{escape(title)}</title>\n<style>\n{_STYLE}</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
-    )
-
-
 def heading(text: str, level: int = 2) -> str:
     """A heading."""
     return f"<h{level}>{escape(text)}</h{level}>"
@@ -85,10 +75,8 @@ def surrogate_page(
 ) -> str:
     """HTML of surrogates of one scene by name; samples that they learned from, and the scene's measured chart, if any.
 
-    Everything else comes from the surrogates' own files. Raises ValueError for no surrogate.
+    Everything else comes from the surrogates' own files.
     """
-    if not surrogates:
-        raise ValueError("no surrogate to report, expected at least one")
     scene = next(iter(surrogates.values())).scene
     parts = [heading(f"Surrogates of the scene {scene.name}", 1)]
     for name, surrogate in surrogates.items():
@@ -102,7 +90,12 @@ def surrogate_page(
     if front is not None:
         chart = picture(lambda path: save_page(draw_speed_accuracy(front), path), "time per pose against error")
     parts += [heading("Speed and accuracy"), chart]
-    return page(f"casadi_contact: {scene.name}", parts)
+    body = "\n".join(parts)
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n<title>casadi_contact: '
+        f"{escape(scene.name)}</title>\n<style>\n{_STYLE}</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
+    )
 
 
 def _scene_picture(scene: Scene) -> str:

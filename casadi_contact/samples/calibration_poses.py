@@ -26,10 +26,8 @@ def perturbed_poses(samples: Samples, count: int, *, seed: int = 12) -> Array:
     """Poses (count, 6) of the samples moved by up to 1 mm and 2° in every parameter.
 
     Half of the moves are uniform, half normal with these deviations; each is multiplied by a number drawn evenly from 0
-    to 1. Raises ValueError without samples.
+    to 1.
     """
-    if not len(samples):
-        raise ValueError("samples hold no row, expected some thousands: draw them first")
     rng = np.random.default_rng(seed)
     poses = samples.poses[rng.integers(len(samples), size=count)]
     moves = np.where(rng.random((count, 1)) < 0.5, rng.uniform(-1.0, 1.0, (count, 6)), rng.standard_normal((count, 6)))

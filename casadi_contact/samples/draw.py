@@ -59,7 +59,7 @@ def _worker_models(
     scene_toml: str, settings_json: str, models: ModelPair
 ) -> tuple[ContactModel, WrenchModel, SamplingSettings]:
     """The models to settle and to evaluate on, made once in each process, and the settings."""
-    settings = SamplingSettings.from_table(json.loads(settings_json))
+    settings = SamplingSettings(**json.loads(settings_json))
     return *models(Scene.from_toml(scene_toml), settings), settings
 
 
@@ -142,9 +142,8 @@ def check_rejection_rate(samples: Samples, most: float) -> None:
             reasons = samples.provenance.get("dropped", {}).get(domain, {})
             listed = "; ".join(f"{reason} ({count})" for reason, count in sorted(reasons.items(), key=lambda r: -r[1]))
             raise ValueError(
-                f"{share:.1%} of the samples of {domain} were dropped, expected at most {most:.1%}: {listed}. Mend the "
-                "scene's patches or loads, draw closer to the reference motion (d3_fraction, d2_offset), or allow more "
-                "by most_dropped in [sampling]: the samples are kept"
+                f"{share:.1%} of the samples of {domain} were dropped, expected at most {most:.1%}: {listed}. They are "
+                "kept: mend patches or loads, draw closer to the motion (d3_fraction, d2_offset), or allow most_dropped"
             )
 
 

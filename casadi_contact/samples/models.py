@@ -112,4 +112,4 @@ def teacher_of(samples: Samples) -> WrenchModel | None:
 
 def settings_of(samples: Samples) -> SamplingSettings:
     """The settings that samples were drawn with; raises KeyError for samples that were not drawn."""
-    return SamplingSettings.from_table(samples.provenance["settings"])
+    return SamplingSettings(**samples.provenance["settings"])

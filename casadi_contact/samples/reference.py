@@ -60,10 +60,7 @@ class ReferenceMotion:
     def __post_init__(self) -> None:
         expected = (*self.poses.shape[:2], len(self.point.inputs))
         if self.poses.ndim != 3 or self.poses.shape[2] != 6 or self.curves.shape != expected:
-            raise ValueError(
-                f"reference motion has curves {self.curves.shape} and poses {self.poses.shape}, "
-                f"expected (cycles, frames, {len(self.point.inputs)}) and (cycles, frames, 6)"
-            )
+            raise ValueError(f"curves {self.curves.shape} and poses {self.poses.shape}, expected {expected}, (..., 6)")
 
     @property
     def envelopes(self) -> Envelopes:
@@ -100,10 +97,7 @@ def reference_motion(
         )
     loads = Envelopes.over(point.load_inputs, np.stack([curves[name] for name in point.load_inputs], axis=-1))
     if zero := [name for name, width in _assumed(loads, settings).items() if not width]:
-        raise ValueError(
-            f"{', '.join(zero)} without any load in all cycles, expected a range to sample: "
-            f"give the scene's sampling.fixed_offsets an entry for {', '.join(zero)}"
-        )
+        raise ValueError(f"{', '.join(zero)} without any load in all cycles: give it a sampling.fixed_offsets entry")
     poses, report = reference_poses(
         model, cycles, frames=settings.frames, tolerance_n=settings.settle_tolerance_n, progress=progress
     )

@@ -36,9 +36,6 @@ class Dropped:
     poses: Array = field(default_factory=lambda: np.empty((0, 6)))
     domain: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.uint8))
 
-    def __len__(self) -> int:
-        return len(self.poses)
-
 
 @dataclass(frozen=True)
 class Samples:

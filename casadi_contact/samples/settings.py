@@ -39,18 +39,13 @@ class SamplePoint:
 
     def __post_init__(self) -> None:
         if len(set(self.inputs)) != len(self.inputs) or not set(self.pose_inputs) <= set(self.movable):
-            raise ValueError(
-                f"sample point has inputs {', '.join(self.inputs)}, expected each once, and of pose parameters only "
-                f"{', '.join(self.movable)}, which can move"
-            )
+            raise ValueError(f"inputs are {', '.join(self.inputs)}, expected each once, and poses that can move")
         loads, free = self.load_inputs, self.free
         for name in loads:
             if name.partition("_")[0] not in WRENCH_NAMES:
                 raise ValueError(f"sample point input {name!r} is neither a pose parameter nor a load")
         if len(loads) != len(free):
-            raise ValueError(
-                f"sample point has {len(loads)} loads for {len(free)} free pose parameters, expected as many"
-            )
+            raise ValueError(f"got {len(loads)} loads for {len(free)} free pose parameters, expected as many")
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -72,10 +67,7 @@ class SamplePoint:
         """[EF15 §3.2]: the pose parameters, each sensitive one replaced by a load of
         `Scene.controllable_normal_loads`."""
         if not scene.sensitive_pose:
-            raise ValueError(
-                f"scene {scene.name} leaves loads.sensitive_pose out: find it first "
-                "(cc.sensitive_directions, sampling.found_sensitive_pose), or give sampling.inputs"
-            )
+            raise ValueError(f"{scene.name} has no sensitive_pose: use cc.sensitive_directions or sampling.inputs")
         loads = [name for normal in scene.controllable_normal_loads for name in normal.loads]
         if len(scene.sensitive_pose) != len(loads):
             raise ValueError(
@@ -187,11 +179,6 @@ class SamplingSettings:
         table: dict[str, Any] = json.loads(json.dumps(asdict(self)))
         del table["most_dropped"]
         return table
-
-    @classmethod
-    def from_table(cls, table: Mapping[str, Any]) -> SamplingSettings:
-        """The settings that `to_table` wrote."""
-        return cls(**table)
 
 
 def _bad(name: str, got: object, expected: str) -> ValueError:

@@ -179,9 +179,7 @@ def check_gaps(samples: Samples, where: str, *, rounding_mm: float = 1e-6) -> No
         )
 
 
-def _check_resistance(
-    angles: Array, anchor: Array, force: Array, where: str, name: str, *, least_rows: int = 40, least: float = -0.2
-) -> None:
+def _check_resistance(angles: Array, anchor: Array, force: Array, where: str, name: str) -> None:
     """Raise ValueError for forces on the moving body in place of the fixed one.
 
     Contact resists: a force F on the fixed body grows as the moving body's anchor x moves along it. With the linear
@@ -190,7 +188,7 @@ def _check_resistance(
     terms = np.column_stack([np.ones(len(angles)), angles])
     dx, df = (values - terms @ np.linalg.lstsq(terms, values, rcond=None)[0] for values in (anchor, force))
     size = float(np.linalg.norm(dx) * np.linalg.norm(df))
-    if len(angles) >= least_rows and size > 0.0 and (correlation := float(np.sum(dx * df)) / size) < least:
+    if len(angles) >= 40 and size > 0.0 and (correlation := float(np.sum(dx * df)) / size) < -0.2:
         raise ValueError(
             f"{where}: the force of {name} falls as the moving body moves along it (correlation {correlation:.2f}), "
             "expected the loads on the fixed body: turn the signs of all loads"

@@ -102,10 +102,7 @@ class Project:
     def check_scene(self, scene: Scene, made_for: str) -> None:
         """ValueError where what lies in the folder is of another scene, tolerances apart; made_for: what it is."""
         if scene.digest != self.scene.digest:
-            raise ValueError(
-                f"{made_for} another scene than {self.scene.name} as it is now: choose another --out, or remove that "
-                "folder"
-            )
+            raise ValueError(f"{made_for} another scene than {self.scene.name} now: choose another --out, or remove it")
 
 
 def surrogate_named(name: str | Path) -> Surrogate | None:

@@ -99,9 +99,7 @@ def refine(
 def _verified(surrogate: Surrogate, solve: Solve, model: ContactModel) -> Verification:
     solution = solve(surrogate)
     if not isinstance(solution, tuple) or len(solution) != 2:
-        raise ValueError(
-            f"solve returned a {type(solution).__name__}, expected a tuple of poses (n, 6) and which (n,) are solved"
-        )
+        raise ValueError(f"solve returned a {type(solution).__name__}, expected poses (n, 6) and which (n,) are solved")
     poses, solved = solution
     return verify(surrogate, poses, model, solved)
 

@@ -76,10 +76,7 @@ def scene_to_tolerance(scene: Scene, force_n: float | None, torque_nmm: float | 
             continue
         names = of_kind(scene.load_names, kind)
         if not names:
-            raise ValueError(
-                f"got a {kind.name} tolerance, but the loads of scene {scene.name} are {', '.join(scene.load_names)}: "
-                "leave it out"
-            )
+            raise ValueError(f"got a {kind.name} tolerance, but scene {scene.name} has no such load: leave it out")
         wanted |= dict.fromkeys(names, value)
     return scene.with_tolerances(**wanted)
 
@@ -116,10 +113,7 @@ def _refuse_others(project: Project) -> None:
     else:
         others = project.has_results or partial_folder(project.samples_path).is_dir()
     if others:
-        raise ValueError(
-            f"{project.folder} holds samples or surrogates that no build to a tolerance made, expected none: they "
-            "would be replaced; choose another --out"
-        )
+        raise ValueError(f"{project.folder} holds samples or surrogates of another build: choose another --out")
 
 
 @exclusive

@@ -45,10 +45,7 @@ def train(
     """
     structures = [name for name in project.preset.efforts if STRUCTURES[name].fits(project.scene)]
     if structure is not None and structure not in structures:
-        raise ValueError(
-            f"structure {structure!r} is not trained for scene {project.scene.name} by preset {project.preset_name}, "
-            f"expected one of {', '.join(structures)}"
-        )
+        raise ValueError(f"structure is {structure!r}, expected one that is trained here: {', '.join(structures)}")
     samples = project.samples()
     if project.preset.active:
         known_models(project, samples)  # refused here, not after hours of training
@@ -107,10 +104,7 @@ def known_models(project: Project, samples: Samples) -> ModelPair:
     """The contact models that the samples were drawn from; ValueError for samples of a user's own model or table."""
     name = model_name_of(samples)
     if name is None:
-        raise ValueError(
-            f"preset {project.preset_name} draws more samples in its active rounds, possible for the library's contact "
-            "models alone: choose another preset for a model or a table of your own"
-        )
+        raise ValueError(f"preset {project.preset_name} draws again, from the library's models alone: choose another")
     return MODELS[name]
 
 

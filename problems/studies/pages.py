@@ -18,7 +18,7 @@ from typing import Annotated, Any
 
 import typer
 
-from casadi_contact.cli.tables import read_kernel_speed
+from casadi_contact.cli.tables import read_result
 from casadi_contact.contact.elements.foundation import grid_text
 from casadi_contact.core.files.writing import replacing, writable_folder
 from casadi_contact.core.terminal import run_program
@@ -83,7 +83,7 @@ def pages(data: Path) -> dict[str, str]:
 
 def headline(data: Path) -> str:
     """Five numbers of the knee for the README, with the command that measured each, and the machine."""
-    speed = read_kernel_speed(data / "kernel_speed.json")
+    speed = read_result(data / "kernel_speed.json", "kernel speed")
     times = {k: v["low_us"] for k, v in speed["surrogates"]["patch"]["microseconds"].items()}
     poses = _read(data / "pose_estimation" / "reference.json")
     kernel = ", ".join(_number(times[f"{what}, kernel"]) for what in ("value", "Jacobian", "Hessian"))
@@ -231,7 +231,7 @@ def _solve_time_section(path: Path) -> list[str]:
 
 
 def _kernel_speed_section(path: Path) -> list[str]:
-    content = read_kernel_speed(path)
+    content = read_result(path, "kernel speed")
     parts = [
         "## Kernel speed",
         "Time per pose of all loads on one core: the CasADi graph and the compiled C kernel in single buffered calls, "

@@ -162,8 +162,7 @@ def wheel(tmp_path_factory):
 
 @pytest.mark.parametrize("size", SIZES, ids=str)
 def test_the_peak_beside_an_edge_is_what_depths_there_allow(wheel, size):
-    """Cubics between depths that jump at the edge rise up to 2.4 times too high. Depth grows towards the edge, which
-    may lie as much as a cell beyond the last corner that faces the plate: the peak of large cells is too low."""
+    """Cubics between depths that jump at the edge rise up to 2.4 times too high; the peak of large cells is too low."""
     scene, poses = wheel
     truth = cc.ElasticFoundation(scene).summary(poses)
     found = cc.CellFoundation(scene, size, compiled=False).summary(poses)

@@ -83,8 +83,7 @@ def test_poses_at_which_elements_are_unsure_themselves_decide_nothing():
 
 @pytest.mark.parametrize(("at_rim", "chosen"), [(1.0, 0.85), (3.0, 2.4)])
 def test_the_rim_decides_where_some_cells_are_good_enough_there(monkeypatch, at_rim, chosen):
-    """Errors at the rim grow with the size of the cells; in those of 0.85 mm they are `at_rim` tolerances, in the
-    smallest half of that. Where even these are not good enough, the rest of the patch decides alone."""
+    """In cells of 0.85 mm errors at the rim are `at_rim` tolerances, in the smallest half of that."""
 
     class Truth:
         unsure = 0.0

@@ -17,8 +17,7 @@ OVERLAP_MM = 0.2
 
 @pytest.fixture(scope="module", params=["sheet", "slab"])
 def oblique(request, tmp_path_factory):
-    """A ball above a square sheet, or the top of a slab with sharp edges, whose sides lie askew to the lines between
-    cells."""
+    """A ball above a square sheet, or the top of a slab with sharp edges, askew to the lines between cells."""
     vertices, faces = sheet_mesh(SIDE_MM, 1.0)
     turned = turned_about_y(vertices)
     fixed = (turned, faces) if request.param == "sheet" else slab_mesh(turned, faces, 6.0)
@@ -43,8 +42,7 @@ def exact_force(pose):
 
 @pytest.mark.parametrize("cells", [Cells(1.2, 0.85), Cells(2.0, 1.7, 6, 6)], ids=str)
 def test_a_ball_over_an_oblique_rim_presses_with_what_lies_on_it(oblique, cells):
-    """Cells at the rim as large as elsewhere, which counted sub-points all or nothing, were off by 6 % and by 4 %; at a
-    sharp edge, on the distance field that rounds it off, by 19 %."""
+    """Cells that count sub-points all or nothing are off by 4 to 6 %, at a rounded edge by 19 %."""
     random, along = np.random.default_rng(2), np.linspace(-4.0, 4.0, 24)
     beside = 0.5 * SIDE_MM + random.uniform(-1.0, 0.5, 24)
     poses = np.zeros((24, 6))
@@ -59,8 +57,7 @@ def test_a_ball_over_an_oblique_rim_presses_with_what_lies_on_it(oblique, cells)
 
 
 def test_a_step_ends_at_its_edge_for_elements_and_cells(tmp_path):
-    """A floor 3 mm below, which is seen beside the edge, makes it no less of a rim: elements were off by 5 % of the
-    whole load, cells by 17 %."""
+    """A floor 3 mm below, seen beside the edge, makes it no less of a rim."""
     vertices, faces = sheet_mesh(SIDE_MM + 4.0, 1.0)
     flat = vertices[:, [0, 2]]
     vertices[np.abs(flat).max(axis=1) > 0.5 * SIDE_MM, 1] = -3.0
@@ -100,8 +97,7 @@ def side_force(centre, start, tangent, low, high):
 
 @pytest.mark.parametrize("slope", [1.0, np.sqrt(3.0)], ids=["45 degrees", "60 degrees"])
 def test_both_sides_of_a_chamfers_edge_bear(tmp_path, slope):
-    """On the distance field, which rounds the edge off, elements were off by 3 and 6 % where it halves the spot, and by
-    up to 10 %; the surface goes on beyond the edge, which is no rim."""
+    """The surface goes on beyond the edge, which is no rim; a distance field would round it off."""
     scene = scene_of(tmp_path, cap_mesh(RADIUS_MM, 0.8, 1.2), chamfered_slab(slope), grid=(320, 320))
     edge, fall = np.array([EDGE_MM, 0.0]), np.array([1.0, -slope]) / np.hypot(1.0, slope)
     poses, exact = np.zeros((4, 6)), np.zeros((4, 3))
@@ -174,10 +170,7 @@ def model_of(folder, moving, spacing_mm):
 
 
 def leaning(tilt, overlap):
-    """The pose of a wheel that leans on its edge, and what the plate carries: (K/h) ∫ depth, over a grid of its own.
-
-    Below a point of the plate the wheel ends on its tread or on its lower side, whichever comes first.
-    """
+    """The pose of a wheel that leans on its edge, and what the plate carries: (K/h) ∫ depth, over a grid of its own."""
     pose = np.array([0.0, RADIUS_MM * np.cos(tilt) + HALF_WIDTH * np.sin(tilt) - overlap, 0.0, tilt, 0.0, 0.0])
     step = 0.01
     x, z = np.meshgrid(np.arange(-5.0, 5.0, step), np.arange(-8.0, 8.0, step), indexing="ij")

@@ -6,7 +6,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.cli import pipeline
-from casadi_contact.cli.tables import evaluation_tables, read_evaluation
+from casadi_contact.cli.tables import evaluation_tables, read_result
 from casadi_contact.workflow.benchmark.kernel_speed import speed
 from casadi_contact.workflow.presets import PRESETS, Effort, Preset
 from tests.support import own_contact
@@ -36,7 +36,7 @@ def check_surrogate(project):
     np.testing.assert_allclose(function(poses[0]).full().ravel(), surrogate(poses[:1])[0], rtol=1e-10, atol=1e-9)
     inside = np.hstack([own_contact.CENTRE_MM + 0.38 * directions, np.zeros((50, 3))])
     assert not surrogate(inside).any()
-    content = read_evaluation(project.folder / "evaluation.json")
+    content = read_result(project.folder / "evaluation.json", "evaluation")
     assert content["domain_errors"]["patch"]["D1"]["Fy"]["rms"] < 15.0
     assert len(evaluation_tables(content)) == 2
     assert "no picture: " in (project.folder / "report.html").read_text("utf-8"), "there is no geometry to draw"
@@ -53,10 +53,10 @@ def test_a_callable_is_sampled_trained_evaluated_and_transcribed(scene_file, tmp
     assert command.startswith(f"cc.build({str(scene_file)!r}, 'small', model=...)"), "no command line can"
     np.testing.assert_allclose(np.linalg.norm(samples.select("D7").wrenches[:, 0, :3], axis=1), 5.0, atol=0.01)
     check_surrogate(project)
-    with pytest.raises(ValueError, match=r"calibrated on the contact model .* which is not here: build again"):
+    with pytest.raises(ValueError, match="not here: build again"):
         pipeline.calibrate(project)
     scene_file.write_text(scene_file.read_text().replace("reference_load = ", "reference_load = 2"))
-    with pytest.raises(ValueError, match=r"patch\.h5 was trained for another scene than socket as it is now"):
+    with pytest.raises(ValueError, match="trained for another scene than socket"):
         pipeline.export(pipeline.Project.open(scene_file, "small", tmp_path / "out"))
 
 

@@ -79,8 +79,7 @@ WRONG_TORQUES = {
     ],
 )
 def test_torques_that_do_not_belong_to_their_forces_are_refused_with_the_cure(joint, said):
-    """By the energy that contact stores: what a turn does to forces a move does to torques. The origins of the ball and
-    of its socket are too close to be told apart."""
+    """By the energy that contact stores: what a turn does to forces a move does to torques."""
     scene, wrenches, gaps = JOINTS[joint]
     factor, moving = WRONG_TORQUES[said]
 
@@ -199,8 +198,7 @@ def test_a_model_without_loads_in_deep_overlap_loses_the_poses_that_want_them_an
 
 
 def test_settling_asks_for_loads_and_their_differences_once_for_each_step():
-    """13 evaluations of the user's function, one and two for each pose parameter, give Jacobian and root loads. It may
-    write into the poses that it is given."""
+    """13 evaluations, one and two for each pose parameter, give Jacobian and root loads."""
     asked = []
 
     def counted(poses):

@@ -75,8 +75,7 @@ def far_poses(name, elements, count, seed=4):
 
 @pytest.mark.parametrize("name", REACH)
 def test_contact_is_found_wherever_elements_find_it(name):
-    """The patch holds its elements, so its gap is no larger than theirs, and smaller by half an element at most: the
-    distance from a body changes no faster than the place."""
+    """The patch holds its elements: its gap is no larger than theirs, smaller by half an element at most."""
     model = cc.PolarFoundation(cc.load_scene(name), FINE, compiled=False)
     elements = cc.ElasticFoundation(model.scene, (120, 80))
     poses = far_poses(name, cc.ElasticFoundation(model.scene, (24, 16)), 60)
@@ -173,8 +172,7 @@ def fitting(sagittal_mm, frontal_mm):
 
 
 def on_both_ends(scene):
-    """Poses of a femur turned by 3 to 10 degrees about the vertical in its dishes, shifted and flexed a little, lowered
-    until the dishes carry 50 to 800 N a side on elements."""
+    """Poses of a turned femur, lowered until its dishes carry 50 to 800 N a side on elements."""
     random = np.random.default_rng(2)
     n = 30
     poses = np.zeros((n, 6))
@@ -194,8 +192,7 @@ def one_spot_only(patch, R, t, m):
 
 @pytest.fixture(scope="module")
 def pressed():
-    """A knee of a close fit by polar quadrature, and rotations and translations that press one spot of its medial dish
-    within the rim, whatever bears beside it."""
+    """A knee of a close fit, and rotations and translations that press one spot of its medial dish within the rim."""
     model = cc.PolarFoundation(fitting(41.0, 23.0), Rays(24, 3), compiled=False)
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(quadrature, "second_peak", one_spot_only)

@@ -25,6 +25,7 @@ def in_opti(knee, wanted, frames=1, locked=LOCKED):
     opti = ca.Opti()
     contact = cc.ContactInOpti(opti, knee, frames, locked=locked)
     contact.carry(wanted)
+    opti.solver("ipopt", contact.options())
     return opti, contact
 
 
@@ -32,7 +33,6 @@ def test_every_start_lifted_off_or_pressed_too_deep_ends_with_the_forces_and_the
     wanted = FORCES | CENTRE
     opti, contact = in_opti(knee, wanted)
     opti.minimize(1e-3 * ca.sumsqr(contact.q[[0, 2], :]))  # slide no farther than is needed
-    opti.solver("ipopt", contact.options())
     rng = np.random.default_rng(5)
     starts = np.repeat(contact.start_poses(wanted), 30, axis=0)
     starts[:, 1] += np.concatenate([rng.uniform(0.0, 20.0, 20), rng.uniform(-5.0, 0.0, 10)])
@@ -81,7 +81,6 @@ def test_from_far_starts_that_nothing_settles_no_solution_is_claimed_that_misses
     model = request.getfixturevalue(name)
     opti, contact = in_opti(model, wanted, locked=locked)
     opti.minimize(ca.sumsqr(contact.pose[[0, 2], :]))
-    opti.solver("ipopt", contact.options())
     rng, near, solved = np.random.default_rng(0), contact.start_poses(wanted), 0
     assert not model(near + np.array([0.0, 10.0, 0.0, 0.0, 0.0, 0.0])).any()
     for move in rng.uniform(-1.0, 1.0, (50, 6)) * [6.0, 10.0, 6.0, 0.1, 0.1, 0.1]:
@@ -102,7 +101,6 @@ def test_several_frames_carry_their_own_loads_at_their_own_flexion(knee, form):
     opti, contact = in_opti(knee, wanted, 5, locked)
     steps = contact.q[:, 1:] - contact.q[:, :-1]
     opti.minimize(1e-3 * ca.sumsqr(steps))
-    opti.solver("ipopt", contact.options())
     poses = contact.poses(opti.solve())
     np.testing.assert_array_equal(poses[:, pose_index("rz")], flexion)
     np.testing.assert_allclose(values(knee, poses)["Fy_med"], medial, atol=1e-3)
@@ -111,7 +109,6 @@ def test_several_frames_carry_their_own_loads_at_their_own_flexion(knee, form):
 def test_a_side_that_should_carry_nothing_just_touches(knee):
     opti, contact = in_opti(knee, {"Fy_med": -500.0, "Fy_lat": 0.0})
     opti.minimize(1e-3 * ca.sumsqr(contact.q[[0, 2], :]))
-    opti.solver("ipopt", contact.options())
     pose = contact.poses(opti.solve())
     assert knee.root_loads(pose)[0][0, 1] == pytest.approx(0.0, abs=1e-6)
 

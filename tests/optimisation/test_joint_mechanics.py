@@ -114,7 +114,7 @@ def test_the_total_wrench_and_its_centre_of_pressure_are_those_of_all_that_press
 
 def test_of_one_side_alone_there_is_none():
     scene = knee(ONE_SIDE)
-    with pytest.raises(ValueError, match="hold no Fy"):
+    with pytest.raises(ValueError, match="lack Fy"):
         total_selection(scene.load_names, scene.patch_names)
     with pytest.raises(ValueError, match="cop_ap"):
         PoseTargets.of(scene, {"cop_ap": np.zeros(1)})

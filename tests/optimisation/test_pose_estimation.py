@@ -216,7 +216,7 @@ def test_wrong_units_and_signs_are_warned_of(knee, changed, word):
 @pytest.mark.parametrize(
     ("targets", "measured", "settings", "word"),
     [
-        ({"Fy_med": -1.0}, ("ry", "rz"), {}, "measure more"),
+        ({"Fy_med": -1.0}, ("ry", "rz"), {}, "measure"),
         ({"Fy_med": -1.0, "Fy_lat": -1.0, "Tx": 0.0}, ("ty", "ry", "rz"), {}, "free"),
         ({"Fq": -1.0}, ("tx", "tz", "rx", "ry", "rz"), {}, "Fq"),
         ({"cop_ap": 1.0, "cop_x": 1.0}, ("ry", "rz"), {}, "same"),

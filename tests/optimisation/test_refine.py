@@ -40,10 +40,7 @@ def start():
 
 
 def solve(surrogate):
-    """Poses from the middle to FAR_MM beside it, under 200 to 800 N; frames that do not settle are left where they are.
-
-    The last frame is kept in the learned range, as an optimiser's bounds would keep it.
-    """
+    """Poses from the middle to FAR_MM beside it, under 200 to 800 N, unsettled ones as they are, the last in range."""
     high = surrogate.record["pose_range"]["tx"][1]
     poses = np.zeros((15, 6))
     poses[:, 0] = np.linspace(0.0, FAR_MM, 15)
@@ -94,8 +91,7 @@ def test_what_passes_is_returned_as_it_is_and_rounds_may_be_used_up(start):
 
 
 def test_new_samples_lie_evenly_around_the_failing_frames(start):
-    """Pose inputs up to 0.3 scales to either side, loads 0.2 to 1.3 times the surrogate's, and about a tenth
-    lifted off."""
+    """Pose inputs up to 0.3 scales to either side, loads 0.2 to 1.3 times the surrogate's, a tenth lifted off."""
     surrogate, samples = start
     frames, _ = cc.settle(MODEL, [[FAR_MM, 29.95, 0.0, 0.0, 0.0, 0.0]], ("ty",), {"Fy": -500.0})
     result = cc.refine(
@@ -122,5 +118,5 @@ def test_mistakes_are_named(start):
     with pytest.raises(ValueError, match="no sample could be drawn"):
         cc.refine(surrogate, samples, lambda _: (sunk, np.array([True])), MODEL)
     for answer in (sunk, [sunk, np.array([True])], (sunk,)):
-        with pytest.raises(ValueError, match=r"solve returned a \w+, expected a tuple of poses .* are solved"):
+        with pytest.raises(ValueError, match="solve returned a"):
             cc.refine(surrogate, samples, lambda _, answer=answer: answer, MODEL)

@@ -86,8 +86,7 @@ def test_a_model_that_pulls_has_those_samples_dropped(tmp_path):
 
 
 class Rimmed(TwoSpheres):
-    """Elements that end at z = 0.2 mm off the middle of each patch: contact reaches their edge beyond, and is not
-    asked for there."""
+    """Elements that end at z = 0.2 mm off the middle of each patch: contact reaches their edge beyond."""
 
     def wrenches(self, poses):
         assert not self.at_edge(poses).any()

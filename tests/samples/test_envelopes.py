@@ -36,8 +36,7 @@ def test_no_bound_pulls():
 
 
 def test_an_input_with_the_same_curve_in_all_cycles_is_taken_to_differ_by_a_tenth_of_its_range():
-    """rz goes from -1.0 to 0.2 in both cycles: a width of 0.12 rad, D1 ±0.5 times it, D2 ±2 times, D3 no less; tz goes
-    by 0.1 mm, less than the 10 mm of which 1 mm is a tenth; what tx does is measured."""
+    """rz goes from -1.0 to 0.2 in both cycles, a width of 0.12 rad; tz by 0.1 mm, a width of 1 mm; tx is measured."""
     curves = [[[0.0, -1.0, 0.0], [2.0, 0.2, 0.1]], [[1.0, -1.0, 0.0], [3.0, 0.2, 0.1]]]
     single = Envelopes.over(("tx", "rz", "tz"), curves)
     assert single.assumed_widths == pytest.approx({"rz": 0.12, "tz": 1.0})

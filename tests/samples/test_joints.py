@@ -30,8 +30,7 @@ def drawn(name, path):
 
 @pytest.mark.parametrize("name", ["hip", "planar_knee"])
 def test_where_no_patch_is_lifted_off_alone_the_default_plan_tells_what_is_out_of_contact_too(name):
-    """Of one patch, and of two on one sensitive pose parameter, D5 and D7 are all there is that knows no contact: as
-    many as a tenth of the others."""
+    """Only D5 and D7 know no contact there: as many as a tenth of the others."""
     tables = {**load_scene(name).tables, "sampling": {}}
     assert {"D4", "D6"} <= set(left_out(Scene.from_tables(tables).controllable_normal_loads, SamplingSettings()))
     counts = SamplingSettings.from_scene(Scene.from_tables(tables)).counts

@@ -132,7 +132,7 @@ def test_a_damaged_motion_is_refused_and_a_table_leaves_none_behind(project, tmp
 def test_nothing_is_drawn_beside_a_surrogate_of_another_scene(tmp_path):
     cc.load_surrogate("knee").save(tmp_path / "patch.h5")
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}
-    with pytest.raises(ValueError, match=r"patch\.h5 was trained for another scene than hip as it is now"):
+    with pytest.raises(ValueError, match="trained for another scene than hip"):
         sample(Project.open("hip", "quick", tmp_path))
     assert {path: path.read_bytes() for path in tmp_path.iterdir() if path.suffix == ".h5"} == before
     assert not (tmp_path / "motion.npz").exists()

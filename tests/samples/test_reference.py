@@ -1,6 +1,4 @@
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,9 +14,9 @@ from casadi_contact.scenes.joint_cycle import JointCycle
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
 from tests.support import two_dips
+from tests.support.shared_data import shared_file
 from tests.support.two_spheres import Cycle, TwoSpheres, cycles, knee
 
-SHARED = Path(os.environ.get("CASADI_CONTACT_SHARED", Path(__file__).parents[3] / "shared"))
 MODEL = TwoSpheres(knee())
 
 
@@ -108,11 +106,8 @@ def test_a_pose_that_no_cycle_moves_is_sampled_about_as_well():
 
 
 def test_measured_cycles_have_a_pose_in_every_frame():
-    files = sorted((SHARED / "data" / "jw").glob("og*_loads.csv"))
-    if not files:
-        pytest.skip(f"no measured cycles under {SHARED}")
     measured = []
-    for file in files:
+    for file in (shared_file(f"data/jw/og{number}_loads.csv") for number in (1, 2, 3, 4)):
         t = np.genfromtxt(file, delimiter=",", names=True)
         fy = t["Fy_med_N"] + t["Fy_lat_N"]
         loads = {"Fy_med": t["Fy_med_N"], "Fy_lat": t["Fy_lat_N"]}

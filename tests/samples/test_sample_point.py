@@ -36,7 +36,7 @@ def test_settings_come_from_the_scene_whose_table_overrides_and_keywords_overrid
     settings = SamplingSettings.from_scene(knee, scale=0.5, seed=7, counts={"D3": 100})
     assert settings.settle_grid == knee.grids["settle"]
     assert (settings.scale, settings.seed, settings.counts["D3"], settings.counts["D1"]) == (0.5, 7, 100, 24000)
-    assert SamplingSettings.from_table(settings.to_table()) == settings
+    assert SamplingSettings(**settings.to_table()) == settings
     own = {"liftoff_mm": 1.5, "seed": 3, "fixed_offsets": {"tz": [0.5, 1]}}
     settings = SamplingSettings.from_scene(type(knee).from_tables({**knee.tables, "sampling": own}), seed=4)
     assert (settings.liftoff_mm, settings.seed) == (1.5, 4)

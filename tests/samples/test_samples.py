@@ -69,7 +69,7 @@ def test_samples_of_one_scene_are_joined_and_dropped_poses_stay_with_every_selec
         np.testing.assert_array_equal(kept.dropped.domain, dropped.domain)
     both = samples.join_samples(samples.select(role=TRAIN))
     np.testing.assert_array_equal(both.poses, [*samples.poses, *samples.poses[samples.role == TRAIN]])
-    assert len(both.dropped) == 4
+    assert len(both.dropped.poses) == 4
     with pytest.raises(ValueError, match="another scene"):
         samples.join_samples(replace(samples, scene=load_scene("knee", youngs_modulus=400.0)))
 

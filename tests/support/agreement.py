@@ -1,15 +1,15 @@
 """Are two evaluations of the same formula equal but for rounding, on any processor?
 
-Instruction sets differ in fused products and in the order of sums, and each last digit is amplified by the formula:
-near liftoff a load is a small difference of large numbers, so that its own size is no measure of its rounding error.
-The measure is the usual size of that output: the largest it gets over the poses of a test. Two to three digits are
-left above what was seen (5.8e-12 in values with AVX2).
+The measure is the usual size of that output, the largest over the poses of a test: near liftoff a load is a small
+difference of large numbers. Two to three digits are left above what was seen (5.8e-12 in values with AVX2).
 """
 
 from __future__ import annotations
 
 import casadi as ca
 import numpy as np
+
+from casadi_contact.workflow.benchmark.kernel_speed import lagrangian_hessian
 
 ROUNDING = (1e-10, 1e-9, 1e-8)  # of values, first and second derivatives, relative to the usual size of that output
 
@@ -24,10 +24,7 @@ def usual_size(values):
 
 
 def agree(got, want, order=0, size=None, amplified=1.0):
-    """Assert that got and want (n, m, ...), derivatives of an order, differ by rounding relative to the size (m,).
-
-    size: `usual_size` of want if left out. amplified: how many times more than usual the formula amplifies rounding.
-    """
+    """Assert that got and want (n, m, ...) differ by rounding relative to size (m,), `usual_size` if left out."""
     got, want = np.asarray(got, dtype=float), np.asarray(want, dtype=float)
     assert got.shape == want.shape
     size = usual_size(want) if size is None else size
@@ -60,10 +57,7 @@ def check_jacobian(model, poses, tolerance):
 
 
 def check_hessians(model, poses, of_loads=2e-3, of_roots=2e-2):
-    """Of a weighted sum of loads and of root loads, in contact and out of it; angles count 25 mm to the radian.
-
-    Of a root load in contact what is left of two large terms: hence the wider tolerance.
-    """
+    """Of a weighted sum of loads and of root loads, in contact and out of it; angles count 25 mm to the radian."""
     both = model.load_and_root_function()
     x = ca.MX.sym("pose", 6)
     scales = np.repeat([1.0, 25.0], 3)
@@ -128,16 +122,9 @@ def by_hessians(function, poses):
     return tensors
 
 
-def second_derivatives(function: ca.Function) -> ca.Function:
-    """pose, λ -> Hessian of λᵀ·output, the way nlpsol builds it."""
-    pose, weights = ca.MX.sym("pose", 6), ca.MX.sym("weights", function.numel_out(0))
-    lagrangian = ca.dot(weights, function(pose))
-    return ca.Function("lagrangian_hessian", [pose, weights], [ca.hessian(lagrangian, pose)[0]])
-
-
 def evaluated(function: ca.Function, poses: np.ndarray, weights: np.ndarray) -> list[np.ndarray]:
     """Values (n, m), Jacobians (n, m, 6) and Hessians (n, 1, 6, 6) of weights·value, called as nlpsol calls them."""
-    jacobian, hessian = function.jacobian(), second_derivatives(function)
+    jacobian, hessian = function.jacobian(), lagrangian_hessian(function)
     found = [
         np.stack([function(pose).full().ravel() for pose in poses]),
         np.stack([jacobian(pose, 0).full() for pose in poses]),

@@ -188,8 +188,7 @@ def wheel_mesh(radius, half_width, edge):
 
 
 def post_mesh():
-    """A closed L, 40 mm wide: a floor at y = 0 for x > 0 that ends at a wall of 16 mm across x = 0, as of a knee's
-    post. Faces of two triangles, as from CAD."""
+    """A closed L, 40 mm wide: a floor at y = 0 for x > 0 that ends at a wall of 16 mm across x = 0, as from CAD."""
     outline = np.array([(0.0, 16.0), (0.0, 0.0), (30.0, 0.0), (30.0, -8.0), (-10.0, -8.0), (-10.0, 16.0)])
     n = len(outline)
     points = np.array([[x, y, z] for z in (-20.0, 20.0) for x, y in outline])

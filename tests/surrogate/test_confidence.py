@@ -85,8 +85,7 @@ def test_validity_falls_and_the_error_grows_on_the_way_out(knee, walking, name):
 
 
 def test_no_pose_far_away_is_called_valid(knee):
-    """20,000 poses to three times the learned range: finite, never pulling, and no contact where the surfaces are
-    more than 3 mm apart unless validity says so."""
+    """To three times the learned range: finite, never pulling, no contact beyond gaps of 3 mm unless not valid."""
     poses = ranged_poses(knee, 20_000, 3.0)
     normal = -knee(poses)[:, :2]
     validity, error = knee.validity(poses), knee.expected_error(poses)
@@ -115,8 +114,7 @@ def test_any_distance_gives_numbers(knee, far):
 
 @pytest.mark.parametrize("name", ["knee", "knee_two_stage"])
 def test_expected_error_covers_poses_moved_around_unseen_walking(name, walking):
-    """1 mm and 2 degrees off: at least 93 % of the errors of the valid ones, over the loads carried, of
-    a single load but for what so few tell; no valid pose errs by much more."""
+    """1 mm and 2 degrees off: of at least 93 % of the valid ones' errors; no valid pose errs by much more."""
     surrogate, rng = cc.load_surrogate(name), np.random.default_rng(19)
     assert surrogate.validity(walking).min() > 0.9
     count = 2000

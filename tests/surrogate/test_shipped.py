@@ -34,8 +34,7 @@ def settled(model, starts, low, high, seed):
 
 
 def test_the_shipped_knee_errs_on_new_poses_as_its_file_says():
-    """Drawn like its samples but with another seed: about 200 of a domain (D5: 30, D7: 90). At most 1.5 times the RMS
-    error of each load that it states; single errors of 8 times that are rare but there."""
+    """Drawn with another seed: at most 1.5 times each RMS error that it states, 8 times for single errors."""
     knee, poses = cc.load_surrogate("knee"), {name: [] for name in DOMAINS}
     settings = SamplingSettings.from_scene(knee.scene, scale=0.01, seed=7, counts={"D7": 10_000})
     model = ElasticFoundation(knee.scene, settings.settle_grid)
@@ -68,8 +67,7 @@ def moved():
 
 @pytest.mark.parametrize(("name", "most"), [("knee", 0.0), ("knee_two_stage", 0.1)])
 def test_few_false_contacts_are_valid_and_valid_poses_beyond_the_sampled_flexion_accurate(name, most, moved):
-    """Of poses where nothing touches and the surrogate gives a load, at most this share is called valid. Both were
-    sampled to 88 degrees: beyond, at most 2 % of the poses are valid and off by five tolerances."""
+    """Of false contacts at most this share is valid; beyond 88 degrees at most 2 % are valid and off."""
     (poses, loads), surrogate = moved, cc.load_surrogate(name)
     untouched = (loads == 0.0).all(axis=1)
     assert untouched.sum() > 300
@@ -113,8 +111,7 @@ def test_errors_of_knee_reach_lie_within_what_the_docs_say():
 
 
 def test_poses_to_which_knee_reach_leads_itself_are_valid_where_it_is_right():
-    """Settled on the surrogate from anywhere in its range, over the insert's rim too: before it was calibrated on such
-    poses 42 % of the valid ones were off by more than 20 N."""
+    """Uncalibrated on such poses 42 % of the valid ones were off by more than 20 N."""
     reach, rng = cc.load_surrogate("knee_reach"), np.random.default_rng(31)
     poses = settled(reach, rng.uniform(*pose_bounds(reach), (1500, 6)), 20.0, 1500.0, 31)
     foundation, valid = cc.foundation(reach.scene), reach.validity(poses) > 0.5

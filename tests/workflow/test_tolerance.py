@@ -125,7 +125,7 @@ def test_what_another_build_made_is_not_replaced(tmp_path, asked):
     write_samples(samples / "samples.h5", smooth_samples(120))
     surrogate.mkdir()
     cc.load_surrogate("knee").save(surrogate / "patch.h5")
-    for folder, said in ((samples, "no build to a tolerance made"), (surrogate, "was trained for another scene")):
+    for folder, said in ((samples, "of another build"), (surrogate, "was trained for another scene")):
         before = {path: path.read_bytes() for path in folder.glob("*.h5")}
         with pytest.raises(ValueError, match=said):
             trained(folder, 100.0, 3000.0)

@@ -69,9 +69,7 @@ def load_assembly(name_or_path: str | Path, contact: Callable[[Scene], ContactMo
         text = (resources.files(_PACKAGE) / "ready" / f"{name_or_path}.toml").read_text("utf-8")
     else:
         possible = ", ".join(ready_assemblies())
-        raise ValueError(
-            f"unknown assembly {str(name_or_path)!r}, expected one of {possible}, or a path to a .toml file"
-        )
+        raise ValueError(f"unknown assembly {str(name_or_path)!r}, expected a .toml file or one of {possible}")
     tables = toml_tables(text, str(name_or_path))
     try:
         return _assembly(tables, path.parent, contact or joint_foundation)

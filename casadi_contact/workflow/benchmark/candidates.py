@@ -50,9 +50,8 @@ def refuse_without_elements(project: Project) -> None:
     """ValueError where there is no elastic foundation to compare with: a user's own model, or a table of samples."""
     if project.scene.layer is None:
         raise ValueError(
-            f"a chart compares with elastic foundations, and scene {project.scene.name} has no geometry for one (shape "
-            f"{project.scene.shape}): casadi-contact info tells the errors of a surrogate, "
-            f"{project.command('speed')} its times"
+            f"a chart compares with elastic foundations, and scene {project.scene.name} has no geometry for one: "
+            f"casadi-contact info tells the errors of a surrogate, {project.command('speed')} its times"
         )
 
 

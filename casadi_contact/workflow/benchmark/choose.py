@@ -33,8 +33,6 @@ _RESOLUTIONS = {
     "cells": "cc.CellFoundation({scene}, cc.Cells({numbers}))",
     "points": "cc.CupFoundation({scene}, {numbers})",
 }
-
-
 _SAME_TIME = 1.03
 
 
@@ -108,10 +106,7 @@ def _front(project: Project) -> tuple[Path, Front]:
     if path.is_file():
         front = read_front(path)
         if front.header["scene_digest"] != project.scene.digest:
-            raise ValueError(
-                f"{path} was measured on another scene than {project.scene.name} as it is now, or by an earlier "
-                f"version: run {project.command('chart')}"
-            )
+            raise ValueError(f"{path} is of another scene or an earlier version: run {project.command('chart')}")
         return path, front
     shipped = None if project.has_results else shipped_front(project.scene)
     if shipped is None:

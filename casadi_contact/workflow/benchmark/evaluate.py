@@ -45,14 +45,13 @@ def unseen_walking(model: ContactModel, motion: ReferenceMotion, count: int = 5,
     return poses[report.converged]
 
 
-CONVERGED_REFINEMENT = 2  # the converged EF has twice the teacher's elements along each side
 FURTHER_GRIDS = ((20, 15), (160, 80))  # timed beside the scene's own, so that the EF's speed and accuracy make a curve
 
 
 def converged_elements(scene: Scene) -> tuple[int, int]:
-    """Elements per side of the EF that errors on walking are measured against."""
+    """Elements per side of the EF that errors on walking are measured against: twice the teacher's."""
     along, across = scene.grids["teacher"]
-    return CONVERGED_REFINEMENT * along, CONVERGED_REFINEMENT * across
+    return 2 * along, 2 * across
 
 
 def evaluate_walking(surrogates: Mapping[str, Surrogate], poses: Array) -> dict[str, Any]:

@@ -23,12 +23,6 @@ class Timing:
     low_us: float
     high_us: float
 
-    @classmethod
-    def of(cls, seconds_per_pose: list[float]) -> Timing:
-        """Median, lowest and highest of measured times [s]."""
-        us = 1e6 * np.array(seconds_per_pose)
-        return cls(float(np.median(us)), float(us.min()), float(us.max()))
-
 
 def time_batch(evaluate: Callable[[Array], object], poses: Array) -> float:
     """Seconds per pose of one call with all poses."""
@@ -78,7 +72,8 @@ def compare(measurements: Mapping[Name, Callable[[], float]], repeats: int = 7) 
     for _ in range(repeats):
         for name, measure in measurements.items():
             seconds[name].append(measure())
-    return {name: Timing.of(values) for name, values in seconds.items()}
+    us = {name: 1e6 * np.array(values) for name, values in seconds.items()}
+    return {name: Timing(float(np.median(t)), float(t.min()), float(t.max())) for name, t in us.items()}
 
 
 Stopwatch = Callable[[Array], float]

@@ -30,14 +30,8 @@ def first_tables(
     units: str,
     material: Mapping[str, Any],
     name: str,
-    *,
-    reference_load_n: float = 1000.0,
-    boundary_load_n: float = 5.0,
 ) -> dict[str, Any]:
-    """A scene's tables as far as the surfaces tell; grids, tolerances and gap slope are placeholders.
-
-    reference_load_n, boundary_load_n: of a large joint; a smaller one carries less in proportion to its area.
-    """
+    """A scene's tables as far as the surfaces tell; grids, tolerances and gap slope are placeholders."""
     scale, joint = geometry.pair.scale, geometry.joint
     placement: dict[str, Any] = {}
     for body, offset in frame.offsets_mm.items():
@@ -70,9 +64,9 @@ def first_tables(
             "names": joint.loads,
             "sensitive": joint.sensitive,
             "sensitive_pose": joint.sensitive_pose,
-            "reference_load": round(reference_load_n * scale**2, 1),
+            "reference_load": round(1000.0 * scale**2, 1),  # of a large joint, in proportion to its area
             "gap_slope": 5.0,
-            "boundary_load": round(boundary_load_n * scale**2, 2),
+            "boundary_load": round(5.0 * scale**2, 2),
         },
         "tolerances": dict.fromkeys(joint.loads, 1.0),
     }

@@ -177,8 +177,7 @@ def test_a_start_is_gone_on_from():
 
 
 def test_a_load_predicted_where_there_is_none_counts_as_the_load_that_it_is():
-    """One lifted pose far from all others, whose distance to the target of its gap weighs 13 N: a load of 2,500 N is
-    learned there, unless it counts as that."""
+    """One lifted pose far from all others, whose gap weighs 13 N: 2,500 N are learned there, unless they count."""
     rng = np.random.default_rng(1)
     inputs = rng.uniform(-1.0, 1.0, (600, 2))
     inputs[0] = 3.0

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from casadi_contact.cli.tables import kernel_speed_tables, read_kernel_speed
+from casadi_contact.cli.tables import kernel_speed_tables, read_result
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.workflow.benchmark import kernel_speed as speed
 from tests.support.compiler import needs_compiler
@@ -56,10 +56,10 @@ def test_the_table_is_drawn_from_the_file_alone(tmp_path):
     path.write_text(
         json.dumps({"format": "casadi_contact kernel speed", "surrogates": {"patch": {"microseconds": times}}})
     )
-    (table,) = kernel_speed_tables(read_kernel_speed(path))
+    (table,) = kernel_speed_tables(read_result(path, "kernel speed"))
     cells = [list(column.cells) for column in table.columns]
     assert cells[0] == list(times)
     assert cells[3] == ["4.50", "1.00", "1.00"]
     path.write_text("{}")
     with pytest.raises(ValueError, match="not a file of kernel speed"):
-        read_kernel_speed(path)
+        read_result(path, "kernel speed")

@@ -9,7 +9,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.cli import pipeline
-from casadi_contact.cli.tables import read_kernel_speed
+from casadi_contact.cli.tables import read_result
 from casadi_contact.samples.samples import load_errors, rms_by_kind
 from casadi_contact.workflow.benchmark import kernel_speed as speed_module
 from casadi_contact.workflow.benchmark.evaluate import unseen_walking
@@ -95,7 +95,7 @@ def test_speed_times_the_shipped_surrogates_on_poses_of_the_built_in_cycles(proj
 
     monkeypatch.setattr(speed_module, "kernel_speed", timed_speed)
     monkeypatch.setattr(speed_module, "available_poses", lambda project: motion.poses.reshape(-1, 6))
-    content = read_kernel_speed(speed_module.speed(project))
+    content = read_result(speed_module.speed(project), "kernel speed")
     assert timed == dict.fromkeys(("patch", "two_stage"), (project.scene.digest, 505))
     assert set(content["surrogates"]) == set(timed)
 

@@ -11,9 +11,7 @@ from tests.support.meshes import ball_mesh, shell_mesh
 
 @pytest.mark.parametrize("far_mm", [1.0, 40.0])
 def test_a_ball_turns_about_its_own_centre_wherever_its_file_s_origin_is(far_mm):
-    """Of the 0.4 mm that the cup leaves a turn about an origin far away would take all; a knee's poses stay its files'.
-
-    The cup keeps its file's origin, which torques refer to."""
+    """A turn about an origin far away would take all of the 0.4 mm that the cup leaves; the cup keeps its origin."""
     ball, cup = (
         checked_mesh("ball", *ball_mesh(16.0, 2.5)),
         checked_mesh("cup", *shell_mesh(16.4, 22.0, 2.0, 1.3, DOWN)),

@@ -49,8 +49,7 @@ def test_a_condyle_on_a_dish_has_one_patch_however_shallow_the_dish_is(dish_mm):
 
 @pytest.mark.parametrize(("kind", "noise_mm"), [(None, 0.0), ("hip", 0.25)])
 def test_a_socket_is_one_patch_whatever_pit_and_notch_it_has(kind, noise_mm):
-    """As an acetabulum's: what bears is a horseshoe, and all of it lies about one centre. A rough scan's lies so far
-    from one that the joint has to be named."""
+    """What bears of an acetabulum is a horseshoe about one centre; a rough scan's joint has to be named."""
     ball, (socket, faces) = ball_mesh(25.0, 2.5), shell_mesh(25.3, 32.0, 1.5, 1.5, POLE)
     across, aside = unit(np.cross(POLE, [0.0, 0.0, 1.0])), np.cross(POLE, unit(np.cross(POLE, [0.0, 0.0, 1.0])))
     pit, notch = socket @ POLE > 25.3 * np.cos(0.56), (socket @ across > 0.0) & (np.abs(socket @ aside) < 12.0)

@@ -68,9 +68,7 @@ def test_a_ball_in_a_cup(folder):
 
 
 def test_a_joint_in_axes_that_are_given_is_pressed_as_it_lies_in_them(folder, monkeypatch):
-    """A socket above its ball, as a temporomandibular joint's: pressed up, which is a load of +Fy on the socket.
-
-    Where no pose at rest is found, the scene starts in one of its motion."""
+    """A socket above its ball is pressed up, a load of +Fy; without a pose at rest one of the motion is the start."""
     monkeypatch.setattr(proposing, "rest_pose", lambda model, *_: (np.zeros(6), False))
     socket, faces = slab_mesh(*sheet_mesh(18.0, 1.5, lambda x, z: (x**2 + z**2) / 30.0), 4.0)
     write_obj(folder / "condyle.obj", *ball_mesh(6.0, 1.0))
