@@ -14,7 +14,7 @@ from casadi_contact.scenes.load_cycle import read_cycle, write_cycle
 from casadi_contact.scenes.opensim import poses_table, read_opensim_table, write_table
 from casadi_contact.scenes.pose_file import read_poses, write_poses
 from casadi_contact.scenes.walking import reference_cycle
-from tests.support.mesh_files import binary_stl, obj_of_polygons, vtp, written
+from tests.support.mesh_files import appended, binary_stl, obj_of_polygons, ply, written
 from tests.support.own_contact import SCENE, table_rows, write_csv
 from tests.support.random_surrogates import random_poses, random_surrogate
 from tests.support.smooth_samples import smooth_samples
@@ -50,7 +50,7 @@ READERS = {  # file: how it is made, how it is read and used
     "cycle.csv": (lambda path: write_cycle(reference_cycle(), path), read_cycle),
     "poses.csv": (lambda path: write_poses(TIMES, POSES, path), read_poses),
     "poses.sto": (lambda path: write_table(poses_table(TIMES, POSES, "poses"), path), read_opensim_table),
-    **dict(map(mesh, ("mesh.obj", "mesh.vtp", "mesh.stl"), (obj_of_polygons, vtp, binary_stl))),
+    **dict(map(mesh, ("mesh.obj", "mesh.vtp", "mesh.stl", "mesh.ply"), (obj_of_polygons, appended, binary_stl, ply))),
 }
 
 

@@ -30,10 +30,8 @@ def read_triangles(path: Path) -> tuple[Array, np.ndarray]:
     try:
         return READERS[kind](path.read_bytes())
     except Exception as error:  # damaged bytes lead to many kinds of errors in expat, base64, zlib and NumPy
-        inside = ", in ascii or inline base64" if kind == ".vtp" else ""
-        raise ValueError(
-            f"mesh {path} cannot be read ({one_line(error)}), expected a whole {kind[1:].upper()} file{inside}"
-        ) from None
+        kind = kind[1:].upper()
+        raise ValueError(f"mesh {path} cannot be read ({one_line(error)}), expected a whole {kind} file") from None
 
 
 def _of_stl(content: bytes) -> tuple[Array, np.ndarray]:
@@ -119,54 +117,61 @@ def _of_ply(content: bytes) -> tuple[Array, np.ndarray]:
 
 
 def _of_vtp(content: bytes) -> tuple[Array, np.ndarray]:
-    """As in OpenSim's geometry folders: `Points`, `Polys` in ASCII or inline base64 (plain or zlib). Source: VTK file
+    """As in OpenSim's geometry folders: `Points`, `Polys` in ASCII, inline or appended (plain, zlib). Source: VTK file
     formats, XML formats."""
+    content, mark, tail = content.partition(b"<AppendedData")
+    kind, _, data = tail.partition(b"_")
     if b"<!DOCTYPE" in content or b"\0" in content:  # entities can expand without end; UTF-16 would hide them
         raise ValueError("it has a document type or is not UTF-8")
-    root = ElementTree.fromstring(content)
+    root, appended = ElementTree.fromstring(content + b"</VTKFile>" * bool(mark)), (data, b"raw" in kind)
     vertices, faces, offset = [], [], 0
     for piece in root.iter("Piece"):
         if piece.get("NumberOfPoints") == "0":
             continue  # its arrays may be left out
         if piece.get("NumberOfStrips", "0") != "0":
             raise ValueError("it has triangle strips, expected polygons")
-        points = _vtk_array(root, piece.find("Points/DataArray")).astype(float).reshape(-1, 3)
+        points = _vtk_array(root, piece.find("Points/DataArray"), *appended).astype(float).reshape(-1, 3)
         cells = {array.get("Name"): array for array in piece.findall("Polys/DataArray")}
-        connectivity, ends = (_vtk_array(root, cells.get(name)) for name in ("connectivity", "offsets"))
+        connectivity, ends = (_vtk_array(root, cells.get(name), *appended) for name in ("connectivity", "offsets"))
         faces.append(_fans(points, connectivity, ends) + offset)
         vertices.append(points)
         offset += len(points)
     return np.concatenate(vertices), np.concatenate(faces)
 
 
-def _vtk_array(root: ElementTree.Element, array: ElementTree.Element | None) -> np.ndarray:
+def _vtk_array(root: ElementTree.Element, array: ElementTree.Element | None, appended: bytes, raw: bool) -> np.ndarray:
     if array is None:
         raise ValueError("it lacks points, connectivity or offsets")
     order: Literal["<", ">"] = "<" if root.get("byte_order", "LittleEndian") == "LittleEndian" else ">"
-    dtype = np.dtype(array.get("type", "").lower()).newbyteorder(order)
-    text = array.text or ""
-    if array.get("format") == "ascii":
-        return np.array(text.split(), dtype=dtype.newbyteorder("="))
-    if array.get("format") != "binary":
-        raise ValueError(f"its data is {array.get('format')!r}")
+    dtype, form = np.dtype(array.get("type", "").lower()).newbyteorder(order), array.get("format")
+    inline = (array.text or "").split()
+    if form == "ascii":
+        return np.array(inline, dtype=dtype.newbyteorder("="))
+    text, raw = (
+        (appended[int(array.get("offset", "")) :], raw) if form == "appended" else ("".join(inline).encode(), False)
+    )
     header = np.dtype(root.get("header_type", "UInt32").lower()).newbyteorder(order)
-    return np.frombuffer(_decode("".join(text.split()), header, "compressor" in root.attrib), dtype=dtype)
+    return np.frombuffer(_decode(text, raw, header, "compressor" in root.attrib), dtype=dtype)
 
 
-def _decode(text: str, header: np.dtype, compressed: bool) -> bytes:
-    """Bytes of an inline array: (size, data); or zlib blocks behind (count, size, last size, compressed sizes ...),
-    a header with base64 of its own."""
+def _decode(text: bytes, raw: bool, header: np.dtype, compressed: bool) -> bytes:
+    """Bytes of an array: (size, data), or zlib blocks behind (count, size, last size, compressed sizes ...). In base64
+    such a header may have padding of its own."""
+
+    def part(at: int, size: int) -> bytes:
+        return text[at : at + size] if raw else base64.b64decode(text[at : at + 4 * -(-size // 3)])[:size]
+
+    count = header.itemsize
+    first = int(np.frombuffer(part(0, count), header)[0])
     if not compressed:
-        return base64.b64decode(text)[header.itemsize :]
-
-    def numbers(count: int) -> np.ndarray:
-        size = count * header.itemsize
-        return np.frombuffer(base64.b64decode(text[: 4 * -(-size // 3)])[:size], dtype=header)
-
-    blocks = int(numbers(1)[0])
-    data, out = base64.b64decode(text[4 * -(-(3 + blocks) * header.itemsize // 3) :]), b""
+        start = 4 * -(-count // 3)
+        padded = not raw and b"=" in text[:start]
+        return part(start, first) if padded else part(0, count + first)[count:]
+    count *= 3 + first
+    sizes = np.frombuffer(part(0, count), header)[3:].tolist()
+    data, out = part(count if raw else 4 * -(-count // 3), sum(sizes)), b""
     most = min(MOST_UNPACKED, MOST_RATIO * len(data))
-    for length in map(int, numbers(3 + blocks)[3:]):
+    for length in sizes:
         out += zlib.decompressobj().decompress(data[:length], most + 1)
         data = data[length:]
         if len(out) > most:

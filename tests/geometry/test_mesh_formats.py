@@ -9,6 +9,7 @@ import trimesh
 
 from casadi_contact.geometry.mesh import load_mesh
 from tests.support.mesh_files import (
+    appended,
     base64_array,
     binary_stl,
     dos,
@@ -43,6 +44,9 @@ FILES = {
     "ascii.vtp": vtp,
     "base64.vtp": lambda *ball: vtp(*ball, base64_array),
     "zlib.vtp": lambda *ball: vtp(*ball, zlib_array),
+    "appended.vtp": appended,
+    "appended_raw.vtp": lambda *ball: appended(*ball, raw=True),
+    "appended_plain.vtp": lambda *ball: appended(*ball, base64_array, raw=True),
 }
 
 

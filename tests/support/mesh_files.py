@@ -1,6 +1,7 @@
 """Vertices and triangles as the text or bytes of mesh files."""
 
 import base64
+import re
 import struct
 import zlib
 
@@ -72,6 +73,18 @@ def vtp(points, polygons, encode=ascii_array):
         f'<VTKFile type="PolyData" byte_order="LittleEndian" header_type="UInt32"{compressor}><PolyData><Piece>'
         f"<Points>{arrays[0]}</Points><Polys>{arrays[1]}{arrays[2]}</Polys></Piece></PolyData></VTKFile>"
     )
+
+
+def appended(points, polygons, encode=zlib_array, raw=False):
+    """The arrays of a VTP file behind its text."""
+    text, data = vtp(points, polygons, encode), b""
+    for array in re.findall(r'format="binary">([^<]*)', text):
+        text = text.replace(f'format="binary">{array}<', f'format="appended" offset="{len(data)}"><')
+        size = 4 * -(-16 // 3) if encode is zlib_array else 0
+        data += base64.b64decode(array[:size]) + base64.b64decode(array[size:]) if raw else array.encode()
+    kind = b"raw" if raw else b"base64"
+    tail = b'<AppendedData encoding="' + kind + b'">_' + data + b"</AppendedData></VTKFile>"
+    return text.removesuffix("</VTKFile>").encode() + tail
 
 
 def obj_of_polygons(points, polygons):
