@@ -12,6 +12,7 @@ from casadi_contact.contact.convergence import NotGoodEnoughError
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.symbolic import SymbolicContact, symbolic
+from casadi_contact.core.compiler import CompilerError, compiler_command
 from casadi_contact.optimisation.joint_mechanics import total_selection, whole_wrench
 from casadi_contact.samples.reference import found_sensitive_pose
 from casadi_contact.scenes.joint_cycle import JointCycle
@@ -23,16 +24,23 @@ from casadi_contact.surrogate.load import load_surrogate
 
 
 def load_contact(surrogate: str | None = None, scene: str | None = None, *, whole: bool = False) -> SymbolicContact:
-    """A surrogate by name or path, or the foundation of a scene by name or path; the surrogate `knee` for neither.
+    """A surrogate by name or path, or the foundation of a scene by name or path; that of the scene `knee` for neither,
+    or with a warning the surrogate `knee` where there is no C compiler, without which a foundation takes minutes.
 
     whole: a foundation has the whole wrench among its loads, as equations of motion need it. A scene that no foundation
     fits takes its fine elements, with a warning. Raises ValueError for both names and unknown ones.
     """
     if surrogate is not None and scene is not None:
         raise ValueError(f"got surrogate {surrogate} and scene {scene}, expected one of them")
-    if scene is None:
-        return load_surrogate(surrogate or "knee")
-    known = load_scene(scene)
+    if surrogate is None and scene is None:
+        try:
+            compiler_command()
+        except CompilerError as error:
+            warnings.warn(f"{error}; the surrogate knee stands for the foundation", RuntimeWarning, stacklevel=2)
+            surrogate = "knee"
+    if surrogate is not None:
+        return load_surrogate(surrogate)
+    known = load_scene(scene or "knee")
     model = _untrained(whole_wrench(known) if whole else known)
     if not model.scene.sensitive_pose:
         found = found_sensitive_pose(model, reference_motion_cycles(model.scene, ()))

@@ -256,10 +256,10 @@ def _pose_section(summaries: Sequence[Mapping[str, Any]]) -> list[str]:
         rows.append([*row, f"{summary['seconds']:.2f}", _of_sides(summary["elements_off"])])
     columns = [
         *("cycle", "frames solved", "IPOPT iterations", "time [s]"),
-        f"{first['elements']} − surrogate, medial, lateral [N]",
+        f"{first['elements']} − foundation, medial, lateral [N]",
     ]
     intro = (
-        f"All frames of a cycle in one IPOPT problem on the surrogate `{first['scene']}`, with "
+        f"All frames of a cycle in one IPOPT problem on the foundation of `{first['scene']}`, with "
         "[`python -m problems.pose_estimation`](../problems.md#pose-estimation). Forces "
         "are re-evaluated on the elastic foundation (EF) at the solved poses: RMS (largest). Cycles og1_loads to "
         "og4_loads are the measured ones that the built-in walking derives from; they are not part of the repository."
@@ -277,7 +277,7 @@ def _muscle_section(summaries: Sequence[Mapping[str, Any]]) -> list[str]:
     columns = [
         *("cycle", "frames solved", "IPOPT iterations", "time [s]"),
         *("medial RMS error (mean) [N]", "lateral RMS error (mean) [N]"),
-        f"{first['elements']} − surrogate, medial, lateral [N]",
+        f"{first['elements']} − foundation, medial, lateral [N]",
     ]
     intro = (
         "Contact forces predicted by [`python -m problems.muscle_contact`](../problems.md#muscle-and-contact-forces) "
