@@ -20,7 +20,7 @@ import numpy as np
 
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.pressure_law import layer_modulus
-from casadi_contact.core.conventions import POSE_NAMES, Array, batched, check_loads
+from casadi_contact.core.conventions import POSE_NAMES, Array, batched
 from casadi_contact.networks.frames import relative_pose, rotation
 from casadi_contact.networks.functions import ContactFunctions
 from casadi_contact.networks.names import check_name
@@ -159,10 +159,6 @@ class CallbackContact(SymbolicContact):
     def __call__(self, poses: Array, loads: Iterable[str] | None = None) -> Array:
         """Named loads (n, loads) [N, N·mm], all or those asked for."""
         return self.model(poses)[:, [self.load_names.index(name) for name in self.check_loads(loads)]]
-
-    def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
-        """The loads asked for (None: all); ValueError where one is not the scene's."""
-        return check_loads(self.load_names, loads)
 
     def _function(
         self, name: str, loads: Sequence[str], outputs: Sequence[str], compiled: bool, batch: int | None

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.core.conventions import Array, whole_number
+from casadi_contact.core.conventions import Array, check_loads, whole_number
 from casadi_contact.networks.names import check_name
 
 
@@ -22,9 +22,11 @@ def checked_batch(batch: int | None) -> int | None:
 class ContactFunctions(ABC):
     """Functions of a pose that differ in what they give, made by one method, `_function`, of the model."""
 
-    @abstractmethod
+    load_names: tuple[str, ...]
+
     def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
         """The loads asked for (None: all); ValueError for one that the model does not give."""
+        return check_loads(self.load_names, loads)
 
     def check_roots(self) -> None:
         """Raise ValueError where the model cannot give root loads."""
@@ -53,14 +55,14 @@ class ContactFunctions(ABC):
         A function of several poses at once has the name ``name_of_frames``.
         Raises ValueError for an unknown load and for a batch that is no whole number of 1 or more.
         """
-        return self._made(name, self.check_loads(loads), ("loads",), compiled, batch)
+        return self._function(name, self.check_loads(loads), ("loads",), compiled, checked_batch(batch))
 
     def root_function(
         self, name: str = "contact_roots", *, compiled: bool = True, batch: int | None = None
     ) -> ca.Function:
         """casadi.Function pose (6) -> signed root load of every patch (P); the rest as for `function`."""
         self.check_roots()
-        return self._made(name, (), ("roots",), compiled, batch)
+        return self._function(name, (), ("roots",), compiled, checked_batch(batch))
 
     def load_and_root_function(
         self,
@@ -73,12 +75,7 @@ class ContactFunctions(ABC):
         """casadi.Function pose (6) -> loads (L), roots (P): both for the price of the loads."""
         names = self.check_loads(loads)
         self.check_roots()
-        return self._made(name, names, ("loads", "roots"), compiled, batch)
-
-    def _made(
-        self, name: str, loads: Sequence[str], outputs: Sequence[str], compiled: bool, batch: int | None
-    ) -> ca.Function:
-        return self._function(name, loads, outputs, compiled, checked_batch(batch))
+        return self._function(name, names, ("loads", "roots"), compiled, checked_batch(batch))
 
 
 def _empty(name: str, like: ca.MX) -> ca.MX:

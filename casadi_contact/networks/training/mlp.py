@@ -166,7 +166,7 @@ class Mlp:
         self._weight, self.residuals = self._rows.weight_and_residual(self._outputs)
         layers = split(parameters, self.shapes)
         for block in self._blocks:
-            block.swap()
+            block.current, block.tried = block.tried, block.current
             block.exact = Factors(block.current, self._derivatives(block, layers), layers)
             if self._single:
                 block.rough = self._rough(block.exact)

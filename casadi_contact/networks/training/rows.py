@@ -99,10 +99,6 @@ class Block:
             after[:-1] = self._activation.derivatives(np, layer @ before, 0)[0]
         return values[-1]
 
-    def swap(self) -> None:
-        """Make the parameters tried last current."""
-        self.current, self.tried = self.tried, self.current
-
     def activation_slope(self, level: int) -> Array:
         """σ' (neurons, rows) of hidden layer ``level``, at the current parameters."""
         return np.asarray(self._activation.slope_from_value(np, self.current[level + 1][:-1]))
