@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from tests.support.meshes import STIFFNESS, cap_mesh, scene_of, sheet_mesh, slab_mesh, torus_mesh
+from tests.support.meshes import STIFFNESS, cap_mesh, scene_of, sheet_mesh, slab_mesh
 
 OVERLAP_MM = 0.1
-EDGE_MM, RADIUS_MM, RING_MM, TUBE_MM = 1.2, 30.0, 18.0, 12.0
+EDGE_MM, RADIUS_MM = 1.2, 30.0
 
 
 @pytest.fixture(scope="module")
@@ -16,26 +16,12 @@ def sphere(tmp_path_factory):
     return scene_of(tmp_path_factory.mktemp("sphere"), moving, sheet_mesh(14.0, 2.0), grid=(160, 160))
 
 
-@pytest.fixture(scope="module")
-def torus(tmp_path_factory):
-    vertices, faces = torus_mesh(RING_MM, TUBE_MM, EDGE_MM)
-    lower = faces[(vertices[faces][..., 1] < -(RING_MM + TUBE_MM) + 5.0).all(axis=1)]
-    return scene_of(tmp_path_factory.mktemp("torus"), (vertices, lower), sheet_mesh(14.0, 2.0), grid=(160, 160))
-
-
 def turned(radius, overlap, count, angles):
     """Poses of a body turned about its centre, which lies above the origin: the contact moves over its facets."""
     poses = np.zeros((count, 6))
     poses[:, 1] = radius - overlap
     poses[:, 3:] = np.random.default_rng(3).uniform(-1.0, 1.0, (count, 3)) * angles
     return poses
-
-
-def torus_force():
-    """K/h·∫ depth dx dz of the outside of the torus, by midpoints."""
-    x, z = np.meshgrid(np.linspace(-5.0, 5.0, 2001), np.linspace(-5.0, 5.0, 2001), indexing="ij")
-    y = RING_MM + TUBE_MM - OVERLAP_MM - np.sqrt((RING_MM + np.sqrt(TUBE_MM**2 - z**2)) ** 2 - x**2)
-    return STIFFNESS * np.maximum(-y, 0.0).sum() * 0.005**2
 
 
 def test_force_on_a_meshed_sphere_is_within_one_per_cent(sphere):

@@ -1,7 +1,6 @@
 """Every row of the stability table, at a tiny scale: it measures what its name says."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,8 +13,6 @@ from casadi_contact.workflow.project import built_in_motion
 from problems.studies.stability import __main__ as command
 from problems.studies.stability import derivatives, methods, poses
 from problems.studies.stability.methods import EF_ANALYTIC, FOUNDATION, Bench, PeerModel
-
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")

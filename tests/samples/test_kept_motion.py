@@ -15,10 +15,6 @@ from tests.support import own_contact
 COUNTS = {"D1": 60, "D2": 0, "D3": 60, "D4": 0, "D5": 15, "D6": 0, "D7": 10}
 
 
-class StopError(Exception):
-    pass
-
-
 @pytest.fixture
 def project(tmp_path):
     text = own_contact.SCENE.with_overrides(counts=COUNTS).to_toml()
@@ -33,14 +29,14 @@ def model(project, factor=1.0, wrenches=own_contact.wrenches, gaps=own_contact.g
 def drawn(project, model, stop_at=None):
     def update(what, done, total, remark):
         if what == "samples" and done == stop_at:
-            raise StopError
+            raise ZeroDivisionError
 
     sample(project, [], update, None, model)
     return project.samples()
 
 
 def stopped(project, model, chunks=4):
-    with pytest.raises(StopError):
+    with pytest.raises(ZeroDivisionError):
         drawn(project, model, chunks)
 
 

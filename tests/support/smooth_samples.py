@@ -52,6 +52,7 @@ def differences(call, pose, steps):
 
 
 FIXED = TrainingSettings(sizes=((6, 5),), max_iterations=40)  # ends by iterations, the same on any machine
+GROWING = TrainingSettings(sizes=((2,), (4,), (5, 5), (6, 6, 6)), max_iterations=160)
 
 
 def smooth(rows=400, seed=0, tolerance=0.0, name="smooth") -> Regression:

@@ -15,9 +15,7 @@ from casadi_contact.networks.training.settings import (
     validation_rising,
 )
 from casadi_contact.networks.training.weights import flatten, initial_network
-from tests.support.smooth_samples import FIXED, smooth
-
-GROWING = TrainingSettings(sizes=((2,), (4,), (5, 5), (6, 6, 6)), max_iterations=160)
+from tests.support.smooth_samples import FIXED, GROWING, smooth
 
 
 def sizes_in_order(result, settings):
