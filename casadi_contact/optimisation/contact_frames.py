@@ -24,7 +24,7 @@ from casadi_contact.core.conventions import (
     whole_number,
 )
 from casadi_contact.core.files.reading import short
-from casadi_contact.core.quantities import newton_scales
+from casadi_contact.core.quantities import newton_scales, quantity
 from casadi_contact.optimisation.starts import (
     LEAST_START_N,
     middle_pose,
@@ -78,6 +78,7 @@ class ContactFrames:
             self.pose = ca.mtimes(ca.sparsify(ca.DM(space.matrix)), given) + ca.repmat(ca.DM(space.offset), 1, frames)
         function = model.load_and_root_function(self.load_names, compiled=compiled, batch=frames)
         self.loads, self.roots = function(self.pose)
+        self._errors: dict[str, ca.MX] = {}  # of every target that was asked for: what is carried less what was asked
         low, high = (np.tile(bound[self.columns] / self._scales, frames) for bound in pose_bounds(model))
         self.lower, self.upper = low, high
 
@@ -115,11 +116,43 @@ class ContactFrames:
                 rows |= self._normal_rows(root, normal, [self._row(name, targets[name]) for name in normal.loads])
         for name, value in targets.items():
             if (centre := centre_of_pressure(name, normals)) is not None:
-                moment = self._row(name, value) * self._total(centre.force)
-                rows[name] = (self._total(centre.torque) - centre.sign * moment) / 10.0
-            elif name not in rows:
-                rows[name] = (self.load(name) - self._row(name, value)) / newton_scales([name], LEVER_MM)[0]
+                force, torque, asked = self._total(centre.force), self._total(centre.torque), self._row(name, value)
+                rows[name] = (torque - centre.sign * asked * force) / 10.0
+                self._errors[name] = centre.sign * torque / force - asked
+                continue
+            if name in self.load_names or name not in rows:
+                self._errors[name] = self.load(name) - self._row(name, value)
+            if name not in rows:
+                rows[name] = self._errors[name] / newton_scales([name], LEVER_MM)[0]
         return ca.vertcat(*(rows[name] for name in targets))
+
+    def report(self, value: Callable[[ca.MX], Any]) -> str:
+        """What a solution is worth, a line for each finding: how far off the loads are that `misfit` was asked for,
+        which frames lie on a bound of the learned range, are not valid, or have no contact.
+
+        value: of an expression at the solution, such as ``solution.value`` of an Opti.
+        """
+        lines = []
+        for name, error in self._errors.items():
+            off, unit = np.abs(np.ravel(value(error))), quantity(name).kind.unit
+            lines.append(
+                f"{name} is off by {np.sqrt((off**2).mean()):.2g} {unit} (RMS), {off.max():.2g} in frame {off.argmax()}"
+            )
+        pose, roots = (np.reshape(value(of), (-1, self.frames), order="F") for of in (self.pose, self.roots))
+        q = np.ravel(value(self.q), order="F")
+        near = 1e-6 * (1.0 + np.abs(q))
+        bound = ((q <= self.lower + near) | (q >= self.upper - near)).reshape(self.frames, -1).T
+        found: dict[str, Any] = {
+            f"{name} is on the bound of what was learned": on for name, on in zip(self.free, bound, strict=True)
+        }
+        model: Any = self.model
+        if getattr(model, "confidence", None) is not None:
+            found["validity is below 1/2"] = np.less(model.validity(pose.T), 0.5)
+        found["there is no contact"] = (roots <= 0.0).all(axis=0)
+        for finding, rows in found.items():
+            if rows.any():
+                lines.append(f"{finding} in {rows.sum()} of {self.frames} frames, first in {rows.argmax()}")
+        return "\n".join(lines)
 
     def start_poses(self, targets: Mapping[str, ArrayLike] | None = None, poses: ArrayLike | None = None) -> Array:
         """Poses (n, 6) in the learned range and in contact, to begin from: settled from given ones (n, 6) or (6,), the

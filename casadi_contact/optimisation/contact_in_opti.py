@@ -74,6 +74,10 @@ class ContactInOpti(ContactFrames):
         """Poses (n, 6) of a solution, or of ``opti.debug``."""
         return np.asarray(ca.DM(solution.value(self.pose))).reshape(6, self.frames).T
 
+    def report(self, solution: ca.OptiSol) -> str:  # type: ignore[override]
+        """What a solution is worth, see `ContactFrames.report`; print it."""
+        return super().report(solution.value)
+
     @staticmethod
     def options(**ipopt: Any) -> dict[str, Any]:
         """Options for ``opti.solver("ipopt", ...)`` (`ipopt_options`); bounds reach IPOPT as bounds, so that it never

@@ -45,6 +45,29 @@ def test_every_start_lifted_off_or_pressed_too_deep_ends_with_the_forces_and_the
         np.testing.assert_allclose([got["Tz"] / fy, -got["Tx"] / fy], [3.0, 1.0], atol=1e-4)
 
 
+def test_a_report_names_what_a_solver_calls_solved(knee):
+    """A lateral load that no pose in the learned range carries, a frame out of contact."""
+    opti = ca.Opti()
+    contact = cc.ContactInOpti(opti, knee, 2, locked=LOCKED)
+    opti.minimize(ca.sumsqr(contact.misfit(FORCES | {"cop_ap_mm": 100.0})))
+    opti.solver("ipopt", contact.options())
+    solution = opti.solve()
+    poses, report = contact.poses(solution), contact.report(solution)
+    got = values(knee, poses)
+    off = np.abs(got["Tz"] / (got["Fy_med"] + got["Fy_lat"]) - 100.0)
+    assert (
+        f"cop_ap_mm is off by {np.sqrt((off**2).mean()):.2g} mm (RMS), {off.max():.2g} in frame {off.argmax()}"
+        in report
+    )
+    assert "tx is on the bound of what was learned in 2 of 2 frames" in report
+    assert ("validity is below 1/2 in 2 of 2" in report) == (knee.validity(poses) < 0.5).all()
+    assert "no contact" not in report
+    lifted = cc.ContactFrames(knee, 2, locked=LOCKED)
+    at = lifted.variables(poses + 3.0 * np.eye(6)[1])
+    said = lifted.report(lambda of: np.asarray(ca.Function("value", [lifted.q], [of])(at.reshape(2, -1).T)))
+    assert "there is no contact" in said
+
+
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=needs_compiler)])
 def test_a_bounded_solution_follows_its_wanted_load_by_the_inverse_of_the_stiffness(knee, compiled):
     """To CasADi bounds with a multiplier are active, and IPOPT leaves one on each: see docs/how-to/optimisation.md."""
