@@ -4,7 +4,6 @@ import multiprocessing
 import os
 import signal
 import time
-from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -60,8 +59,7 @@ class Killer:
 
 
 def test_killed_workers_do_not_change_a_sample(cluster, tmp_path):
-    with ThreadPoolExecutor(1) as executor:
-        draw(tmp_path / "here.h5", executor)
+    draw(tmp_path / "here.h5")
     killer = Killer(cluster.scheduler_address, 3)
     with killer.client, cluster_workers(cluster.scheduler_address) as executor:
         draw(tmp_path / "there.h5", executor, progress=killer)

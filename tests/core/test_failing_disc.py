@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 import tempfile
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -71,9 +70,8 @@ def test_what_was_there_stays_and_nothing_half_written_is_left(failed):
 
 def test_drawing_and_fitting_go_on_afterwards_bit_by_bit(failed, tmp_path):
     folder, _, _ = failed
-    with ThreadPoolExecutor(1) as executor:
-        draw(folder / "drawn.h5", executor)
-        draw(tmp_path / "whole.h5", executor)
+    draw(folder / "drawn.h5")
+    draw(tmp_path / "whole.h5")
     assert (folder / "drawn.h5").read_bytes() == (tmp_path / "whole.h5").read_bytes()
     assert len(read_samples(folder / "drawn.h5"))
     resumed, whole = fit(smooth(), FIXED, folder / "fit.npz"), fit(smooth(), FIXED)

@@ -31,16 +31,12 @@ def knee():
     return cc.load_assembly("knee_with_patella", contact)
 
 
-def at_flexion(knee, degrees, poses):
-    poses = poses.copy()
-    poses[0, 5] = -np.deg2rad(degrees)
-    return Settling(knee, FREE)(poses, PRESSED, [QUADRICEPS_N])
-
-
 @pytest.fixture(scope="module")
 def held(knee):
     """In equilibrium at 20 degrees of flexion."""
-    found = at_flexion(knee, 20.0, knee.start_poses())
+    poses = knee.start_poses()
+    poses[0, 5] = -np.deg2rad(20.0)
+    found = Settling(knee, FREE)(poses, PRESSED, [QUADRICEPS_N])
     assert found.converged, found
     return found.poses
 

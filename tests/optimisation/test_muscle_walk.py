@@ -82,12 +82,6 @@ def test_a_fault_in_a_file_is_named(files, which, old, new, word):
         read_walk(**files)
 
 
-def scaled(field, factor, *names):
-    """The walk with a table, or the curves of some coordinates, times a factor."""
-    value = getattr(WALK, field)
-    return replace(WALK, **{field: {**value, **{n: factor * value[n] for n in names}} if names else factor * value})
-
-
 @pytest.mark.parametrize(
     ("field", "factor", "names", "word"),
     [
@@ -101,5 +95,7 @@ def scaled(field, factor, *names):
     ],
 )
 def test_units_and_signs_that_no_knee_has_are_refused(field, factor, names, word):
+    value = getattr(WALK, field)
+    changed = {**value, **{n: factor * value[n] for n in names}} if names else factor * value
     with pytest.raises(ValueError, match=word):
-        scaled(field, factor, *names)
+        replace(WALK, **{field: changed})

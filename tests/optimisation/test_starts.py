@@ -15,31 +15,28 @@ FREE = ("tx", "ty", "tz", "rx")
 DOWN_N = 1000.0
 
 
+def pressed(knee, down_n, tx_nmm=0.0):
+    """Loads (2,) [N] of both sides of a knee that begins under a force and a torque."""
+    rest, loads = middle_pose(knee)[None], np.array([[0.0, -down_n, 0.0, tx_nmm, 0.0, 0.0]])
+    return -knee(press_together(knee, rest, rest, loads, FREE), SIDES)[0]
+
+
 @pytest.mark.parametrize("tx_nmm", [-90_000.0, 90_000.0], ids=["beyond one condyle", "beyond the other"])
 @pytest.mark.parametrize("down_n", [DOWN_N, 30.0])
 def test_a_force_beyond_both_condyles_leaves_each_side_its_least_force(knee, tx_nmm, down_n):
-    loads = np.array([[0.0, -down_n, 0.0, tx_nmm, 0.0, 0.0]])
-    rest = middle_pose(knee)[None]
-    (got,) = -knee(press_together(knee, rest, rest, loads, FREE), SIDES)
     least_n = min(20.0, 0.5 * down_n)
-    np.testing.assert_allclose(np.sort(got), [least_n, down_n - least_n], atol=2.0)
+    np.testing.assert_allclose(np.sort(pressed(knee, down_n, tx_nmm)), [least_n, down_n - least_n], atol=2.0)
 
 
 @pytest.mark.parametrize("down_n", [0.1, 1.0, 2.0])
 def test_both_sides_touch_however_light_the_load(knee, down_n):
     """Out of contact a load in newtons has no slope, and an optimiser that begins there stays."""
-    loads = np.array([[0.0, -down_n, 0.0, 0.0, 0.0, 0.0]])
-    rest = middle_pose(knee)[None]
-    (got,) = -knee(press_together(knee, rest, rest, loads, FREE), SIDES)
-    assert (got > 0.0).all()
+    assert (pressed(knee, down_n) > 0.0).all()
 
 
 def test_a_force_between_the_condyles_is_shared_by_its_place(knee):
     medial, lateral = knee.scene.anchors_mm[:, 2]
-    place_mm = 0.7 * medial + 0.3 * lateral
-    loads = np.array([[0.0, -DOWN_N, 0.0, place_mm * DOWN_N, 0.0, 0.0]])
-    rest = middle_pose(knee)[None]
-    (got,) = -knee(press_together(knee, rest, rest, loads, FREE), SIDES)
+    got = pressed(knee, DOWN_N, (0.7 * medial + 0.3 * lateral) * DOWN_N)
     np.testing.assert_allclose(got, [0.7 * DOWN_N, 0.3 * DOWN_N], atol=2.0)
 
 

@@ -16,11 +16,6 @@ def punch():
     return cc.ElasticFoundation(cc.load_scene("punch_on_plane", area=SIDE_MM**2), (20, 20))
 
 
-def stiffness(scene):
-    """K/h [MPa/mm]."""
-    return layer_modulus(scene.material) / scene.material.thickness
-
-
 def test_pressure_that_grows_evenly_along_a_step_wears_as_its_mean(punch):
     """h = k·∮ p ds with p = (K/h)·d and d linear in s, over steps of 1, 2 and 3 mm; every element alike."""
     x_mm, depth_mm = np.array([0.0, 1.0, 3.0, 0.0]), np.array([0.05, 0.1, 0.2, 0.05])
@@ -28,7 +23,8 @@ def test_pressure_that_grows_evenly_along_a_step_wears_as_its_mean(punch):
     poses[:, 0], poses[:, 1] = x_mm[:3], -depth_mm[:3]
     (found,) = wear.archard_wear(punch, poses, wear_factor=2e-7)
     work = np.abs(np.diff(x_mm)) @ (0.5 * (depth_mm[1:] + depth_mm[:-1]))
-    np.testing.assert_allclose(found.depth_mm, 2e-7 * 1e-3 * stiffness(punch.scene) * work, rtol=1e-9)
+    stiffness = layer_modulus(punch.scene.material) / punch.scene.material.thickness  # K/h [MPa/mm]
+    np.testing.assert_allclose(found.depth_mm, 2e-7 * 1e-3 * stiffness * work, rtol=1e-9)
     np.testing.assert_allclose(found.sliding_mm, 6.0, rtol=1e-12)
     assert found.volume_mm3 == pytest.approx(found.depth_mm[0] * SIDE_MM**2, rel=1e-9)
 

@@ -62,10 +62,6 @@ def test_half_written_files_do_no_harm_and_a_damaged_record_is_refused(stopped, 
     assert [path.name for path in stopped.parent.iterdir()] == ["samples.h5"]
 
 
-def other_models(scene, settings):
-    return two_spheres.models(scene, settings)
-
-
 def begun_with_other_things():
     moved = ReferenceMotion(sphere_motion().point, sphere_motion().curves, sphere_motion().poses + 1e-9)
     return {
@@ -73,7 +69,7 @@ def begun_with_other_things():
         "liftoff_mm = 2.0, now 1.0": {"settings": replace(SETTINGS, liftoff_mm=1.0)},
         "another scene": {"scene": knee().with_overrides(frontal_radius=23.0)},
         "another reference motion": {"motion": moved},
-        "models = tests.support.two_spheres.models": {"models": other_models},
+        "models = tests.support.two_spheres.models": {"models": lambda *given: two_spheres.models(*given)},
     }
 
 

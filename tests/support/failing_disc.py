@@ -10,7 +10,6 @@ import os
 import sys
 import tempfile
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -38,11 +37,6 @@ FRONT = Path(cc.__file__).parent / "workflow" / "benchmark" / "ready" / "knee.cs
 LIMIT = 900  # bytes a file may have, as on a disc that is all but full
 
 
-def drawn(path: Path) -> None:
-    with ThreadPoolExecutor(1) as executor:
-        draw(path, executor)
-
-
 def _picture() -> Figure:
     figure = Figure()
     figure.subplots().plot(POSES)
@@ -55,7 +49,7 @@ def writers() -> dict[str, Callable[[Path], object]]:
     front = read_front(FRONT)
     return {
         "samples.h5": lambda path: write_samples(path, samples),
-        "drawn.h5": drawn,
+        "drawn.h5": draw,
         "surrogate.h5": surrogate.save,
         "fit.npz": lambda path: fit(smooth(), FIXED, path),
         "motion.npz": lambda path: write_npz(path, poses=POSES),

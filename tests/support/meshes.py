@@ -212,6 +212,4 @@ def write_corner(folder: Path) -> Path:
 
 def force_n(overlap_mm: float) -> float:
     """π·K/h·d²·(R - d/3): a ball on a plane, depth along the plane's normal."""
-    nu = ELASTIC["poissons_ratio"]
-    modulus = (1.0 - nu) * ELASTIC["youngs_modulus"] / ((1.0 + nu) * (1.0 - 2.0 * nu))
-    return float(np.pi * modulus / ELASTIC["thickness"] * overlap_mm**2 * (RADIUS_MM - overlap_mm / 3.0))
+    return float(np.pi * STIFFNESS * overlap_mm**2 * (RADIUS_MM - overlap_mm / 3.0))

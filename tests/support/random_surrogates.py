@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import replace
 from itertools import pairwise
 
@@ -18,8 +17,6 @@ from casadi_contact.surrogate.load import STRUCTURES
 
 POSE_CENTRE = np.array([0.0, 27.0, 0.0, 0.0, 0.0, -0.5])
 POSE_SPREAD = np.array([6.0, 0.4, 3.0, 0.05, 0.1, 0.6])
-
-
 IN_PARTS = "knee in parts"
 
 
@@ -31,10 +28,8 @@ def scene_called(name: str) -> Scene:
     medial, lateral = knee.parts
     cut = []
     for k in (1, 2, 3):
-        anchor, normal = (
-            medial.anchor_mm + np.array([0.0, 0.0, 6.0 * (k - 2)]),
-            replace(medial.normal, patch=f"med_{k}"),
-        )
+        anchor = medial.anchor_mm + np.array([0.0, 0.0, 6.0 * (k - 2)])
+        normal = replace(medial.normal, patch=f"med_{k}")
         cut.append(replace(medial, name=f"med_{k}", anchor_mm=anchor, normal=normal))
     return replace(knee, parts=(*cut, lateral))
 
@@ -76,7 +71,7 @@ def random_confidence(patches: int, loads: int, *, root_size: float = 1.0) -> Co
     sizes = (3 + patches, 7, 5, 1 + loads)
     whitening = np.sqrt(3.0) * np.diag(1.0 / POSE_SPREAD)
     whitening[1, 0] = 0.1  # as of a parameter that is tied to another
-    layers = [(0.5 * rng.normal(size=(m, n)), 0.1 * rng.normal(size=m)) for n, m in itertools.pairwise(sizes)]
+    layers = [(0.5 * rng.normal(size=(m, n)), 0.1 * rng.normal(size=m)) for n, m in pairwise(sizes)]
     layers[-1][1][0] -= 1.0  # some poses are valid
     network = Network(
         np.r_[POSE_CENTRE[[0, 2, 4]], np.zeros(patches)],

@@ -12,13 +12,9 @@ CENTRE = np.array([0.0, 29.9, 0.0, 0.0, 0.1, -0.2])
 SPREAD = np.array([4.0, 0.05, 3.0, 0.1, 0.2, 0.4])
 
 
-def scaled(poses):
-    return (poses - CENTRE) / SPREAD
-
-
 def smooth_wrenches(poses):
     """Pressing everywhere (Fy from -1500 to -500 N), the other components of either sign."""
-    u = scaled(poses)
+    u = (poses - CENTRE) / SPREAD
     wrenches = np.zeros((len(poses), 1, 6))
     wrenches[:, 0, 1] = -1000.0 + 300.0 * np.sin(u[:, 1]) * np.cos(0.5 * u[:, 0]) + 100.0 * u[:, 2] * u[:, 5] / 2.0
     wrenches[:, 0, 0] = 40.0 * np.sin(u[:, 0]) + 20.0 * u[:, 3]
