@@ -65,12 +65,7 @@ BODY = "time\ta\n0\t1\n0.5\t-2\n"
 @pytest.mark.parametrize(
     ("text", "ending", "name", "in_degrees"),
     [
-        (
-            "Coordinates\nversion=1\nUnits are S.I.\nnrows=2\nnColumns = 2\n\ninDegrees=no\nendheader\n" + BODY,
-            "mot",
-            "Coordinates",
-            False,
-        ),
+        ("walk\nversion=1\nnrows=2\nnColumns = 2\n\ninDegrees=no\nendheader\n" + BODY, "mot", "walk", False),
         ("name walk\ndatacolumns 2\ndatarows 2\nrange 0 1\nendheader\n" + BODY, "mot", "name walk", True),
         ("name walk\ndatacolumns 2\ndatarows 2\nendheader\n" + BODY, "sto", "name walk", None),
         ("version=3\nendheader\n time  a \n 0 1\n.5 -2 \n\n", "mot", "", None),

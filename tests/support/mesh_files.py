@@ -12,11 +12,6 @@ def v(point):
     return "v {:.9f} {:.9f} {:.9f}\n".format(*point)
 
 
-def obj_each_with_its_own(vertices, faces):
-    """As streaming exporters write it: three vertices and their triangle, again and again."""
-    return "".join("".join(v(p) for p in vertices[face]) + "vn 0 1 0\nf -3//-1 -2//-1 -1//-1\n" for face in faces)
-
-
 def obj_of_both_kinds(vertices, faces):
     """Vertices come in two lots; faces are broken over two lines and mix both ways of naming a vertex."""
     half = len(vertices) // 2
