@@ -10,14 +10,10 @@ _NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable
 _PATIENCE_S = 120.0  # a page that never gets there fails; a busy machine does not
 
 
-def _executable():
-    return next((found for name in _NAMES if (found := shutil.which(name))), None)
-
-
 def require_browser():
     """Skip without Chromium or playwright; else playwright's module and Chromium's path. Ask before a page is built."""
     api = pytest.importorskip("playwright.sync_api", reason="no playwright: pip install casadi_contact[test]")
-    executable = _executable()
+    executable = next((found for name in _NAMES if (found := shutil.which(name))), None)
     if executable is None:
         pytest.skip("no Chromium on the path")
     return api, executable

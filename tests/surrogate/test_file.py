@@ -52,23 +52,13 @@ def test_every_number_of_the_confidence_survives(tmp_path):
         np.testing.assert_array_equal(a, b)
 
 
-def test_damaged_files_are_refused(saved):
-    whole = saved.read_bytes()
-    for size in (0, len(whole) // 2):
-        saved.write_bytes(whole[:size])
-        with pytest.raises(ValueError, match=r"knee\.h5 is damaged"):
-            load_surrogate(saved)
-    saved.write_bytes(whole)
-    changed = bytearray(whole)
-    changed[len(whole) // 2] ^= 1
-    saved.write_bytes(changed)
-    with pytest.raises(ValueError, match="digest"):
-        load_surrogate(saved)
-    saved.write_bytes(whole)
+def test_a_file_that_lacks_an_array_or_all_is_refused(saved):
     with resealed(saved) as file:
         del file["networks/root_med/weight_0"]
-    with pytest.raises(ValueError, match="is damaged"):
-        load_surrogate(saved)
+    for content in (saved.read_bytes(), b""):
+        saved.write_bytes(content)
+        with pytest.raises(ValueError, match=r"knee\.h5 is damaged"):
+            load_surrogate(saved)
 
 
 @pytest.mark.parametrize("other", [FORMAT - 1, FORMAT + 1])
