@@ -153,6 +153,13 @@ def test_a_fine_field_is_exact_at_a_thin_shell_and_beside_it():
     assert off[0.17] < 2e-3 < 8e-3 < off[0.4]
 
 
+def test_triangles_that_are_halved_stay_joined_and_keep_their_area():
+    mesh, plain = checked_mesh("t", *TETRAHEDRON).subdivided(1.5), checked_mesh("t", *TETRAHEDRON)
+    assert np.linalg.norm(mesh.corners_mm - np.roll(mesh.corners_mm, 1, axis=1), axis=2).max() <= 1.5
+    assert len(mesh.boundary_edges) == 0
+    assert mesh.areas_mm2.sum() == pytest.approx(plain.areas_mm2.sum())
+
+
 def test_a_field_too_fine_for_memory_is_refused():
     with pytest.raises(ValueError, match="choose a larger spacing"):
         build_field(checked_mesh("t", *TETRAHEDRON), 0.01)
