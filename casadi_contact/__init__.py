@@ -37,6 +37,7 @@ __all__ = [
     "relax",
     "sensitive_directions",
     "settle",
+    "settled_function",
     "verify",
 ]
 
@@ -62,6 +63,7 @@ if TYPE_CHECKING:
     from casadi_contact.optimisation.contact_in_opti import ContactInOpti
     from casadi_contact.optimisation.muscle_contact import MuscleContact
     from casadi_contact.optimisation.pose_estimation import PoseEstimation
+    from casadi_contact.optimisation.settled_function import settled_function
     from casadi_contact.optimisation.static_equilibrium import StaticEquilibrium
     from casadi_contact.optimisation.verification import verify
     from casadi_contact.scenes.loading import load_scene
@@ -98,6 +100,7 @@ else:
         "relax": "contact.relax",
         "sensitive_directions": "contact.model_checks",
         "settle": "contact.settle",
+        "settled_function": "optimisation.settled_function",
         "verify": "optimisation.verification",
     }
 

@@ -191,6 +191,10 @@ class ContactFrames:
             raise ValueError(f"got {len(given)} poses, expected one, or one for each of {self.frames} frames")
         return np.tile(given, (self.frames // len(given), 1))
 
+    def scale(self, name: str) -> float:
+        """Size [mm, rad] of a free pose parameter, by which its variable is divided."""
+        return float(self._scales[self.free.index(name)])
+
     def variables(self, poses: Array) -> Array:
         """Values (f·n,) of ``vec(q)`` at poses (n, 6), brought into the bounds."""
         return np.clip((poses[:, self.columns] / self._scales).ravel(), self.lower, self.upper)

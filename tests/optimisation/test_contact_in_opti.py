@@ -212,3 +212,35 @@ def test_wrong_wishes_starts_and_frames_are_refused(knee, method, given, said):
     frames, contact = cc.ContactFrames(knee, 2, locked=LOCKED), partial(cc.ContactInOpti, ca.Opti(), knee)
     with pytest.raises(ValueError, match=said):
         getattr(frames, method)(given) if method else contact(**given)
+
+
+@needs_compiler
+@pytest.mark.parametrize("name", ["knee", "planar"])
+def test_a_settled_pose_follows_its_loads_to_second_order(request, name):
+    """Loads are carried from 1.5 mm too deep to 5 mm off; derivatives are those of differences."""
+    model = request.getfixturevalue(name)
+    free, forces = (("ty", "rx"), FORCES) if name == "knee" else (("ty",), {"Fy": -600.0})
+    settled, target = cc.settled_function(model, free, tuple(forces)), np.array(list(forces.values()))
+    start = cc.ContactFrames(model, 1, locked={"rz": -0.5}).start_poses(forces)[0]
+    for lift in (-1.5, 0.0, 5.0):
+        pose = np.ravel(settled(target, start + lift * np.eye(6)[1]))
+        got = values(model, pose[None])
+        np.testing.assert_allclose([got[load][0] for load in forces], target, atol=1e-5)
+        np.testing.assert_array_equal(pose[[0, 2, 4, 5]], start[[0, 2, 4, 5]])
+    t, step = ca.MX.sym("t", len(target)), 1e-2
+    total = ca.sumsqr(settled(t, start)[[POSE_NAMES.index(of) for of in free]])
+    orders = ca.Function("orders", [t], [total, ca.gradient(total, t), ca.hessian(total, t)[0]])
+    moves = step * np.eye(len(target))
+    for order in (0, 1):
+        ends = [(np.ravel(orders(target + m)[order]), np.ravel(orders(target - m)[order])) for m in moves]
+        differences = np.squeeze([(a - b) / (2.0 * step) for a, b in ends])
+        np.testing.assert_allclose(np.squeeze(orders(target)[order + 1]), differences, rtol=1e-3, atol=1e-10)
+
+
+def test_a_pose_that_newton_s_method_does_not_find_is_no_number(knee):
+    settled = cc.settled_function(knee, ("tx", "ty", "tz", "rx"), tuple(FORCES | CENTRE))
+    start = cc.ContactFrames(knee, 1, locked=LOCKED).start_poses(FORCES)[0]
+    assert np.isfinite(np.ravel(settled(list((FORCES | CENTRE).values()), start))).all()
+    assert np.isnan(np.ravel(settled([-600.0, -400.0, 3.0, 1.0], start + 3.0 * np.eye(6)[1]))).any()
+    with pytest.raises(ValueError, match="as many"):
+        cc.settled_function(knee, ("ty",))
