@@ -8,7 +8,6 @@ import csv
 import h5py
 import numpy as np
 
-import casadi_contact as cc
 from casadi_contact.core.conventions import POSE_NAMES, WRENCH_NAMES
 from casadi_contact.scenes.scene import Scene
 
@@ -69,12 +68,6 @@ def wrenches(poses):
 
 def gaps(poses):
     return CLEARANCE_MM - _displacement(poses)[1][:, None]
-
-
-def models(scene, settings):
-    """A pair of models for draw_samples, importable by worker processes."""
-    model = cc.CallableModel(scene, wrenches, gaps)
-    return model, model
 
 
 def table_rows(count=1200):
