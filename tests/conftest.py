@@ -3,11 +3,10 @@
 import os
 from functools import partial
 
-for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
     os.environ.setdefault(variable, "1")  # read when NumPy and torch are first imported
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # else every command that a test starts compiles all its modules
 
-import numba  # noqa: E402
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
@@ -19,11 +18,6 @@ from tests.support.compiler import QUICK, flags_of_the_library  # noqa: E402
 # The same examples every time, however long the machine takes for one.
 settings.register_profile("reproducible", derandomize=True, deadline=None)
 settings.load_profile("reproducible")
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _one_thread():
-    numba.set_num_threads(1)
 
 
 @pytest.fixture(scope="session", autouse=True)

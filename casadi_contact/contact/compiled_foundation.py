@@ -18,8 +18,9 @@ from casadi_contact.contact.foundation_source import C_FOLDER, C_LAWS, kernel_so
 from casadi_contact.contact.model import PatchLoads, WrenchLoads, signed_roots, with_loads
 from casadi_contact.contact.pressures import MOMENTS, PressureOutputs
 from casadi_contact.contact.symbolic import SymbolicContact, check_parameters, model_callback, parametric_function
-from casadi_contact.core.compiler import CompilerError, call_in_shares, shared_library, warn_once
+from casadi_contact.core.compiler import CompilerError, shared_library, warn_once
 from casadi_contact.core.conventions import Array, batched, rotation, twist_to_pose_gradient, wrench_names
+from casadi_contact.core.threads import call_in_shares
 from casadi_contact.networks.functions import as_weights, checked_batch, hessian_function, weighted_hessians
 from casadi_contact.networks.kernel.source import ExportedModel, c_text, external_function, roots_source
 from casadi_contact.networks.names import c_name, check_name, name_of_wrenches

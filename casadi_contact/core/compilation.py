@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import multiprocessing
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -46,18 +46,6 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
         return dispatcher
 
     return compiled
-
-
-@contextmanager
-def threads_for(poses: int, *, poses_of_a_thread: int = 8) -> Iterator[None]:
-    """As many of numba's threads as so many poses are worth. Threads wait for each other: where other programs keep the
-    cores busy, one pose takes 40 times as long on two threads as on one."""
-    threads = numba.get_num_threads()
-    numba.set_num_threads(max(1, min(threads, poses // poses_of_a_thread)))
-    try:
-        yield
-    finally:
-        numba.set_num_threads(threads)
 
 
 def announce(what: str, folder: Path) -> None:

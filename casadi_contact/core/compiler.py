@@ -23,17 +23,13 @@ import sys
 import tempfile
 import warnings
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-import numba
-import numpy as np
 import platformdirs
 
 from casadi_contact.core.compilation import announce
-from casadi_contact.core.conventions import Array
 from casadi_contact.core.files.reading import sha256_of, short
 
 FLAGS = ("-std=gnu99", "-O3", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
@@ -225,49 +221,6 @@ def _process_folder() -> Path:
     folder = tempfile.mkdtemp(prefix="casadi_contact-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder)
-
-
-@cache
-def loaded(path: Path) -> ctypes.CDLL:
-    """The shared library, loaded once: objects keep its path, so that they can be sent to other processes."""
-    return ctypes.CDLL(str(path))
-
-
-def call_in_shares(
-    library: Path,
-    function: str,
-    poses: Array,
-    *arrays: np.ndarray | None,
-    constants: Sequence[np.ndarray] = (),
-    poses_of_a_thread: int = 256,
-    shares_of_a_thread: int = 8,
-    multiple: int = 64,
-) -> None:
-    """Call function(n, poses, *arrays, *constants) of a library on shares of the rows, on as many threads as numba has.
-
-    Every array has a row for each pose; None is passed on as 0. Constants are passed on whole. Another thread starts
-    from poses_of_a_thread on. Threads take several shares, so that fast ones take over; a share is a multiple of the
-    lanes of a kernel.
-    """
-    entry = getattr(loaded(library), function)
-    threads = max(1, min(numba.get_num_threads(), len(poses) // poses_of_a_thread))
-    count = shares_of_a_thread * threads
-    size = len(poses) if threads == 1 else -(-len(poses) // (count * multiple)) * multiple
-
-    whole = [constant.ctypes.data_as(ctypes.c_void_p) for constant in constants]
-
-    def one(start: int) -> None:
-        part = slice(start, start + size)
-        pointers = [None if a is None else a[part].ctypes.data_as(ctypes.c_void_p) for a in (poses, *arrays)]
-        entry(ctypes.c_longlong(len(poses[part])), *pointers, *whole)
-
-    starts = range(0, len(poses), max(size, 1))
-    if threads == 1:
-        for start in starts:
-            one(start)
-        return
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(one, starts))
 
 
 @cache

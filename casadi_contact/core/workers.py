@@ -17,6 +17,7 @@ from loky import ProcessPoolExecutor, cpu_count
 from casadi_contact import __version__
 from casadi_contact.core.files.reading import MOST_TEXT, checked_size, existing_file
 from casadi_contact.core.machine import blas_environment
+from casadi_contact.core.threads import at_most_threads
 
 
 class _OwnPool(ProcessPoolExecutor):  # type: ignore[misc]
@@ -34,12 +35,10 @@ class _OwnPool(ProcessPoolExecutor):  # type: ignore[misc]
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """numba and BLAS on one thread, where all cores are in use already, or where times are compared."""
+    """our loops and BLAS on one thread, where all cores are in use already, or where times are compared."""
     from threadpoolctl import threadpool_limits
 
-    from casadi_contact.core.compilation import threads_for
-
-    with threads_for(1), threadpool_limits(1):
+    with at_most_threads(1), threadpool_limits(1):
         yield
 
 
@@ -47,7 +46,7 @@ def one_thread() -> Iterator[None]:
 def worker_pool(executor: Executor | None = None) -> Iterator[Executor]:
     """The caller's executor, left open, or one process of our own per core that this process may use.
 
-    Our own processes are started afresh, not forked (a fork of a process whose OpenMP threads have run is unsafe), and
+    Our own processes are started afresh, not forked (a fork of a process whose threads hold locks is unsafe), and
     do not run the user's script again, which so needs no ``if __name__ == "__main__"``. They end at once where the
     block is left by an exception, Ctrl-C included, and when this process is killed. Raises ChildProcessError in one
     line where a worker was killed.

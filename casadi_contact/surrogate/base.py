@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 
 import casadi as ca
-import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.core.conventions import POSE_NAMES, Array, batched, pose_index
+from casadi_contact.core.threads import thread_count
 from casadi_contact.networks.functions import as_weights, hessian_function, weighted_hessians
 from casadi_contact.networks.network import Network, Regression
 from casadi_contact.scenes.scene import Scene
@@ -276,7 +276,7 @@ def map_in_chunks(function: Callable[[Array], _Arrays], poses: Array) -> _Arrays
     if len(poses) <= _ROWS:
         return function(poses)
     blocks = [poses[first : first + _ROWS] for first in range(0, len(poses), _ROWS)]
-    with ThreadPoolExecutor(numba.get_num_threads()) as pool:
+    with ThreadPoolExecutor(thread_count()) as pool:
         found = list(pool.map(function, blocks))
     if isinstance(found[0], tuple):
         return cast(_Arrays, tuple(np.concatenate(parts) for parts in zip(*found, strict=True)))

@@ -14,8 +14,9 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from casadi_contact.core.compiler import CompilerError, call_in_shares, shared_library, warn_once
+from casadi_contact.core.compiler import CompilerError, shared_library, warn_once
 from casadi_contact.core.conventions import Array
+from casadi_contact.core.threads import call_in_shares
 from casadi_contact.networks.kernel.networks import filled_up
 from casadi_contact.networks.kernel.source import Kernel, c_text, external_function, roots_source, table
 from casadi_contact.surrogate.confidence import SURE, Confidence

@@ -1,14 +1,16 @@
 """The first evaluation says what it waits for, a second process waits for nothing, and threads for no others."""
 
+import multiprocessing
 import os
 import subprocess
 import sys
 from pathlib import Path
 
-import numba
+import numpy as np
 import pytest
 
-from casadi_contact.core.compilation import threads_for
+import casadi_contact as cc
+from casadi_contact.core.threads import at_most_threads, in_shares
 
 ROOT = Path(__file__).parents[2]
 # A module of the package with a loop that compiles in no time.
@@ -42,12 +44,20 @@ def test_a_compilation_is_announced_once_with_its_folder_and_only_where_there_is
     assert second.stderr == ""
 
 
-def test_threads_that_have_no_work_do_not_make_others_wait():
-    threads = numba.get_num_threads()
-    with threads_for(1):
-        assert numba.get_num_threads() == 1
-    with threads_for(1_000_000):
-        assert numba.get_num_threads() == threads
-    with pytest.raises(ValueError, match="of the work"), threads_for(0):
-        raise ValueError("of the work")
-    assert numba.get_num_threads() == threads
+def test_rows_are_shared_among_threads_that_have_work_and_come_back_in_order():
+    rows = np.arange(1000)
+    with at_most_threads(3):
+        parts = in_shares(1000, lambda part: rows[part], rows_of_a_thread=300, multiple=7)
+        assert len(in_shares(599, lambda part: rows[part], rows_of_a_thread=300)) == 1, "one thread has enough"
+    np.testing.assert_array_equal(np.concatenate(parts), rows)
+    assert {len(part) for part in parts[:-1]} == {42}
+    assert len(in_shares(1000, lambda part: rows[part])) == 1, "tests run on one thread"
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_process_that_is_forked_after_use_evaluates_too():
+    model, poses = cc.ElasticFoundation(cc.load_scene("sphere_on_plane"), (20, 20), compiled=False), np.zeros((40, 6))
+    with at_most_threads(2):
+        gaps = model.gaps(poses)
+        with multiprocessing.get_context("fork").Pool(1) as pool:
+            np.testing.assert_array_equal(pool.apply_async(model.gaps, (poses,)).get(60.0), gaps)

@@ -3,11 +3,11 @@
 import pickle
 from dataclasses import replace
 
-import numba
 import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.core.threads import at_most_threads
 from casadi_contact.surrogate.kernel import BATCH_FROM
 from tests.support.agreement import close
 from tests.support.compiler import needs_compiler
@@ -63,13 +63,9 @@ def test_results_do_not_depend_on_how_many_poses_and_cores_there_are():
 
     few = poses[: BATCH_FROM - 1]
     np.testing.assert_array_equal(kernel(few), plain(few), "few stay with NumPy")
-    alone, threads = all_of(shorter), numba.get_num_threads()
-    numba.set_num_threads(numba.config.NUMBA_NUM_THREADS)
-    try:
+    with at_most_threads(2):
         together = all_of(poses)
-    finally:
-        numba.set_num_threads(threads)
-    for a, b in zip(together, alone, strict=True):
+    for a, b in zip(together, all_of(shorter), strict=True):
         np.testing.assert_array_equal(a[: len(shorter)], b)
 
 

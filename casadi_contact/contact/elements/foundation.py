@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
-from functools import cached_property
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property, partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,9 +15,9 @@ from casadi_contact.contact.foundation_source import C_FOLDER, C_LAWS, law_sourc
 from casadi_contact.contact.model import WrenchLoads
 from casadi_contact.contact.pressure_law import law_of, pressures
 from casadi_contact.contact.pressures import PressureMap, PressureSummary
-from casadi_contact.core.compilation import threads_for
-from casadi_contact.core.compiler import CompilerError, call_in_shares, shared_library
+from casadi_contact.core.compiler import CompilerError, shared_library
 from casadi_contact.core.conventions import Array, as_poses, batched, rotation, twist_to_pose_gradient
+from casadi_contact.core.threads import call_in_shares, in_shares
 from casadi_contact.geometry.creases import beside_creases, creases
 from casadi_contact.geometry.elements import BLOCK_SIDE, ElementGrid
 from casadi_contact.geometry.moving_surface import SWEPT_ARCS, MovingSurface
@@ -99,8 +99,8 @@ class PatchElements(NamedTuple):
         """Wrenches (n, 6) and, if asked, d wrench / d twist (n, 6, 6)."""
         if self.library is None:
             s = self.surface
-            with threads_for(len(rotations)):
-                return wrench_many(s.family, s.parameters, self.elements, *law, rotations, translations, derivatives)
+            loop = partial(wrench_many, s.family, s.parameters, self.elements, *law, derivatives)
+            return _of_shares(loop, rotations, translations)
         wrenches = np.empty((len(translations), 6))
         stiffness = np.empty((len(translations), 6, 6)) if derivatives else None
         arrays = (np.ascontiguousarray(rotations), translations, wrenches, stiffness)
@@ -112,7 +112,7 @@ class ElasticFoundation(WrenchLoads):
     """A bed of independent springs on the fixed body, pressed by the rigid moving body.
 
     The wrench of a patch on the fixed body is Σ -p(d_i)·A_i·(n_i, c_i × n_i) over its elements, with d_i the depth
-    along the element's normal. Poses run in parallel over numba's threads. Each method takes poses (n, 6), or one pose
+    along the element's normal. Poses run side by side on threads. Each method takes poses (n, 6), or one pose
     (6,): its arrays then come without their first axis.
 
     grid: elements per patch (nx, nz), the scene's fine grid if left out. compiled: False for numba's loops in any
@@ -165,12 +165,11 @@ class ElasticFoundation(WrenchLoads):
     def at_edge(self, poses: Array) -> np.ndarray:
         """True (n, patches) where contact reaches a patch's outermost elements: part of it may lie beyond them."""
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
-        with threads_for(len(poses)):
-            touched = [
-                touches_many(s.family, s.parameters, edge, rotations, translations)
-                for (s, *_), edge in zip(self._patches, self._edges, strict=True)
-            ]
-        return np.stack(touched, axis=1)
+        touched = [
+            _of_shares(partial(touches_many, s.family, s.parameters, edge), rotations, translations)
+            for (s, *_), edge in zip(self._patches, self._edges, strict=True)
+        ]
+        return np.stack([of for (of,) in touched], axis=1)
 
     def pressure_maps(self, pose: Array) -> list[PressureMap]:
         """Pressure of every element in one pose (6,), patch by patch."""
@@ -230,10 +229,17 @@ class ElasticFoundation(WrenchLoads):
     def _gaps(self, beds: Sequence[PatchElements], poses: Array) -> tuple[Array, Array]:
         """Gaps (n, beds) and their derivatives by pose (n, beds, 6)."""
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
-        with threads_for(len(poses)):
-            results = [gap_many(s.family, s.parameters, e, rotations, translations) for s, e, *_ in beds]
+        results = [
+            _of_shares(partial(gap_many, s.family, s.parameters, e), rotations, translations) for s, e, *_ in beds
+        ]
         gradients = twist_to_pose_gradient(np.stack([g for _, g in results], axis=1), poses)
         return np.stack([g for g, _ in results], axis=1), gradients
+
+
+def _of_shares(loop: Callable[[Array, Array], tuple[Array, ...]], rotations: Array, translations: Array) -> Any:
+    """A tuple of arrays with a row for each pose, by a loop over shares of the poses."""
+    found = in_shares(len(rotations), lambda p: loop(rotations[p], translations[p]), rows_of_a_thread=8, multiple=1)
+    return found[0] if len(found) == 1 else tuple(map(np.concatenate, zip(*found, strict=True)))
 
 
 def pressed_elements(model: ElasticFoundation, pose: Array) -> tuple[Array, Array]:

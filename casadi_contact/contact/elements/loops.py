@@ -1,4 +1,4 @@
-"""The elastic foundation's inner loops, compiled by numba and run over poses in parallel.
+"""The elastic foundation's inner loops, compiled by numba and run over poses; other threads run meanwhile.
 
 An element at c with outward normal n meets the moving body if c lies inside it (g(c) < 0); its depth d is the
 distance from c along -n to the body's surface, found by Newton's method on g(c - d·n) = 0. Its load on the fixed
@@ -7,7 +7,6 @@ body is -p(d)·A·(n, c × n).
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from casadi_contact.contact.pressure_law import pressure
@@ -180,13 +179,13 @@ def _patch_gap(family, parameters, elements, R, t, slope):
     return best
 
 
-@njit(parallel=True)
-def wrench_many(family, parameters, elements, law, modulus, thickness, rotations, translations, derivatives):
+@njit(nogil=True)
+def wrench_many(family, parameters, elements, law, modulus, thickness, derivatives, rotations, translations):
     """Wrenches (n, 6) and stiffnesses d wrench / d twist (n, 6, 6) of one patch for n poses."""
     count = len(translations)
     wrenches = np.empty((count, 6))
     stiffnesses = np.empty((count if derivatives else 0, 6, 6))
-    for k in numba.prange(count):
+    for k in range(count):
         stiffness, R, t = np.empty((6, 6)), rotations[k], translations[k]
         _patch_wrench(family, parameters, elements, law, modulus, thickness, R, t, wrenches[k], stiffness, derivatives)
         if derivatives:
@@ -194,29 +193,29 @@ def wrench_many(family, parameters, elements, law, modulus, thickness, rotations
     return wrenches, stiffnesses
 
 
-@njit(parallel=True)
+@njit(nogil=True)
 def gap_many(family, parameters, elements, rotations, translations):
     """Gaps (n,) of one patch and their derivatives by twist (n, 6) for n poses."""
     count = len(translations)
     gaps = np.empty(count)
     slopes = np.empty((count, 6))
-    for k in numba.prange(count):
+    for k in range(count):
         gaps[k] = _patch_gap(family, parameters, elements, rotations[k], translations[k], slopes[k])
     return gaps, slopes
 
 
-@njit(parallel=True)
+@njit(nogil=True)
 def touches_many(family, parameters, centres, rotations, translations):
-    """True (n,) for the poses at which any of the points lies inside the moving body."""
+    """A tuple of one: True (n,) for the poses at which any of the points lies inside the moving body."""
     count = len(translations)
     touched = np.zeros(count, dtype=np.bool_)
-    for k in numba.prange(count):
+    for k in range(count):
         for e in range(len(centres)):
             qx, qy, qz = to_moving(rotations[k], translations[k], centres[e, 0], centres[e, 1], centres[e, 2])
             if signed_distance_value(family, parameters, qx, qy, qz) < 0.0:
                 touched[k] = True
                 break
-    return touched
+    return (touched,)
 
 
 @njit()

@@ -1,0 +1,90 @@
+"""Threads of this process: shares of the rows of an array, one after the other or side by side.
+
+They are made for each call and gone after it, so that a process may be forked between calls; threads of OpenMP, which
+stay, hang in the fork.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import cache
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from casadi_contact.core.conventions import Array
+
+Result = TypeVar("Result")
+THREADS_VARIABLE = "NUMBA_NUM_THREADS"
+_most: ContextVar[int | None] = ContextVar("most threads", default=None)
+
+
+def thread_count() -> int:
+    """Threads that a call may take: $NUMBA_NUM_THREADS, or one for each core that this process may use."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return _most.get() or int(os.environ.get(THREADS_VARIABLE) or cores)
+
+
+@contextmanager
+def at_most_threads(count: int) -> Iterator[None]:
+    """Calls of the block take no more threads."""
+    token = _most.set(count)
+    try:
+        yield
+    finally:
+        _most.reset(token)
+
+
+def in_shares(
+    rows: int,
+    work: Callable[[slice], Result],
+    *,
+    rows_of_a_thread: int = 256,
+    shares_of_a_thread: int = 8,
+    multiple: int = 64,
+) -> list[Result]:
+    """What work returns for all rows at once, or for shares of them on several threads, in order.
+
+    Another thread starts from rows_of_a_thread on: threads wait for each other, and where other programs keep the cores
+    busy, one row takes 40 times as long on two threads as on one. Threads take several shares, so that fast ones take
+    over; a share is a multiple of the lanes of a kernel. work must let other threads run.
+    """
+    threads = min(thread_count(), rows // rows_of_a_thread)
+    if threads < 2:
+        return [work(slice(0, rows))]
+    size = -(-rows // (shares_of_a_thread * threads * multiple)) * multiple
+    with ThreadPoolExecutor(threads) as pool:
+        return list(pool.map(work, (slice(start, start + size) for start in range(0, rows, size))))
+
+
+@cache
+def loaded(path: Path) -> ctypes.CDLL:
+    """The shared library, loaded once: objects keep its path, so that they can be sent to other processes."""
+    return ctypes.CDLL(str(path))
+
+
+def call_in_shares(
+    library: Path,
+    function: str,
+    poses: Array,
+    *arrays: np.ndarray | None,
+    constants: Sequence[np.ndarray] = (),
+) -> None:
+    """Call function(n, poses, *arrays, *constants) of a library on shares of the rows (see `in_shares`).
+
+    Every array has a row for each pose; None is passed on as 0. Constants are passed on whole.
+    """
+    entry = getattr(loaded(library), function)
+    whole = [constant.ctypes.data_as(ctypes.c_void_p) for constant in constants]
+
+    def one(part: slice) -> None:
+        pointers = [None if a is None else a[part].ctypes.data_as(ctypes.c_void_p) for a in (poses, *arrays)]
+        entry(ctypes.c_longlong(len(poses[part])), *pointers, *whole)
+
+    in_shares(len(poses), one)
