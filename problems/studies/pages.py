@@ -4,7 +4,8 @@ The folder of result files holds, as far as measured: speed_accuracy.csv (``pyth
 problems.studies.shipped_front``), chart-SCENE.csv (``casadi-contact chart``), kernel_speed.json
 (``casadi-contact speed``), solve_time.csv and stability.json (``python -m problems.studies.solve_time`` and
 ``.stability``), and summaries of the problems in pose_estimation/ and muscle_contact/. Every number of a page stands in
-one of these files.
+one of these files, or in the records of the shipped surrogates. paper.json holds the numbers of [EF15]; the page beside
+them, ../paper.md, is written by hand but for its numbers, as the README is.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from casadi_contact.optimisation.knee import SIDES
 from casadi_contact.pictures.charts import draw_charts
 from casadi_contact.pictures.page import save_page
 from casadi_contact.scenes.loading import load_scene, ready_scenes
+from casadi_contact.surrogate.load import load_surrogate
 from casadi_contact.workflow.benchmark.front_file import TIMES, Front, Point, read_front, shipped_front
 from problems.studies import solve_time
 from problems.studies.stability.methods import FAILURES, Line
@@ -78,6 +80,8 @@ def pages(data: Path) -> dict[str, str]:
     if studies := sorted(data.glob("stability*.json")):
         parts = [part for path in studies for part in _stability_section(_read(path))]
         found["stability.md"] = _page("Stability of methods", *parts)
+    if (page := data.parent / "paper.md").is_file():
+        found["paper.md"] = _with_numbers(page, _paper_numbers(data))
     return found
 
 
@@ -137,19 +141,41 @@ def _fastest_untrained(front: Front, knee: Point) -> list[str]:
     return [what, _number(times[best.name] / times[knee.name]), f"`{_FRONT}`"]
 
 
-def write_headline(readme: Path, text: str) -> None:
-    """Put the numbers between the two marks of the README; ValueError without them."""
-    before, begin, rest = readme.read_text("utf-8").partition(BEGIN)
+def _with_numbers(page: Path, numbers: str) -> str:
+    """The text of a page with the numbers between its two marks; ValueError without them."""
+    before, begin, rest = page.read_text("utf-8").partition(BEGIN)
     _, end, after = rest.partition(END)
     if not (begin and end):
-        raise ValueError(f"{readme} has no lines {BEGIN!r} and {END!r}, expected both")
-    with replacing(readme) as beside:
-        beside.write_text(f"{before}{begin}\n\n{text}\n\n{end}{after}", "utf-8")
+        raise ValueError(f"{page} has no lines {BEGIN!r} and {END!r}, expected both")
+    return f"{before}{begin}\n\n{numbers}\n\n{end}{after}"
 
 
-def _fronts(data: Path) -> list[Path]:
-    """Measured fronts of the folder; each is drawn."""
-    return [*data.glob("speed_accuracy.csv"), *sorted(data.glob("chart-*.csv"))]
+def _paper_numbers(data: Path) -> str:
+    """Tables 4, 2 and 3 of [EF15] beside ours: walking, then RMS and largest errors of held-back samples."""
+    paper, front = _read(data / "paper.json"), read_front(data / "speed_accuracy.csv")
+    names, models = ("knee_two_stage", "knee"), {point.name: point for point in front.models}
+    heads, rows = ["paper", *(f"`{name}`" for name in names)], []
+    for k, (what, unit) in enumerate((("time", "µs"), ("force error", "N"), ("torque error", "N·mm"))):
+        values = {model: [theirs.get(unit)] for model, theirs in paper["walking"].items()}
+        for model, cells in values.items():
+            for point in (models[name if model == "surrogate" else model] for name in names):
+                time = None if point.value is None else point.value.median_us
+                cells.append((time, point.force_rms_n, point.torque_rms_nmm)[k])
+            rows.append([f"{what} of {model} [{unit}]", *("-" if x is None else _number(x) for x in cells)])
+        *grids, surrogate = values
+        for grid in grids:
+            ratios = (ef and ef / own for ef, own in zip(values[grid], values[surrogate], strict=True))
+            rows.append([f"{what}, {grid} / surrogate", *("-" if x is None else _number(x) for x in ratios)])
+    parts = ["## Table 4: walking", _machine(front.header), _table(["", *heads], rows)]
+    records = [paper["test_errors"], *(load_surrogate(name).record["test_errors"] for name in names)]
+    for error, title in (("rms", "Table 2: RMS errors"), ("max", "Table 3: largest errors")):
+        loads = list(records[0]["D1"])
+        rows = [
+            [domain, *("/".join(_number(record[domain][load][error]) for record in records) for load in loads)]
+            for domain in records[0]
+        ]
+        parts += [f"## {title} [N, N·mm]", f"Each cell: {' / '.join(heads)}.", _table(["domain", *loads], rows)]
+    return "\n\n".join(parts)
 
 
 def _shipped_section(path: Path) -> list[str]:
@@ -282,8 +308,7 @@ def _muscle_section(summaries: Sequence[Mapping[str, Any]]) -> list[str]:
     intro = (
         "Contact forces predicted by [`python -m problems.muscle_contact`](../problems.md#muscle-and-contact-forces) "
         "against those that the instrumented implant measured. These enter the prediction nowhere. The last column is "
-        "the "
-        "elastic foundation (EF) at the solved poses: RMS (largest)."
+        "the elastic foundation (EF) at the solved poses: RMS (largest)."
     )
     return ["## Muscle and contact forces", intro, _machine(first["machine"]), _table(columns, rows)]
 
@@ -355,7 +380,7 @@ def run(
     for name, text in found.items():
         with replacing(out / name) as beside:
             beside.write_text(text, "utf-8")
-    for path in _fronts(data):
+    for path in (*data.glob("speed_accuracy.csv"), *sorted(data.glob("chart-*.csv"))):
         with TemporaryDirectory() as folder:
             for drawn in draw_charts(read_front(path), Path(folder)):
                 if drawn.name == "speed_accuracy.png":
@@ -364,7 +389,9 @@ def run(
     if (data / "solve_time.csv").is_file():
         save_page(solve_time.draw(read_front(data / "solve_time.csv")), out / f"{solve_time.NAME}.png")
     if readme is not None:
-        write_headline(readme, headline(data))
+        written = _with_numbers(readme, headline(data))
+        with replacing(readme) as beside:
+            beside.write_text(written, "utf-8")
     print(f"written {len(found)} pages to {out}")
 
 
