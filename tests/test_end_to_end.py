@@ -73,7 +73,8 @@ def test_the_surrogate_learned_its_elastic_foundation(project):
 
 def test_fits_that_used_up_their_budget_say_so_in_one_warning_and_in_info(project, warned):
     assert [line.partition(":")[0] for line in warned] == ["patch", "two_stage"]
-    info = cc.load_surrogate(project.surrogate_path("two_stage")).info()
+    with pytest.warns(UserWarning, match="not fit for use: D1"):
+        info = cc.load_surrogate(project.surrogate_path("two_stage")).info()
     assert info.samples["D1"] > 100
     assert info.test_errors["D1"]["Fy_med"]["rms"] > 0.0
     assert f"casadi-contact build {project.given} --preset small" in str(info)

@@ -13,7 +13,7 @@ from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import Array, as_poses, load_unit
 from casadi_contact.core.quantities import format_above_limit, three_digits
-from casadi_contact.optimisation.reference import loads_on, off_finer, unmodelled_fraction
+from casadi_contact.optimisation.reference import loads_on, off_finer, reference_model, unmodelled_fraction
 from casadi_contact.scenes.tolerance import Tolerance
 
 UNCOUNTED = 0.05  # of a frame's load, that lies where the contact model counts none: with more it is not verified
@@ -191,7 +191,7 @@ class Verification:
 def verify(
     surrogate: SymbolicContact,
     poses: ArrayLike,
-    model: ContactModel | str,
+    model: ContactModel | str | None = None,
     solved: ArrayLike = True,
     loads: Sequence[str] | None = None,
     *,
@@ -201,14 +201,16 @@ def verify(
 ) -> Verification:
     """Compare a surrogate, or a foundation, with a contact model at poses (n, 6) of a solution on it.
 
-    model: `reference_model` of the scene as a rule, whose own error should be well below the scene's tolerances; where
-    it is a reason in words, frames are not checked. solved: which frames (n,) the solver did not give up. loads: those
-    that the problem uses, all if left out. on_model, without_load, leaps: as in `Verification`.
+    model: `reference_model` of the scene if left out; of any other the own error should be well below the scene's
+    tolerances; where it is a reason in words, frames are not checked. solved: which frames (n,) the solver did not give
+    up. loads: those that the problem uses, all if left out. on_model, without_load, leaps: as in `Verification`.
     Raises ValueError for bad or no poses, for a model without the loads, and for truths of another number of poses.
     """
     poses, names = as_poses(poses), surrogate.check_loads(loads)
     if not len(poses):
         raise ValueError("no poses to verify, expected (n, 6) with n >= 1")
+    if model is None:
+        model = reference_model(surrogate.scene)
     given = {"solved": solved, "on_model": on_model, "without_load": without_load, "leaps": leaps}
     rows = {key: _truths(key, value, len(poses)) for key, value in given.items()}
     shape, tolerance = (len(poses), len(names)), Tolerance.of(surrogate.scene, names)

@@ -83,7 +83,7 @@ class Fitness:
 def fitness(surrogate: Surrogate) -> Fitness:
     """Judge a surrogate by the errors that its file records (`SurrogateInfo.test_errors`)."""
     errors = {
-        domain: {load: row["rms"] for load, row in loads.items()}
+        domain: {load: row["rms"] for load, row in loads.items() if load in surrogate.load_names}
         for domain, loads in surrogate.info().test_errors.items()
     }
     return Fitness(

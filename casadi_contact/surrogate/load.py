@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from importlib import resources
 from pathlib import Path
 
 from casadi_contact.scenes.loading import ready_scenes
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.file import read_file
+from casadi_contact.surrogate.fitness import fitness
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from casadi_contact.surrogate.two_stage import TwoStageSurrogate
 
@@ -27,6 +29,7 @@ def load_surrogate(name_or_path: str | Path, *, compiled: bool = True) -> Surrog
     compiled: False for arrays of poses in NumPy however many they are; else `BATCH_FROM` poses or more go through a C
     kernel on all cores, which the first such call compiles and says so.
 
+    A surrogate whose errors on held-back samples exceed the scene's tolerances (`fitness`) is loaded with a warning.
     Raises ValueError for an unknown name and for a foreign, newer or damaged file; FileNotFoundError for no file.
     """
     text = str(name_or_path)
@@ -49,6 +52,10 @@ def _load(path: Path, compiled: bool) -> Surrogate:
         raise ValueError(f"{path} holds a {content.structure!r} surrogate, expected one of {', '.join(STRUCTURES)}")
     try:
         kind = STRUCTURES[content.structure]
-        return kind(content.scene, content.networks, content.record, content.confidence, compiled=compiled)
+        surrogate = kind(content.scene, content.networks, content.record, content.confidence, compiled=compiled)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+    verdict = fitness(surrogate)
+    if verdict.errors and not verdict.usable:
+        warnings.warn(f"{path}: {verdict}", UserWarning, stacklevel=3)
+    return surrogate
