@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +35,7 @@ class Fitting:
 
     structure: key of `STRUCTURES`. efforts: by the start of a network's name (see `Preset`). checkpoints: folder that a
     later call goes on from. command: what a reader of the record runs to make it again. title: in progress, the
-    structure if empty. kept: networks by name that are taken as they are.
+    structure if empty.
     """
 
     structure: str
@@ -43,7 +43,6 @@ class Fitting:
     checkpoints: Path
     command: str
     title: str = ""
-    kept: Mapping[str, Network] = field(default_factory=dict)
 
 
 def fit_surrogate(
@@ -58,8 +57,8 @@ def fit_surrogate(
     """A surrogate of one structure, its networks fitted side by side, with a record of how it was made.
 
     Of a joint that is its own mirror image one side is fitted, on the samples of both. update is called as (title and
-    network, Gflop used, Gflop allotted, remark). A logged warning names the networks whose budget was used up, where
-    all are fitted: sizes that are only tried may be too small. onward: a surrogate whose networks go on from their
+    network, Gflop used, Gflop allotted, remark). A logged warning names the networks whose budget was used up.
+    onward: a surrogate whose networks go on from their
     weights, widened to the first size of their effort; a fit that stalls does not begin again from random ones.
     """
     kind, scene, title = STRUCTURES[fitting.structure], project.scene, fitting.title or fitting.structure
@@ -68,9 +67,9 @@ def fit_surrogate(
     twins = kind.twins(scene)
     posed = {regression.name: regression for regression in kind.regressions(either_side(samples) if twins else samples)}
     twins = {twin: of for twin, of in twins.items() if twin in posed and of in posed}  # one side alone may be asked for
-    regressions = [regression for name, regression in posed.items() if name not in {*twins, *fitting.kept}]
+    regressions = [regression for name, regression in posed.items() if name not in twins]
     efforts = {regression.name: effort_for(fitting.efforts, regression.name) for regression in regressions}
-    starts, networks = {}, dict(fitting.kept)
+    starts, networks = {}, dict[str, Network]()
     if onward is not None:
         starts = {name: onward.networks[name] for name in efforts}
         for name, effort in efforts.items():
@@ -101,7 +100,7 @@ def fit_surrogate(
         "machine": machine_record(),
     }
     surrogate = kind(scene, networks, record if onward is None else continued_record(onward.record, record))
-    if not fitting.kept and (line := budget_line(surrogate.record)):
+    if line := budget_line(surrogate.record):
         _log.warning("%s: %s", title, line)
     return surrogate
 
@@ -124,16 +123,6 @@ def fits_record(fits: Mapping[str, Fit]) -> dict[str, Any]:
         "gflop": {name: round(fit.gflop, 1) for name, fit in fits.items()},
         "seconds": {name: round(fit.cpu_s, 1) for name, fit in fits.items()},
     }
-
-
-def exchange_record(before: Mapping[str, Any], other: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
-    """The record where the named networks come from another fit of the same samples, with record `other`; work and
-    time are summed."""
-    taken = {
-        key: {**before[key], **{name: value for name, value in other[key].items() if name in names}}
-        for key in ("training_errors", "stop_reasons")
-    }
-    return {**before, **taken, **summed_work(before, other)}
 
 
 def summed_work(before: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:

@@ -3,15 +3,14 @@
 Round k draws twice the samples of the round before and lets each network grow with three times the work to a closer
 fit. The first round whose validation rows have errors within four fifths of the tolerance, load by load and domain by
 domain, is the last: the result depends on the scene and the tolerance, not on the clock. In the last round allowed,
-errors within the tolerance itself are enough. The networks are then made as small as the tolerance allows.
+errors within the tolerance itself are enough. Networks grow from small ones, so that none is much larger than needed.
 """
 
 from __future__ import annotations
 
-import itertools
 import logging
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,8 +27,8 @@ from casadi_contact.scenes.tolerance import Tolerance
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import calibrate
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
-from casadi_contact.workflow.fitting import Fitting, exchange_record, fit_surrogate
-from casadi_contact.workflow.presets import Effort, Preset, effort_for
+from casadi_contact.workflow.fitting import Fitting, fit_surrogate
+from casadi_contact.workflow.presets import Effort, Preset
 from casadi_contact.workflow.project import Project, exclusive, trained_surrogates
 from casadi_contact.workflow.samples import sample
 from casadi_contact.workflow.train import build_command
@@ -151,7 +150,6 @@ def train_to_tolerance(
             share = _MET if number < chosen.rounds else 1.0
             missed = misses(surrogate, samples, share) or misses(surrogate, samples, 1.0, TEST)
             if not missed:
-                surrogate = _smallest(surrogate, this, samples, fitting, share, update, workers)
                 break
         _log.warning("round %d misses %s", number, "; ".join(missed[:3]))
     for name in (this.samples_path.name, this.motion_path.name):
@@ -168,70 +166,5 @@ def train_to_tolerance(
     return calibrated
 
 
-def _smallest(
-    surrogate: Surrogate,
-    project: Project,
-    samples: Samples,
-    fitting: Fitting,
-    share: float,
-    update: Update | None,
-    executor: Executor | None,
-) -> Surrogate:
-    """The surrogate with networks as small as validation rows allow; itself where test rows then miss."""
-    steps, sizes = itertools.count(1), fitting.efforts["root"].sizes
-
-    def fitted(smaller: Mapping[str, tuple[int, ...]], before: Surrogate) -> Surrogate:
-        anew = replace(
-            fitting,
-            efforts={name: replace(effort_for(fitting.efforts, name), sizes=(size,)) for name, size in smaller.items()},
-            checkpoints=fitting.checkpoints / f"smaller-{next(steps)}",
-            title=f"{fitting.title}, smaller",
-            kept={name: network for name, network in before.networks.items() if name not in smaller},
-        )
-        return fit_surrogate(project, samples, anew, update, executor)
-
-    small = smallest_networks(surrogate, samples, sizes, fitted, lambda model: not misses(model, samples, share))
-    if missed := misses(small, samples, 1.0, TEST):
-        _log.warning("smaller networks miss %s of held-back rows: the larger ones stay", missed[0])
-        return surrogate
-    return small
-
-
 def _in_round(update: Update | None, number: int) -> Update | None:
     return None if update is None else lambda what, *rest: update(f"{what}, round {number}", *rest)
-
-
-def smallest_networks(
-    surrogate: Surrogate,
-    samples: Samples,
-    ladder: Sequence[tuple[int, ...]],
-    fitted: Callable[[Mapping[str, tuple[int, ...]], Surrogate], Surrogate],
-    met: Callable[[Surrogate], bool],
-) -> Surrogate:
-    """The surrogate with each network at the smallest size of the ladder with which it still meets the tolerance.
-
-    Found by bisection. fitted(sizes, surrogate): the surrogate with the named networks fitted anew in these sizes, side
-    by side. met(surrogate): it meets the tolerance; asked for one network after the other, the largest first, because
-    errors add up. Of a mirrored joint a network and its twin change together.
-    """
-    kind, known = type(surrogate), set(surrogate.networks)
-    twins = {twin: of for twin, of in surrogate.twins(surrogate.scene).items() if {twin, of} <= known}
-    least = {name: 0 for name, network in surrogate.networks.items() if name not in twins and network.hidden in ladder}
-    most = {name: ladder.index(surrogate.networks[name].hidden) for name in least}
-    while names := [name for name in least if least[name] < most[name]]:
-        middle = {name: (least[name] + most[name]) // 2 for name in names}
-        tried = fitted({name: ladder[step] for name, step in middle.items()}, surrogate)
-        taken = []
-        for name in sorted(names, key=lambda name: -surrogate.networks[name].parameter_count):
-            of_both = [name, *(twin for twin, of in twins.items() if of == name)]
-            networks = {**surrogate.networks, **{each: tried.networks[each] for each in of_both}}
-            candidate = kind(surrogate.scene, networks, surrogate.record)
-            if met(candidate):
-                surrogate, most[name] = candidate, middle[name]
-                taken += of_both
-            else:
-                least[name] = middle[name] + 1
-        record = exchange_record(surrogate.record, tried.record, taken)
-        surrogate = kind(surrogate.scene, surrogate.networks, record)
-    record = {**surrogate.record, "test_errors": domain_errors(surrogate, samples)}
-    return kind(surrogate.scene, surrogate.networks, record)

@@ -9,13 +9,11 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.samples.samples import TEST, VALIDATION, write_samples
-from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from casadi_contact.workflow import tolerance
 from casadi_contact.workflow.presets import Effort, Preset
 from casadi_contact.workflow.project import Project, project_surrogates
-from casadi_contact.workflow.tolerance import ToleranceSettings, misses, scene_to_tolerance, smallest_networks
+from casadi_contact.workflow.tolerance import ToleranceSettings, misses, scene_to_tolerance
 from casadi_contact.workflow.train import train
-from tests.support.random_surrogates import random_network
 from tests.support.smooth_samples import SPHERE, smooth_samples
 
 
@@ -113,7 +111,6 @@ def test_held_back_rows_meet_the_tolerance_too(tmp_path, asked, monkeypatch):
         return ["Fy 9 of 1 in D1"] if told == [VALIDATION, TEST] else []
 
     monkeypatch.setattr(tolerance, "misses", missed)
-    monkeypatch.setattr(tolerance, "_smallest", lambda surrogate, *_: surrogate)
     trained(tmp_path / "out", 100.0, 3000.0)
     assert told == [VALIDATION, TEST, VALIDATION, TEST]
     assert len(asked) == 2
@@ -150,46 +147,3 @@ def test_samples_drawn_for_one_tolerance_are_learned_to_another(tmp_path):
         assert fits[factor].scene == loose
         assert shlex.split(fits[factor].record["command"])[2:5] == [SPHERE.name, "--preset", "quick"]
     assert sum(fits[1000.0].record["gflop"].values()) < sum(fits[1.0].record["gflop"].values())
-
-
-def of_sizes(samples, sizes):
-    """A surrogate of random networks in these sizes by name, with a record of their fits."""
-    rng = np.random.default_rng(0)
-    networks = {
-        r.name: random_network(rng, np.zeros(6), np.ones(6), sizes[r.name], "algebraic", np.ones(r.outputs))
-        for r in PatchSurrogate.regressions(samples)
-    }
-    record = {key: dict.fromkeys(networks, 0.0) for key in ("training_errors", "stop_reasons")}
-    return PatchSurrogate(
-        samples.scene, networks, record | {key: dict.fromkeys(sizes, 1.0) for key in ("gflop", "seconds")}
-    )
-
-
-ROOT = next(r.name for r in PatchSurrogate.regressions(smooth_samples(60)) if r.name.startswith("root"))
-
-
-@pytest.mark.parametrize(
-    "met",
-    [
-        lambda sizes: sizes[ROOT] >= 3,  # nothing of the ratios
-        lambda sizes: sum(sizes.values()) >= 9,  # one after the other each would be small enough, together not
-    ],
-)
-def test_networks_end_at_the_smallest_sizes_that_together_meet_what_is_asked(met):
-    """What is asked goes by sizes alone here, of networks of seven neurons each."""
-    samples, ladder, asked = smooth_samples(60), [(n,) for n in range(1, 8)], []
-
-    def sizes_of(surrogate):
-        return {name: network.hidden[0] for name, network in surrogate.networks.items()}
-
-    def fitted(sizes, surrogate):
-        asked.append(dict(sizes))
-        return of_sizes(samples, {name: (n,) for name, n in sizes_of(surrogate).items()} | dict(sizes))
-
-    seven = of_sizes(samples, {regression.name: (7,) for regression in PatchSurrogate.regressions(samples)})
-    small = smallest_networks(seven, samples, ladder, fitted, lambda surrogate: met(sizes_of(surrogate)))
-    sizes = sizes_of(small)
-    assert met(sizes)
-    assert not any(met({**sizes, name: n - 1}) for name, n in sizes.items() if n > 1), "none can be smaller"
-    assert len(asked) <= 3, "bisection: seven sizes take three steps"
-    assert set(small.record["test_errors"]) == {"D1", "D2"}
