@@ -1,10 +1,10 @@
-"""Draw the figures of method.md: ``python docs/figures.py`` writes docs/pictures/*.svg."""
+"""Draw the figures of method.md and opensim.md: ``python docs/figures.py`` writes docs/pictures/*.svg."""
 
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.patches import FancyBboxPatch, Polygon, Rectangle
+from matplotlib.patches import Ellipse, FancyBboxPatch, Polygon, Rectangle
 
 PICTURES = Path(__file__).parent / "pictures"
 BLUE, RED, GREEN, GREY = "#2b6cb0", "#c53030", "#2f855a", "#718096"
@@ -20,8 +20,8 @@ def main() -> None:
 
 
 def axes() -> plt.Figure:
-    """A right knee from its medial side: frames of this library, and of OpenSim."""
-    figure, (here, there) = plt.subplots(1, 2, figsize=(10.0, 4.6))
+    """A right knee from its medial side and from above: frames and signs of this library, and of OpenSim."""
+    figure, ((here, there), (here_above, there_above)) = plt.subplots(2, 2, figsize=(10.0, 8.6))
     for axis, title in (
         (here, "here: the femur moves in the insert"),
         (there, "OpenSim: the tibia moves in the femur"),
@@ -33,19 +33,53 @@ def axes() -> plt.Figure:
     x, y = np.array([np.cos(turn), np.sin(turn)]), np.array([-np.sin(turn), np.cos(turn)])
     _frame(here, (0.0, 1.35), x, y, RED, "moving")
     _frame(here, (0.0, -0.3), (1.0, 0.0), (0.0, 1.0), BLUE, "fixed")
-    here.annotate(
-        "", (1.75, 2.6), (0.6, 3.2), arrowprops={"arrowstyle": "-|>", "color": RED, "connectionstyle": "arc3,rad=-0.25"}
-    )
+    _turning(here, (0.6, 3.2), (1.75, 2.6), -0.25)
     here.text(1.75, 2.75, "flexion: rz < 0", color=RED)
     here.text(-3.9, -3.0, "x posterior, y superior, z medial (to the viewer)", color=BLUE)
     here.text(-3.9, -3.4, "mm, N, N·mm; loads act on the insert", color=GREY)
     _frame(there, (0.0, 1.35), (-1.0, 0.0), (0.0, 1.0), BLUE, "fixed", away=True)
     _frame(there, (0.0, -0.85), (-1.0, 0.0), (0.0, 1.0), RED, "moving", away=True)
-    there.text(1.75, 2.75, "flexion: knee_angle > 0\nin most models", color=RED)
-    there.text(-3.9, -3.0, "x anterior, y superior, z lateral (away)", color=BLUE)
+    _turning(there, (0.9, -2.5), (2.3, -1.9), 0.25)
+    there.text(1.5, -2.75, "flexion: knee_flex > 0", color=RED)
+    there.text(-3.9, -3.0, "x anterior, y superior,\nz lateral (away)", color=BLUE)
     there.text(-3.9, -3.4, "m, N, N·m", color=GREY)
+    for axis, title in ((here_above, "here, from above"), (there_above, "OpenSim, from above")):
+        axis.set(xlim=(-4.0, 4.0), ylim=(-3.2, 2.9), aspect="equal", title=title)
+        axis.axis("off")
+        _plateau(axis)
+    turn = np.radians(20.0)  # anterior turns to medial: counterclockwise on a right knee
+    x, z = np.array([np.sin(turn), -np.cos(turn)]), np.array([-np.cos(turn), -np.sin(turn)])
+    _frame(here_above, (0.0, 0.0), (0.0, -1.0), (-1.0, 0.0), BLUE, "", names="xz")
+    _frame(here_above, (0.0, 0.0), 1.5 * x, 1.5 * z, RED, "", names="xz")
+    _turning(here_above, (0.8, 2.3), (-0.8, 2.3), 0.25)
+    here_above.text(1.0, 2.3, "femur inwards: ry > 0", color=RED)
+    here_above.text(-3.9, -3.1, "adduction: rx > 0 (the medial side opens for rx < 0)", color=RED)
+    _frame(there_above, (0.0, 0.0), (0.0, 1.0), (1.0, 0.0), BLUE, "", names="xz", away=True, dot=True)
+    _frame(there_above, (0.0, 0.0), -1.5 * x, -1.5 * z, RED, "", names="xz", away=True, dot=True)
+    _turning(there_above, (0.8, 2.3), (-0.8, 2.3), 0.25)
+    there_above.text(1.0, 2.3, "tibia inwards: knee_rot > 0", color=RED)
+    there_above.text(-3.9, -3.1, "adduction: knee_add > 0", color=RED)
     figure.tight_layout()
     return figure
+
+
+def _turning(axis, start, end, bend) -> None:
+    """An arrow along an arc: how the moving body turns."""
+    style = {"arrowstyle": "-|>", "color": RED, "connectionstyle": f"arc3,rad={bend}"}
+    axis.annotate("", end, start, arrowprops=style)
+
+
+def _plateau(axis: plt.Axes) -> None:
+    """The two dishes of a right insert from above; anterior is above, lateral on the right."""
+    for x in (-1.5, 1.5):
+        axis.add_patch(Ellipse((x, 0.0), 2.6, 3.4, facecolor="#fefcbf", edgecolor=GREY, lw=1.2))
+    for x, y, text in (
+        (-3.3, 0.0, "medial"),
+        (3.3, 0.0, "lateral"),
+        (0.0, 2.65, "anterior"),
+        (0.0, -2.65, "posterior"),
+    ):
+        axis.text(x, y, text, color=GREY, rotation=90 if x else 0, ha="center", va="center")
 
 
 def _knee(axis: plt.Axes) -> None:
@@ -62,14 +96,15 @@ def _knee(axis: plt.Axes) -> None:
     axis.text(3.0, 0.0, "posterior", color=GREY, rotation=90, va="center")
 
 
-def _frame(axis, origin, x, y, colour, name, away: bool = False) -> None:
-    """Arrows of a frame; z to the viewer (a dot) or away (a cross)."""
-    for text, along in (("x", x), ("y", y)):
+def _frame(axis, origin, x, y, colour, name, away: bool = False, names: str = "xy", dot: bool = False) -> None:
+    """Arrows of two axes; the third to the viewer (a dot) or away (a cross)."""
+    for text, along in zip(names, (x, y), strict=True):
         tip = np.asarray(origin) + 1.1 * np.asarray(along)
         axis.annotate("", tip, origin, arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 2.0})
         axis.text(*(tip + 0.2 * np.asarray(along)), text, color=colour, ha="center", va="center")
+    cross = away and not dot
     axis.plot(*origin, "o", mfc="white", mec=colour, ms=12, mew=1.5)
-    axis.plot(*origin, "x" if away else "o", color=colour, ms=7 if away else 4, mew=1.5)
+    axis.plot(*origin, "x" if cross else "o", color=colour, ms=7 if cross else 4, mew=1.5)
     side = 1.0 if away else -1.0
     axis.text(
         origin[0] + 0.25 * side, origin[1] - 0.05, name, color=colour, ha="left" if away else "right", va="center"

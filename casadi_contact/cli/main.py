@@ -41,9 +41,11 @@ info knee
 info results/knee-quick/patch.h5
 report knee --out knee.html
 report results/knee-quick/patch.h5
-cycle walk.mot --map knee_angle_r=-rz:deg --map knee_rot_r=ry:deg --map F_med=Fy_med:N --map F_lat=Fy_lat:N \
+cycle walk.mot --map knee_angle_r=-rz:deg --map knee_rot_r=-ry:deg --map F_med=Fy_med:N --map F_lat=Fy_lat:N \
 --map cop_x=cop_ap:m --map cop_z=cop_ml:m
 cycle fluoroscopy.sto --map t_x=tx:m --map t_y=ty:m --map t_z=tz:m --map r_x=rx --map r_y=ry --map r_z=rz
+cycle states.sto --tibia-in-femur right --map knee_tx_r=tx --map knee_ty_r=ty --map knee_tz_r=tz --map knee_add_r=rx \
+--map knee_rot_r=ry --map knee_flex_r=rz --out poses.csv
 show knee
 show knee --pose=0.5,27.35,0.1,0,-0.05,-0.3 --out knee.png
 show my_knee.toml --poses poses.csv

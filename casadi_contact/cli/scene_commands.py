@@ -18,7 +18,7 @@ from casadi_contact.pictures.contact_picture import draw_contact
 from casadi_contact.scenes.joint_cycle import joint_cycle_from_curves, write_joint_cycle
 from casadi_contact.scenes.load_cycle import cycle_from_curves, write_cycle
 from casadi_contact.scenes.loading import load_scene
-from casadi_contact.scenes.opensim import TIME, ColumnMap, mapped_curves, read_opensim_table
+from casadi_contact.scenes.opensim import SIDES, TIME, ColumnMap, femur_in_insert, mapped_curves, read_opensim_table
 from casadi_contact.scenes.pose_file import poses_from_curves, write_poses
 from casadi_contact.scenes.shapes.checks import scene_name
 from casadi_contact.scenes.walking import has_gait
@@ -28,8 +28,6 @@ from casadi_contact.workflow.proposal.cuts import CutSettings, cut_scene, find_c
 from casadi_contact.workflow.proposal.joint_geometry import JOINTS
 from casadi_contact.workflow.proposal.propose import propose
 from casadi_contact.workflow.proposal.tables import MATERIALS, scene_text
-
-SIDES = ("right", "left")
 
 
 def name_of_mesh(mesh: Path) -> str:
@@ -127,16 +125,24 @@ def cycle(
     scene: Annotated[
         str | None, typer.Option(help="scene (name or file) that the cycle is of; a knee's if left out")
     ] = None,
+    tibia_in_femur: Annotated[
+        str | None, typer.Option(help=f"{' or '.join(SIDES)}: tx to rz are OpenSim's knee coordinates")
+    ] = None,
 ) -> None:
     """Turn columns of an OpenSim file into a load cycle, for --cycles and the problems: rz, ry, Fy_med, Fy_lat, and
     cop_ap or Tz, cop_ml or Tx; of another joint's --scene the pose parameters that were measured and a load for each
-    other one; or into poses, for show --poses: tx, ty, tz, rx, ry, rz.
+    other one; or into poses, for show --poses: tx, ty, tz, rx, ry, rz. With --tibia-in-femur these are knee_tx,
+    knee_ty, knee_tz, knee_add, knee_rot, knee_flex, and come out as poses of the femur in the insert.
     """
     own = None if scene is None else load_scene(scene)
     table = read_opensim_table(file)
     try:
         curves = mapped_curves(table, [ColumnMap.parse(text) for text in maps])
         are_poses = set(curves) <= {TIME, *POSE_NAMES}
+        if tibia_in_femur is not None:
+            turned = dict(zip(POSE_NAMES, femur_in_insert(poses_from_curves(curves), tibia_in_femur).T, strict=True))
+            loads = {name: curve for name, curve in curves.items() if name not in turned}
+            curves = loads | (turned if are_poses else {name: turned[name] for name in ("rz", "ry")})
         path = out or Path("poses.csv" if are_poses else "cycle.csv")
         if are_poses:
             write_poses(curves[TIME], poses_from_curves(curves), path)

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from casadi_contact.core.conventions import POSE_NAMES, Array, as_poses
 from casadi_contact.core.files.reading import MOST_TEXT, checked_size, existing_file, finite_number
@@ -36,8 +37,8 @@ _DEGREES = {"yes": True, "y": True, "true": True, "1": True, "no": False, "n": F
 class Table:
     """Columns (n,) by label, the first of them ``time`` [s], in the file's own units.
 
-    in_degrees: the unit of rotations that the file names, None where it names none (they are then in rad). Cells may
-    be NaN. Raises ValueError for labels or columns that no file can hold.
+    in_degrees: the unit of rotations that the file names, None where it names none or both (they are then in rad).
+    Cells may be NaN. Raises ValueError for labels or columns that no file can hold.
     """
 
     name: str
@@ -73,8 +74,7 @@ def read_opensim_table(path: str | Path) -> Table:
     """Read a .mot or .sto file. A label that is there more than once gets its column's number.
 
     Warns of counts in the header that are off. Raises FileNotFoundError for no file, and ValueError naming file and
-    line for text that is not such a file, a header without end or with two units of angles, a missing label, a ragged
-    row, or anything but numbers.
+    line for text that is not such a file, a header without end, a missing label, a ragged row, or anything but numbers.
     """
     path = existing_file(path, expected="a .mot or .sto file")
     checked_size(path, MOST_TEXT)
@@ -108,16 +108,15 @@ def read_opensim_table(path: str | Path) -> Table:
 
 
 def _in_degrees(header: Mapping[str, str], lines: Iterable[str], ending: str) -> bool | None:
-    """What a header says of angles, as OpenSim understands it (Storage::parseHeaders); None where it says nothing."""
+    """What a header says of angles, as OpenSim understands it (Storage::parseHeaders); None where it says nothing, or
+    both, as its ForceReporter does."""
     if (value := header.get("indegrees", "no").lower()) not in _DEGREES:
         raise ValueError(f"inDegrees is {value!r}, expected yes or no")
     said = {match[1].lower() == "deg" for line in lines if (match := _ANGLES.match(line))}
     if "indegrees" in header:
         said.add(_DEGREES[value])
-    if len(said) > 1:
-        raise ValueError("the header says both degrees and radians, expected one of them: correct it")
     simm = ending == ".mot" and header.get("version", "0").startswith("0")
-    return said.pop() if said else simm or None
+    return said.pop() if len(said) == 1 else (simm and not said) or None
 
 
 def write_table(table: Table, path: str | Path) -> None:
@@ -200,8 +199,8 @@ def mapped_curves(table: Table, maps: Iterable[ColumnMap]) -> dict[str, Array]:
     angles = [item.column for item in maps if quantity(item.name).kind == ANGLE and item.unit is None]
     if angles and table.in_degrees is None:
         warnings.warn(
-            f"the file says neither degrees nor radians: {', '.join(angles)} are taken in rad; where they are in "
-            "degrees, write inDegrees=yes in its header, or COLUMN=NAME:deg",
+            f"the file says neither degrees nor radians, or both: {', '.join(angles)} are taken in rad; where they are "
+            "in degrees, write inDegrees=yes in its header, or COLUMN=NAME:deg",
             stacklevel=2,
         )
     for item in maps:
@@ -235,3 +234,45 @@ def poses_table(time_s: ArrayLike, poses: ArrayLike, name: str) -> Table:
     """Poses (n, 6) [mm, rad] as an OpenSim table: translations in m, rotations in rad."""
     curves = {TIME: np.asarray(time_s, dtype=float), **dict(zip(POSE_NAMES, as_poses(poses).T, strict=True))}
     return renamed_table(curves, [ColumnMap(each, each) for each in POSE_NAMES], name)
+
+
+SIDES = ("right", "left")
+_TURN = np.array([-1.0, 1.0, -1.0])  # by 180 degrees about y: x anterior, z lateral to x posterior, z medial
+_MIRROR = np.array([1.0, 1.0, -1.0, -1.0, -1.0, 1.0])  # in the plane z = 0: a vector, then turns about x, y, z
+
+
+def femur_in_insert(coordinates: ArrayLike, side: str = "right") -> Array:
+    """Poses (n, 6) [mm, rad] of the femur in the insert, from knee coordinates of OpenSim: the tibia in the femur.
+
+    coordinates (n, 6): knee_tx, knee_ty, knee_tz [mm], knee_add, knee_rot, knee_flex [rad], x anterior, y superior, z
+    to the right. Of a right knee, adduction, internal rotation and flexion are positive. The tibia's frame is the
+    insert's but for the turn; its points q lie at t + Rz(-flex)·Rx(add)·Ry(rot)·q in the femur (the CustomJoint of
+    Lenhart et al., Ann Biomed Eng 43 (2015) 2675-2685). With C the turn about y by 180 degrees the pose is
+
+        R = C·(Rz(-flex)·Rx(add)·Ry(rot))ᵀ·C = Ry(-rot)·Rx(add)·Rz(-flex),   translation -R·C·t.
+
+    side: "left" is the mirror image of a right knee, which scenes are made for (`Placement.mirror`): knee_tz, knee_add
+    and knee_rot about the same axes as of a right one change sign. Joints that count a coordinate the other way
+    (knee_angle < 0 in flexion; a left knee's axes written -1 0 0, 0 -1 0) need its sign turned before.
+
+    >>> femur_in_insert([[5.0, -27.0, 1.0, 0.02, 0.1, 0.3]]).round(3).tolist()
+    [[12.544, 24.292, 2.752, 0.02, -0.1, -0.298]]
+    """
+    q = as_poses(coordinates) * _mirror(side)
+    turns = Rotation.from_euler("YXZ", q[:, [4, 3, 5]] * _TURN)
+    return np.column_stack([-turns.apply(_TURN * q[:, :3]), turns.as_euler("XYZ")])
+
+
+def tibia_in_femur(poses: ArrayLike, side: str = "right") -> Array:
+    """Knee coordinates (n, 6) [mm, rad] of OpenSim from poses (n, 6) of the femur in the insert: the reverse of
+    `femur_in_insert`."""
+    poses = as_poses(poses)
+    turns = Rotation.from_euler("XYZ", poses[:, 3:])
+    rot, add, flex = (turns.as_euler("YXZ") * _TURN).T
+    return np.column_stack([-_TURN * turns.inv().apply(poses[:, :3]), add, rot, flex]) * _mirror(side)
+
+
+def _mirror(side: str) -> Array:
+    if side not in SIDES:
+        raise ValueError(f"side is {side!r}, expected {' or '.join(SIDES)}")
+    return _MIRROR if side == "left" else np.ones(6)

@@ -2,28 +2,30 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import casadi_contact as cc
+from casadi_contact.scenes.opensim import femur_in_insert
 from tests.support.meshes import mesh_scene_text
 from tests.support.shared_data import shared_file
 
 JAM_MATERIAL = {"youngs_modulus": 10.0, "poissons_ratio": 0.45, "thickness": 6.0, "law": '"linear"'}
 
 
+TURN = np.array([-1.0, 1.0, -1.0])  # about y: from JAM's axes into those of an insert
+
+
 def jam_poses(stored):
-    """The femur in the tibia (here the fixed body is the one that carries the elements) from the tibia in the femur."""
-    angles = np.stack([-stored["knee_flex_r_rad"], stored["knee_add_r_rad"], stored["knee_rot_r_rad"]], axis=1)
-    femur = Rotation.from_euler("ZXY", angles).inv()
-    t = 1000.0 * np.stack([stored[f"knee_t{axis}_r_m"] for axis in "xyz"], axis=1)
-    return np.column_stack([-femur.apply(t), femur.as_euler("XYZ")])
+    """The femur in the insert from JAM's tibia in the femur."""
+    names = ("knee_tx_r_m", "knee_ty_r_m", "knee_tz_r_m", "knee_add_r_rad", "knee_rot_r_rad", "knee_flex_r_rad")
+    return femur_in_insert(np.stack([stored[name] for name in names], axis=1) * np.repeat([1000.0, 1.0], 3))
 
 
 def jam_scene(folder, **options):
     """Of the two cartilage meshes, as one patch."""
     femur, tibia = (shared_file(f"data/jam/{name}") for name in ("femur_cartilage.obj", "tibia_cartilage.stl"))
     path = folder / "jam.toml"
-    path.write_text(mesh_scene_text(moving=femur, fixed=tibia, units="m", material=JAM_MATERIAL, **options))
+    lines = 'axes = ["-x", "y", "-z"]'
+    path.write_text(mesh_scene_text(femur, tibia, units="m", material=JAM_MATERIAL, extra=lines, **options))
     return cc.load_scene(path)
 
 
@@ -35,7 +37,7 @@ def jam(tmp_path_factory):
 
 
 def vectors(stored, name, scale):
-    return scale * np.stack([stored[f"{name}_{axis}"] for axis in "xyz"], axis=1)
+    return scale * TURN * np.stack([stored[f"{name}_{axis}"] for axis in "xyz"], axis=1)
 
 
 def test_all_frames_of_another_program_are_reproduced(jam):

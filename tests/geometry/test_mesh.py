@@ -10,15 +10,7 @@ from casadi_contact.geometry.mesh import checked_mesh
 from casadi_contact.geometry.smooth_surface import SmoothSurface
 from casadi_contact.geometry.triangle_mesh import RayCaster
 from casadi_contact.scenes.shapes.mesh_bodies import body_mesh
-from tests.support.meshes import (
-    ball_mesh,
-    cap_mesh,
-    scene_of,
-    sheet_mesh,
-    shell_mesh,
-    torus_mesh,
-    unit,
-)
+from tests.support.meshes import ball_mesh, cap_mesh, scene_of, sheet_mesh, shell_mesh, torus_mesh, unit
 
 TETRAHEDRON = (
     10.0 * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),

@@ -44,9 +44,8 @@ def test_the_hips_mean_cycle_loads_it_with_about_two_body_weights():
 @pytest.mark.parametrize("name", [*JOINTS, "planar_knee"])
 def test_a_motion_does_not_depend_on_the_loads_that_are_learned(name, tmp_path):
     whole = cc.load_scene(name)
-    fewer = scene_from_text(
-        f'format = 1\nname = "fewer"\nlike = "{name}"\n[loads]\nnames = ["{whole.load_names[-1]}"]\n'
-    )
+    text = f'format = 1\nname = "fewer"\nlike = "{name}"\n[loads]\nnames = ["{whole.load_names[-1]}"]\n'
+    fewer = scene_from_text(text)
     for cycle, as_whole in zip(scene_cycles(fewer), scene_cycles(whole), strict=True):
         assert list(cycle.loads) == list(as_whole.loads)
         for load, curve in cycle.loads.items():

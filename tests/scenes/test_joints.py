@@ -41,9 +41,8 @@ def test_facets_of_a_groove_are_tangent_to_their_grids_and_mirrored():
         tangent = tangent[1:-1, 1:-1]
         unit = tangent / np.linalg.norm(tangent, axis=-1, keepdims=True)
         assert np.abs((unit * normals[1:-1, 1:-1]).sum(-1)).max() < 1e-4
-    np.testing.assert_allclose(
-        np.linalg.norm(np.cross(along, across), axis=-1)[1:-1, 1:-1], areas[1:-1, 1:-1], rtol=1e-3
-    )
+    spanned = np.linalg.norm(np.cross(along, across), axis=-1)
+    np.testing.assert_allclose(spanned[1:-1, 1:-1], areas[1:-1, 1:-1], rtol=1e-3)
     assert (normals[..., 0] < 0.0).all()  # open to the front
     mirror = np.array([1.0, 1.0, -1.0])
     for mine, other in zip(medial[:2], lateral[:2], strict=True):

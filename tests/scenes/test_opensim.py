@@ -1,6 +1,7 @@
 """OpenSim files: round trips to the bit, old headers, faults by line; their columns as curves, there and back."""
 
 import json
+import re
 import subprocess
 import sys
 from importlib.util import find_spec
@@ -12,26 +13,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from casadi_contact.cli.scene_commands import cycle
-from casadi_contact.core.conventions import POSE_NAMES
+from casadi_contact.core.conventions import POSE_NAMES, rotation
 from casadi_contact.scenes.joint_cycle import read_joint_cycle
 from casadi_contact.scenes.load_cycle import read_cycle
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.opensim import (
     ColumnMap,
     Table,
+    femur_in_insert,
     mapped_curves,
     read_opensim_table,
     renamed_table,
+    tibia_in_femur,
     write_table,
 )
 from casadi_contact.scenes.pose_file import poses_from_curves, read_poses
 from casadi_contact.scenes.walking import reference_cycle
 from tests.support.shared_data import shared_file
 
-_TEXT = st.text(st.characters(min_codepoint=32, max_codepoint=126, exclude_characters='=,;"'), max_size=12).map(
-    str.strip
-)
-_TEXT = _TEXT.filter(lambda text: text.lower() != "endheader")
+_TEXT = st.text(st.characters(min_codepoint=32, max_codepoint=126, exclude_characters='=,;"'), max_size=12)
+_TEXT = _TEXT.map(str.strip).filter(lambda text: text.lower() != "endheader")
 _LABELS = st.lists(_TEXT.filter(lambda text: text and text.lower() != "time"), unique=True, max_size=4)
 HEAD = "walk\nversion=1\nnRows=2\nnColumns=3\ninDegrees=yes\nendheader\n"
 
@@ -72,6 +73,7 @@ BODY = "time\ta\n0\t1\n0.5\t-2\n"
         ("walk\nversion=0\nendheader\n" + BODY, "mot", "walk", True),
         ("walk\nAngles are in degrees.\nendheader\n" + BODY, "sto", "walk", True),
         ("walk\nangles in radians\nendheader\n" + BODY, "mot", "walk", False),
+        ("ModelForces\ninDegrees=no\nAngles are in degrees.\nendheader\n" + BODY, "mot", "ModelForces", None),
         ("walk\nINDEGREES Y\nEndHeader\n" + BODY, "mot", "walk", True),
         ('"walk"\t\n"inDegrees=True"\t\nendheader\t\n' + BODY.replace("\n", "\t\t\n"), "mot", "walk", True),
         ("walk,,\ninDegrees=n,,\nendheader,,\n" + BODY.replace("\t", ","), "mot", "walk", False),
@@ -96,7 +98,6 @@ def test_counts_that_are_off_and_angles_without_a_unit_are_said_and_only_columns
 @pytest.mark.parametrize(
     ("text", "word"),
     [
-        ("walk\ninDegrees=no\nAngles are in degrees.\nendheader\ntime\n", "both"),
         (HEAD + "time\ta\tb\n0\t1\t2\n1\t1\n", "line 9"),
         (HEAD + "time\ta\tb\n0\t1\t1,2,3\n", "vectors"),
         (HEAD + "time\ta\tb\n0\t1\tinf\n1\t1\t2\n", "line 8, b"),
@@ -164,14 +165,14 @@ def test_the_command_writes_the_cycle_that_a_file_holds(tmp_path):
     columns = {
         "time": walk.time_s,
         "knee_angle_r": np.degrees(-walk.rz),
-        "knee_rot_r": np.degrees(walk.ry),
+        "knee_rot_r": np.degrees(-walk.ry),
         "tibia_Fy_m": walk.fy_med,
         "tibia_Fy_l": walk.fy_lat,
         "cop_x": 1e-3 * walk.cop_ap_mm,
         "tibia_Tx": -1e-3 * walk.cop_ml_mm * (walk.fy_med + walk.fy_lat),
     }
     table = Table("walk", columns, in_degrees=True)
-    maps = ("knee_angle_r=-rz:deg", "knee_rot_r=ry", "tibia_Fy_m=Fy_med:N", "tibia_Fy_l=Fy_lat", "cop_x=cop_ap:m")
+    maps = ("knee_angle_r=-rz:deg", "knee_rot_r=-ry", "tibia_Fy_m=Fy_med:N", "tibia_Fy_l=Fy_lat", "cop_x=cop_ap:m")
     back = read_cycle(written(tmp_path, table, *maps, "tibia_Tx=Tx:Nm"))
     for key in ("time_s", "rz", "ry", "fy_med", "fy_lat", "cop_ap_mm", "cop_ml_mm"):
         np.testing.assert_allclose(getattr(back, key), getattr(walk, key), rtol=1e-12, atol=1e-12)
@@ -192,42 +193,64 @@ def test_a_cycle_of_another_joint_is_that_of_its_scene(tmp_path):
     np.testing.assert_allclose(back.loads["Fy"], [100.0, 900.0, 400.0], rtol=1e-15)
 
 
-def test_measured_poses_of_a_file_of_version_3_become_a_pose_file(tmp_path):
-    labels = ("knee_ant_r=tx:m", "knee_sup_r=ty:m", "knee_lat_r=tz", "knee_flex_r=rx:rad", "knee_add_r=ry:rad")
-    poses = read_poses(
-        written(tmp_path, shared_file("data/dm_tka/fluoroscopic_gait.sto"), *labels, "knee_rot_r=rz:rad")
-    )
-    assert poses.shape == (101, 6)
-    np.testing.assert_allclose(poses[0], [-7.4, 41.7, -1.0, 0.0063, 0.0037, -0.0943], atol=1e-12)
-
-
 KNEE = "/jointset/knee_r"
-LABELS = ("knee_tx_r", "knee_ty_r", "knee_tz_r", "knee_adduction_r", "knee_rotation_r", "knee_angle_r")
-MAPS = [
-    ColumnMap.parse(f"{KNEE}/{label}/value={'-' if name == 'rz' else ''}{name}")
-    for label, name in zip(LABELS, POSE_NAMES, strict=True)
-]
+LABELS = ("knee_tx_r", "knee_ty_r", "knee_tz_r", "knee_add_r", "knee_rot_r", "knee_flex_r")
+MAPS = [f"{KNEE}/{label}/value={name}" for label, name in zip(LABELS, POSE_NAMES, strict=True)]
 TIME = np.linspace(0.0, 0.3, 4)
-POSES = np.random.default_rng(7).uniform(-0.5, 0.5, (4, 6)) * np.repeat([30.0, 1.0], 3)
-CURVES = {"time": TIME, **dict(zip(POSE_NAMES, POSES.T, strict=True))}
+STATES = np.random.default_rng(7).uniform(-0.5, 0.5, (4, 6)) * np.repeat([30.0, 1.0], 3)  # tibia in femur [mm, rad]
+CURVES = {"time": TIME, **dict(zip(POSE_NAMES, STATES.T, strict=True))}
+TABLE_OF_STATES = renamed_table(CURVES, map(ColumnMap.parse, MAPS), "states")
 BY_OPENSIM = """
 import json, sys
 import opensim
 read = opensim.TimeSeriesTable(sys.argv[1])
 columns = {label: list(read.getDependentColumn(label).to_numpy()) for label in read.getColumnLabels()}
-header = {key: read.getTableMetaDataString(key) for key in ("inDegrees",)}
+header = {"inDegrees": read.getTableMetaDataString("inDegrees")}
 opensim.STOFileAdapter.write(read, sys.argv[2])
 print(json.dumps({"time": list(read.getIndependentColumn()), "columns": columns, "header": header}))
 """
 
 
-def test_poses_go_to_the_states_of_a_moco_knee_and_back(tmp_path):
-    table = renamed_table(CURVES, MAPS, "states")
-    np.testing.assert_allclose(table.column(f"{KNEE}/knee_ty_r/value"), 1e-3 * POSES[:, 1])
-    np.testing.assert_allclose(table.column(f"{KNEE}/knee_angle_r/value"), -POSES[:, 5])
-    write_table(table, tmp_path / "states.sto")
-    back = mapped_curves(read_opensim_table(tmp_path / "states.sto"), MAPS)
-    np.testing.assert_allclose(poses_from_curves(back), POSES, rtol=1e-14)
+@pytest.mark.parametrize(
+    ("coordinates", "pose"),
+    [
+        ([0, 0, 0, 0, 0, 0.3], [0, 0, 0, 0, 0, -0.3]),
+        ([5, -27, 2, 0, 0, 0], [5, 27, 2, 0, 0, 0]),  # tibia anterior, below, lateral: femur posterior, above, medial
+        ([0, -27, 0, 0, 0, np.pi / 2], [27, 0, 0, 0, 0, -np.pi / 2]),  # the femur's shaft points backwards
+        ([5, 0, 0, 0, 0.2, 0], [5 * np.cos(0.2), 0, 5 * np.sin(0.2), 0, -0.2, 0]),  # inwards: femur outwards
+        ([0, -27, 0, 0.2, 0, 0], [0, 27 * np.cos(0.2), 27 * np.sin(0.2), 0.2, 0, 0]),  # adduction: over the medial side
+    ],
+)
+def test_the_femur_in_the_insert_from_the_tibia_in_the_femur(coordinates, pose):
+    np.testing.assert_allclose(femur_in_insert([coordinates])[0], pose, atol=1e-12)
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_a_knee_is_turned_and_back_and_a_left_one_is_the_mirror_image(side):
+    np.testing.assert_allclose(tibia_in_femur(femur_in_insert(STATES, side), side), STATES, atol=1e-13)
+    mirrored = STATES * ([1, 1, -1, -1, -1, 1] if side == "left" else 1)
+    np.testing.assert_array_equal(femur_in_insert(mirrored, side), femur_in_insert(STATES))
+    with pytest.raises(ValueError, match="right or left"):
+        femur_in_insert(STATES, "both")
+
+
+def test_states_of_a_moco_knee_become_poses_by_the_command(tmp_path):
+    write_table(TABLE_OF_STATES, tmp_path / "walk.mot")
+    cycle(tmp_path / "walk.mot", MAPS, tmp_path / "out.csv", None, "right")
+    np.testing.assert_allclose(read_poses(tmp_path / "out.csv"), femur_in_insert(STATES), rtol=1e-12)
+
+
+def test_ligaments_of_jam_s_knee_are_as_long_as_it_stored():
+    """Each PCL bundle runs straight from a point of the femur to one of the tibia."""
+    folder = shared_file("data/jam_knee/lenhart2015.osim").parent
+    states, forces = (read_opensim_table(folder / "passive_flexion" / name) for name in ("states.sto", "forces.sto"))
+    poses = femur_in_insert(poses_from_curves(mapped_curves(states, map(ColumnMap.parse, MAPS))))
+    model, turn = (folder / "lenhart2015.osim").read_text("utf-8"), np.array([-1.0, 1.0, -1.0])
+    for bundle in ("PCLal1", "PCLpm5"):
+        path = model.split(f'name="{bundle}"')[1].split("</objects>")[0]
+        points = [1e3 * turn * np.array(text.split(), float) for text in re.findall("<location>(.*)</location>", path)]
+        lengths = np.linalg.norm(poses[:, :3] + rotation(poses[:, 3:]) @ points[0] - points[1], axis=1)
+        np.testing.assert_allclose(lengths, 1e3 * forces.column(f"{bundle}.length"), atol=1e-5)
 
 
 def by_opensim(code, folder, *arguments):
@@ -241,13 +264,13 @@ def by_opensim(code, folder, *arguments):
 
 
 def test_opensim_reads_what_is_written_and_what_it_writes_is_read(tmp_path):
-    write_table(renamed_table(CURVES, MAPS, "states"), tmp_path / "ours.sto")
+    write_table(TABLE_OF_STATES, tmp_path / "ours.sto")
     found = json.loads(by_opensim(BY_OPENSIM, tmp_path, tmp_path / "ours.sto", tmp_path / "theirs.sto"))
     assert found["header"] == {"inDegrees": "no"}
     np.testing.assert_allclose(found["time"], TIME)
-    np.testing.assert_allclose(found["columns"][f"{KNEE}/knee_tx_r/value"], 1e-3 * POSES[:, 0], rtol=1e-12)
-    back = poses_from_curves(mapped_curves(read_opensim_table(tmp_path / "theirs.sto"), MAPS))
-    np.testing.assert_allclose(back, POSES, rtol=1e-6)
+    np.testing.assert_allclose(found["columns"][f"{KNEE}/knee_tx_r/value"], 1e-3 * STATES[:, 0], rtol=1e-12)
+    back = poses_from_curves(mapped_curves(read_opensim_table(tmp_path / "theirs.sto"), map(ColumnMap.parse, MAPS)))
+    np.testing.assert_allclose(back, STATES, rtol=1e-6)
 
 
 def test_the_external_loads_of_the_recipe_are_understood_by_opensim(tmp_path):

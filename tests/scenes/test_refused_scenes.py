@@ -76,8 +76,6 @@ def test_parts_of_patches_differ_in_their_names_and_are_few():
         ("hip", {"cup_radius": 15.0}, "geometry.cup_radius"),
         ("hip", {"cup_pole": (0.0, 0.0, 0.0)}, "geometry.cup_pole"),
         ("hip", {"cup_centre": (0.0, 0.0)}, "geometry.cup_centre"),
-        ("hip", {"cup_half_angle_deg": 120.0}, "geometry.cup_half_angle_deg"),
-        ("hip", {"ball_radius": -1.0}, "geometry.ball_radius"),
         ("patellofemoral", {"dome_radius": 31.0}, "geometry.facet_radius"),
         ("patellofemoral", {"dome_sagittal_radius": 10.0}, "geometry.dome_sagittal_radius"),
         ("patellofemoral", {"facet_half_width_deg": 80.0}, "geometry.facet_half_width_deg"),
