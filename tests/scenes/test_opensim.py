@@ -234,10 +234,15 @@ def test_a_knee_is_turned_and_back_and_a_left_one_is_the_mirror_image(side):
         femur_in_insert(STATES, "both")
 
 
-def test_states_of_a_moco_knee_become_poses_by_the_command(tmp_path):
-    write_table(TABLE_OF_STATES, tmp_path / "walk.mot")
+def test_states_of_a_moco_knee_become_poses_by_the_command_and_with_loads_a_cycle(tmp_path):
+    loads = {"Fy_med": -500.0, "Fy_lat": -300.0, "cop_ap": 0.004, "cop_ml": 0.006}
+    columns = {name: np.full(4, value) for name, value in loads.items()}
+    write_table(Table("walk", {**TABLE_OF_STATES.columns, **columns}, in_degrees=False), tmp_path / "walk.mot")
     cycle(tmp_path / "walk.mot", MAPS, tmp_path / "out.csv", None, "right")
     np.testing.assert_allclose(read_poses(tmp_path / "out.csv"), femur_in_insert(STATES), rtol=1e-12)
+    cycle(tmp_path / "walk.mot", [*MAPS, *(f"{name}={name}" for name in loads)], tmp_path / "out.csv", None, "right")
+    walk = read_cycle(tmp_path / "out.csv")
+    np.testing.assert_allclose(np.column_stack([walk.ry, walk.rz]), femur_in_insert(STATES)[:, 4:], rtol=1e-12)
 
 
 def test_ligaments_of_jam_s_knee_are_as_long_as_it_stored():
@@ -271,6 +276,32 @@ def test_opensim_reads_what_is_written_and_what_it_writes_is_read(tmp_path):
     np.testing.assert_allclose(found["columns"][f"{KNEE}/knee_tx_r/value"], 1e-3 * STATES[:, 0], rtol=1e-12)
     back = poses_from_curves(mapped_curves(read_opensim_table(tmp_path / "theirs.sto"), map(ColumnMap.parse, MAPS)))
     np.testing.assert_allclose(back, STATES, rtol=1e-6)
+
+
+BY_JOINT = """
+import json, re, sys
+import opensim
+text = re.sub(r"<(Smith2018\\w+) name=.*?</\\1>", "", open(sys.argv[1]).read(), flags=re.S)  # it does not know these
+open("knee.osim", "w").write(text)
+model, found = opensim.Model("knee.osim"), []
+state, bodies = model.initSystem(), model.getBodySet()
+for row in json.loads(sys.argv[2]):
+    for name, value in row.items():
+        model.updCoordinateSet().get(name).setValue(state, value, False)
+    model.realizePosition(state)
+    femur = bodies.get("femur_distal_r").findTransformBetween(state, bodies.get("tibia_proximal_r"))
+    found.append([[*(femur.R().get(i, j) for j in range(3)), femur.p().get(i)] for i in range(3)])
+print(json.dumps(found))
+"""
+
+
+def test_opensim_s_joint_puts_the_femur_there(tmp_path):
+    rows = [dict(zip(LABELS, row, strict=True)) for row in (STATES / np.repeat([1e3, 1.0], 3)).tolist()]
+    model = shared_file("data/jam_knee/lenhart2015.osim")
+    found, turn = np.array(json.loads(by_opensim(BY_JOINT, tmp_path, model, json.dumps(rows)))), np.diag([-1, 1, -1])
+    poses = femur_in_insert(STATES)
+    np.testing.assert_allclose(rotation(poses[:, 3:]), turn @ found[..., :3] @ turn, atol=1e-12)
+    np.testing.assert_allclose(poses[:, :3], 1e3 * found[..., 3] @ turn, atol=1e-9)
 
 
 def test_the_external_loads_of_the_recipe_are_understood_by_opensim(tmp_path):
