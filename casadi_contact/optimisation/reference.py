@@ -24,12 +24,12 @@ from casadi_contact.scenes.shapes.checks import MOST_ELEMENTS
 from casadi_contact.scenes.shapes.mesh_bodies import bare_mesh, body_field, body_mesh, body_surface
 
 
-def reference_model(scene: Scene) -> ContactModel | str:
+def reference_model(scene: Scene, grid: str = "teacher") -> ContactModel | str:
     """The contact model that a scene's surrogates stand for, on its finest grid, or why there is none at hand."""
     if scene.layer is None:
         return f"the scene {scene.name} has no contact model at hand (ask yours in Python: cc.verify)"
     try:
-        return ElasticFoundation(scene, scene.grids.get("teacher"))
+        return ElasticFoundation(scene, scene.grids.get(grid))
     except (ValueError, OSError, ImportError) as error:
         return f"the scene {scene.name} has no contact model at hand ({error})"
 

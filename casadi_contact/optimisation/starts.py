@@ -6,13 +6,15 @@ From a start in contact an optimiser finds its way, from 20 mm off it may not.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from casadi_contact.contact.approach import advance_to_contact, touching_start
 from casadi_contact.contact.settle import settle
-from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.contact.symbolic import SymbolicContact, symbolic
 from casadi_contact.core.conventions import LEVER_MM, POSE_NAMES, WRENCH_NAMES, Array, pose_index
+from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.scenes.scene import Scene
 
 LEAST_START_N = 20.0  # of each patch, so that a start is in contact
@@ -63,9 +65,9 @@ def settle_in_range(
     """Bring poses (n, 6) into the learned range and settle them under target normal loads (n,) by name.
 
     Sensitive pose parameters settle, as far as they are free; locked ones are as at rest (n, 6) and as the scene says.
-    Settling compares root loads, which keep their slope out of contact. Where it leads out of the learned range, it
-    begins again at rest, then at the first touch of a model that knows its gaps. Where that fails too, the pose is only
-    brought into the range.
+    Settling compares root loads, which keep their slope out of contact. Where it leads out of what is learned, it
+    begins again at rest, then where the elements of a surrogate's scene settle, or at the first touch of a foundation.
+    Where that fails too, the pose is only brought into the range.
     """
     columns = [pose_index(name) for name in free]
     locked = [i for i in range(6) if i not in columns]
@@ -78,15 +80,28 @@ def settle_in_range(
     if not pressing or not moved or not set(moved) <= set(free):
         return poses
     left = np.arange(len(poses))
-    for begin in (poses.copy, lambda: rest, lambda: touching(model, rest, free, pressing)):
+    for begin in (poses.copy, lambda: rest, lambda: _in_contact(model, poses, rest, free, pressing)):
         forces = {name: target[left] for name, target in pressing.items()}
         tried, report = settle(model, begin()[left], moved, forces, tolerance=tolerance_n, max_iterations=30)
         good = report.converged & ((tried >= low) & (tried <= high))[:, columns].all(axis=1)
         poses[left[good]] = tried[good]
+        surrogate: Any = model
+        if getattr(model, "confidence", None) is not None:  # in false contact validity is small
+            good &= surrogate.validity(tried) >= 0.5
         left = left[~good]
         if not len(left):
             break
     return poses
+
+
+def _in_contact(
+    model: SymbolicContact, poses: Array, rest: Array, free: Sequence[str], pressing: Mapping[str, Array]
+) -> Array:
+    """Poses (n, 6) settled on the elements of a surrogate's scene; of other models and scenes the first touch."""
+    elements = reference_model(model.scene, "settle") if model.record.get("pose_range") else ""
+    if isinstance(elements, str):
+        return touching(model, rest, free, pressing)
+    return settle_in_range(symbolic(elements), poses, rest, free, pressing)
 
 
 def touching(model: SymbolicContact, poses: Array, free: Sequence[str], pressing: Mapping[str, Array]) -> Array:

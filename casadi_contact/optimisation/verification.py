@@ -18,6 +18,7 @@ from casadi_contact.scenes.tolerance import Tolerance
 
 UNCOUNTED = 0.05  # of a frame's load, that lies where the contact model counts none: with more it is not verified
 VERIFIED, DIFFERS, UNSOLVED, UNCHECKED = "solved and verified", "solved, differs", "not solved", "solved, not checked"
+OUTSIDE = "outside the learned region"
 ON_MODEL, LEAPS, NOT_ASKED = "solved on the contact model", "solved, its pose leaps", "no load"
 
 _Rows = np.ndarray | int
@@ -109,7 +110,8 @@ class Verification:
         for rows, _, of_frame, size in self._doubts():
             for frame in np.flatnonzero(rows).tolist():
                 words[frame] = of_frame.format(size(frame))
-        return [str(word) for word in words]
+        beyond = self.solved & self.outside & ~self.without_load
+        return [f"{word}, {OUTSIDE}" if out else str(word) for word, out in zip(words, beyond, strict=True)]
 
     @property
     def exit_code(self) -> int:
@@ -120,7 +122,7 @@ class Verification:
 
     @property
     def line(self) -> str:
-        """All frames in one line."""
+        """All frames in one line, with the numbers of those outside the learned region."""
         loaded = ~self.without_load
         count, solved, idle = (int(rows.sum()) for rows in (loaded, self.solved & loaded, self.without_load))
         others = f", {idle} bear no load" if idle else ""
@@ -130,7 +132,12 @@ class Verification:
         own = f", {alone} of them on it alone" if alone else ""
         parts = [f"{verified} of {count} solved and verified on {self.model}{own}{others}"]
         parts += [f"{rows.sum()} {of_rows.format(size(rows))}" for rows, of_rows, _, size in self._doubts()]
-        return "; ".join([*parts, *([f"{count - solved} not solved"] if count > solved else [])])
+        if count > solved:
+            parts.append(f"{count - solved} not solved")
+        if len(frames := np.flatnonzero(self.outside & loaded)):
+            which = ", ".join(map(str, frames[:10])) + (", ..." if len(frames) > 10 else "")
+            parts.append(f"{len(frames)} ({which}) {OUTSIDE}")
+        return "; ".join(parts)
 
     def __str__(self) -> str:
         if not self.checked:
@@ -143,9 +150,6 @@ class Verification:
             lines.append(
                 f"  {name:<8}{format_above_limit(rms, allowed):>10}{worst:>10.3g}{allowed:>11g} {load_unit(name)}{said}"
             )
-        frames = np.flatnonzero(self.outside)
-        which = f" ({', '.join(map(str, frames[:10]))}{', ...' if len(frames) > 10 else ''})" if len(frames) else ""
-        lines.append(f"  {len(frames)} of {len(self.poses)} frames{which} outside the learned region")
         return "\n".join([*lines, "  passed" if self.passed else "  not passed"])
 
     def _doubts(self) -> Iterator[_Doubt]:

@@ -37,12 +37,9 @@ def few_frames(cycle, every=20):
     return JointCycle(cycle.name, cycle.time_s[::every], *curves)
 
 
-def test_the_reference_cycle_is_solved_in_few_iterations_and_the_elements_agree(solved):
+def test_the_reference_cycle_is_solved_in_few_iterations(solved):
     problem, result = solved
-    assert result.solved.all()
     assert result.ipopt.iterations <= 12
-    elements = cc.ElasticFoundation(problem.model.scene, problem.model.scene.grids["teacher"])
-    assert np.sqrt(np.mean((elements(result.poses)[:, :2] - result.loads[:, :2]) ** 2)) < 1.0
     again = problem.solve(result.poses)
     assert again.ipopt.iterations <= 12, "begun at the solution, IPOPT's own scaling once ran to the limit of 300"
     np.testing.assert_allclose(again.poses, result.poses, atol=1e-6)
@@ -78,11 +75,17 @@ def test_the_foundation_compiled_or_not_gives_the_surrogate_s_poses(knee):
     assert cc.verify(problem.model, result.poses, teacher, result.solved, problem.targets.load_names).exit_code == 0
 
 
-@pytest.mark.parametrize("name", ["og1", "og2", "og3", "og4"])
-def test_measured_cycles_are_solved_in_every_frame_without_warnings(knee, name):
-    problem = PoseEstimation.of_cycle(knee, read_cycle(shared_file(f"data/jw/{name}_loads.csv")))
+@pytest.mark.parametrize("name", ["walk", "og1", "og2", "og3", "og4"])
+@pytest.mark.parametrize("surrogate", ["knee", "knee_two_stage"])
+def test_cycles_are_solved_in_every_frame_without_warnings_and_the_elements_agree(surrogate, name):
+    """The second settles its own loads far off, in false contact: it begins where the elements settle."""
+    model, walk = cc.load_surrogate(surrogate), reference_cycle()
+    cycle = walk if name == "walk" else read_cycle(shared_file(f"data/jw/{name}_loads.csv"))
+    problem = PoseEstimation.of_cycle(model, cycle)
     assert check_targets(problem.targets) == []
-    assert problem.solve().solved.all()
+    result, elements = problem.solve(), reference_model(model.scene)
+    assert result.solved.all()
+    assert np.sqrt(np.mean((elements(result.poses)[:, :2] - result.loads[:, :2]) ** 2)) < 1.0
 
 
 @needs_compiler
