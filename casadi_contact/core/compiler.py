@@ -17,20 +17,24 @@ import os
 import platform
 import shlex
 import shutil
+import signal
 import stat
 import subprocess
 import sys
 import tempfile
+import threading
 import warnings
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import platformdirs
 
 from casadi_contact.core.compilation import announce
 from casadi_contact.core.files.reading import sha256_of, short
+from casadi_contact.core.interrupts import terminated_as_interrupted
 
 FLAGS = ("-std=gnu99", "-O3", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
 NATIVE = ("-march=native",)
@@ -71,7 +75,7 @@ def cache_folder() -> Path:
 
 @cache
 def _compiler_version(command: tuple[str, ...]) -> str:
-    return _run([*command, "--version"])
+    return run_compiler([*command, "--version"])
 
 
 @cache
@@ -84,17 +88,27 @@ def _processor() -> str:
     return "".join(sorted({line for line in lines if line.startswith(("model name", "flags", "Features"))}))
 
 
-def _run(command: list[str], folder: Path | None = None) -> str:
-    """What a command prints; raises CompilerError with its first error."""
+def run_compiler(command: list[str], folder: Path | None = None) -> str:
+    """What a command prints; raises CompilerError with its first error. Interrupted or terminated, it leaves nothing
+    running: a compiler starts programs of its own."""
+    in_main = threading.current_thread() is threading.main_thread()
+    pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "process_group": 0}
     try:
         # A compiler's messages name files as they are called, and need not be text in this locale.
-        return subprocess.run(command, capture_output=True, text=True, errors="replace", check=True, cwd=folder).stdout
-    except subprocess.CalledProcessError as error:
-        said = (error.stderr or error.stdout).strip().splitlines() or [f"exit status {error.returncode}"]
-        reason = next((line for line in said if "error" in line.lower()), said[0])  # lines before it say where
-        raise CompilerError(f"{command[0]} failed: {reason}") from None
+        running = subprocess.Popen(command, text=True, errors="replace", cwd=folder, **pipes)
     except OSError as error:
         raise CompilerError(f"{command[0]} failed: {error}") from None
+    with terminated_as_interrupted() if in_main else nullcontext(), running:
+        try:
+            printed, errors = running.communicate()
+        except BaseException:
+            os.killpg(running.pid, signal.SIGKILL)
+            raise
+    if running.returncode != 0:
+        said = (errors or printed).strip().splitlines() or [f"exit status {running.returncode}"]
+        reason = next((line for line in said if "error" in line.lower()), said[0])  # lines before it say where
+        raise CompilerError(f"{command[0]} failed: {reason}")
+    return printed
 
 
 def shared_library(source: str, waited_for: str = "", data: bytes = b"", linked: Path | None = None) -> Path:
@@ -142,11 +156,11 @@ def _compiled(
         (place / DATA_FILE).write_bytes(data)
         last = ["-o", str(library), "kernel.c", *libraries]
         try:
-            _run([*command, *FLAGS, *chosen, *last], place)
+            run_compiler([*command, *FLAGS, *chosen, *last], place)
         except CompilerError:
             if chosen != NATIVE:  # what a user asked for is not replaced
                 raise
-            _run([*command, *FLAGS, *last], place)  # not every compiler knows -march=native
+            run_compiler([*command, *FLAGS, *last], place)  # not every compiler knows -march=native
         library.chmod(0o700)
         try:
             _ctypes.dlclose(ctypes.CDLL(str(library))._handle)  # closed, since a file that is open may not be changed
@@ -176,7 +190,7 @@ def portable_library(folder: Path, sources: Sequence[str], library: str) -> Path
 
     Raises CompilerError without a compiler, or where it refuses.
     """
-    _run([*compiler_command(), *FLAGS, *_words_of(CFLAGS_VARIABLE), "-o", library, *sources, "-lm"], folder)
+    run_compiler([*compiler_command(), *FLAGS, *_words_of(CFLAGS_VARIABLE), "-o", library, *sources, "-lm"], folder)
     return folder / library
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import gzip
-import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -24,7 +23,7 @@ from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.cup import CupFoundation
 from casadi_contact.contact.foundation_source import C_FOLDER
 from casadi_contact.contact.polar.foundation import PolarFoundation
-from casadi_contact.core.compiler import DATA_FILE, CompilerError
+from casadi_contact.core.compiler import DATA_FILE, run_compiler
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.files.writing import write_bytes
 from casadi_contact.export.c_source import c_source, header
@@ -98,10 +97,7 @@ def webassembly(files: Mapping[str, str | bytes], exports: Sequence[str]) -> byt
         sources = [name for name in files if name.endswith(".c")]
         exported = [f"-Wl,--export={name}" for name in (*exports, "__heap_base")]
         command = [sys.executable, "-m", "ziglang", "cc", *_TARGET, *_FLAGS, "-o", "kernel.wasm", *sources, *exported]
-        found = subprocess.run(command, cwd=folder, capture_output=True, text=True, errors="replace", check=False)
-        if found.returncode != 0:
-            said = found.stderr.strip().splitlines()
-            raise CompilerError(f"ziglang failed: {said[0] if said else f'exit status {found.returncode}'}")
+        run_compiler(command, Path(folder))
         return (Path(folder) / "kernel.wasm").read_bytes()
 
 

@@ -5,6 +5,7 @@ import os
 import shlex
 import subprocess
 import sys
+import time
 import warnings
 
 import numpy as np
@@ -166,3 +167,28 @@ def test_a_folder_or_a_link_in_place_of_a_library_is_refused(cache, tmp_path):
 def test_a_batch_that_is_no_number_of_poses_is_refused(surrogate, batch):
     with pytest.raises(ValueError, match="batch"):
         surrogate.function(batch=batch)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are POSIX")
+def test_a_terminated_program_leaves_no_compiler_running(cache, tmp_path):
+    slow = tmp_path / "slow"
+    slow.write_text(f'#!/bin/sh\ntest "$1" = --version && exit\nsleep 60 & echo $! > {tmp_path}/pid; wait\n')
+    slow.chmod(0o700)
+    code = f"from casadi_contact.core.compiler import shared_library; shared_library({SOURCE!r})"
+    program = subprocess.Popen(
+        [sys.executable, "-c", code], env={**os.environ, "CC": str(slow)}, stderr=subprocess.PIPE
+    )
+    while not (tmp_path / "pid").exists() or not (pid := (tmp_path / "pid").read_text().strip()):
+        assert program.poll() is None
+        time.sleep(0.05)
+    program.terminate()
+    program.communicate()
+    with pytest.raises(ProcessLookupError):
+        ask_for_seconds(int(pid), 10)
+
+
+def ask_for_seconds(pid, seconds):
+    """A killed process is gone as soon as its new parent has heard of it."""
+    for _ in range(20 * seconds):
+        os.kill(pid, 0)
+        time.sleep(0.05)
