@@ -42,7 +42,7 @@ class ContactFrames:
     """n frames of a contact for any NLP: scaled free pose parameters q (f, n) as variables, and what follows from them.
 
     pose (6, n) [mm, rad], loads (L, n) [N, N·mm] of ``load_names`` and signed root loads (P, n) are CasADi expressions;
-    lower and upper (f·n,) bound ``vec(q)`` to the range of poses that a surrogate has learned; a foundation has none.
+    lower and upper (f·n,) bound ``vec(q)`` (`pose_bounds`): to what a surrogate has learned, or a scene's reach.
 
     model: a surrogate, a foundation, or any other contact model, which is called back (`contact.symbolic`).
     locked: pose parameters that do not move, by name: a number, (n,) values or an expression (1, n); all others are
@@ -128,7 +128,7 @@ class ContactFrames:
 
     def report(self, value: Callable[[ca.MX], Any]) -> str:
         """What a solution is worth, a line for each finding: how far off the loads are that `misfit` was asked for,
-        which frames lie on a bound of the learned range, are not valid, or have no contact.
+        which frames lie on a bound, are not valid, or have no contact.
 
         value: of an expression at the solution, such as ``solution.value`` of an Opti.
         """
@@ -142,9 +142,7 @@ class ContactFrames:
         q = np.ravel(value(self.q), order="F")
         near = 1e-6 * (1.0 + np.abs(q))
         bound = ((q <= self.lower + near) | (q >= self.upper - near)).reshape(self.frames, -1).T
-        found: dict[str, Any] = {
-            f"{name} is on the bound of what was learned": on for name, on in zip(self.free, bound, strict=True)
-        }
+        found: dict[str, Any] = {f"{name} is on its bound": on for name, on in zip(self.free, bound, strict=True)}
         model: Any = self.model
         if getattr(model, "confidence", None) is not None:
             found["validity is below 1/2"] = np.less(model.validity(pose.T), 0.5)
@@ -171,7 +169,7 @@ class ContactFrames:
         moved = [pose_index(name) for name in POSE_NAMES[:3] if name in self.free]
         rest[:, moved] = rotate_about_anchors(self.model, middle, rest)[:, moved]
         rest = space.project(rest)
-        if not np.isfinite(self.lower).any():  # nothing learned: the middle touches in one orientation only
+        if not self.model.record.get("pose_range"):  # nothing learned: the middle touches in one orientation only
             rest = touching(self.model, rest, self.free, {})
         begin = rest if poses is None else self.each_frame(poses)
         targets = targets or {}

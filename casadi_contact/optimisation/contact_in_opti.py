@@ -13,7 +13,7 @@ from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import Array, pose_index
 from casadi_contact.optimisation.contact_frames import ContactFrames
 from casadi_contact.optimisation.ipopt import ipopt_options
-from casadi_contact.optimisation.starts import pose_bounds
+from casadi_contact.optimisation.starts import learned_range
 
 
 class ContactInOpti(ContactFrames):
@@ -40,7 +40,7 @@ class ContactInOpti(ContactFrames):
         compiled: bool = True,
     ) -> None:
         super().__init__(model, frames, locked=locked, loads=loads, compiled=compiled, variable=opti.variable)
-        self._opti, (low, high) = opti, pose_bounds(self.model)
+        self._opti, (low, high) = opti, learned_range(self.model)
         for name, value in self._locked.items():
             at = pose_index(name)
             if not isinstance(value, ca.MX) and not ((value >= low[at]) & (value <= high[at])).all():

@@ -127,7 +127,7 @@ class PoseEstimation:
         return self.contact.free
 
     def in_range(self, poses: Array) -> np.ndarray:
-        """True (n,) for poses (n, 6) whose free parameters lie in the learned range; a foundation has none."""
+        """True (n,) for poses (n, 6) whose free parameters lie within `pose_bounds`."""
         low, high = pose_bounds(self.model)
         return np.asarray(((poses >= low) & (poses <= high))[:, self.contact.columns].all(axis=1))
 

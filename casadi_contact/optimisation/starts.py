@@ -20,19 +20,27 @@ from casadi_contact.scenes.scene import Scene
 LEAST_START_N = 20.0  # of each patch, so that a start is in contact
 
 
-def pose_bounds(model: SymbolicContact) -> tuple[Array, Array]:
-    """Lowest and highest pose (6,), (6,) [mm, rad] that a surrogate has learned, infinite where it does not say; a
-    foundation knows no bounds."""
+def learned_range(model: SymbolicContact) -> tuple[Array, Array]:
+    """Lowest and highest pose (6,), (6,) [mm, rad] that a surrogate has learned, infinite where it does not say."""
     ranges = model.record.get("pose_range", {})
     pairs = np.array([ranges.get(name, (-np.inf, np.inf)) for name in POSE_NAMES])
     return pairs[:, 0], pairs[:, 1]
+
+
+def pose_bounds(model: SymbolicContact) -> tuple[Array, Array]:
+    """Lowest and highest pose (6,), (6,) [mm, rad] that an optimiser may try: the learned range of a surrogate; of a
+    model that knows its gaps, the scene's reach and half a turn about the first touch. Infinite of others."""
+    if model.record.get("pose_range") or not model.has_gaps:
+        return learned_range(model)
+    touch, reach = touching_start(model), np.repeat([model.scene.reach_mm, np.pi], 3)
+    return touch - reach, touch + reach
 
 
 def middle_pose(model: SymbolicContact) -> Array:
     """The middle (6,) of the learned range; where there is none, `touching_start`, and likewise where the patches are
     pressed in no single direction: in a cup the middle touches nothing, and no direction leads from there to contact.
     """
-    (low, high), space = pose_bounds(model), model.scene.pose_space
+    (low, high), space = learned_range(model), model.scene.pose_space
     known = np.isfinite(low) & np.isfinite(high)
     if known.any() and model.scene.normal_loads[0].direction is not None:
         pairs = zip(low, high, known, strict=True)
@@ -62,7 +70,7 @@ def settle_in_range(
     pressing: Mapping[str, Array],
     tolerance_n: float = 1.0,
 ) -> Array:
-    """Bring poses (n, 6) into the learned range and settle them under target normal loads (n,) by name.
+    """Bring poses (n, 6) into their bounds and settle them under target normal loads (n,) by name.
 
     Sensitive pose parameters settle, as far as they are free; locked ones are as at rest (n, 6) and as the scene says.
     Settling compares root loads, which keep their slope out of contact. Where it leads out of what is learned, it

@@ -201,6 +201,15 @@ class Scene:
                 raise ValueError(f"scene {self.name}: the part {part.name} holds no element: check split_z")
         return by_part
 
+    @cached_property
+    def reach_mm(self) -> float:
+        """How far [mm] the moving body may go from its first touch: half the diagonal of the largest patch, and
+        twice the way from its origin to the anchors, which it may turn round. Infinite without elements."""
+        if self.layer is None:
+            return np.inf
+        patches = [np.linalg.norm(np.ptp(patch.centres_mm, axis=0)) for patch in self.elements((20, 20))]
+        return float(0.5 * max(patches) + 2.0 * np.linalg.norm(self.anchors_mm.mean(axis=0)))
+
     @property
     def symmetric(self) -> bool:
         """True where the joint's two patches, and the poses it can take, mirror each other in the plane z = 0."""

@@ -26,7 +26,7 @@ def test_poses_of_a_problem_are_those_that_the_joint_can_take(ball):
     assert frames.free == ("tx", "ty", "rz")
     assert cc.ContactFrames(ball, locked={"rx": LOCKED, "rz": 0.1, "tx": 0.4, "tz": 0.4}).free == ("ty",)
     pose = ca.Function("pose", [frames.q], [frames.pose])
-    values = np.random.default_rng(0).normal(size=(3, 2))
+    values = np.random.default_rng(0).normal(size=(3, 2)) + 0.5 * (frames.lower + frames.upper).reshape(2, 3).T
     poses = pose(values).full().T
     np.testing.assert_allclose(poses[:, 2], AT_ZERO + SLOPE * poses[:, 0])
     np.testing.assert_array_equal(poses[:, 3:5], np.tile([LOCKED, 0.0], (2, 1)))
