@@ -45,12 +45,6 @@ def test_a_pose_that_is_not_finite_has_no_loads_and_leaves_the_others_alone():
         close(got[1], function(jax.numpy.asarray(POSES[:2]))[1], 12)
 
 
-def test_a_third_derivative_is_refused():
-    loads = contact_loads(SURROGATE)
-    with pytest.raises(ValueError, match="callback"):
-        jax.jacfwd(jax.hessian(loads))(POSES[0])
-
-
 def test_elements_give_a_slope_and_refuse_a_second_derivative_in_one_line():
     elements = sphere_elements()
     loads = contact_loads(elements)

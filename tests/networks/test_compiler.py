@@ -163,12 +163,6 @@ def test_a_folder_or_a_link_in_place_of_a_library_is_refused(cache, tmp_path):
     refused("is a folder or a link")
 
 
-@pytest.mark.parametrize("batch", [0, 2.5, True])
-def test_a_batch_that_is_no_number_of_poses_is_refused(surrogate, batch):
-    with pytest.raises(ValueError, match="batch"):
-        surrogate.function(batch=batch)
-
-
 @pytest.mark.skipif(os.name != "posix", reason="signals are POSIX")
 def test_a_terminated_program_leaves_no_compiler_running(cache, tmp_path):
     slow = tmp_path / "slow"

@@ -4,7 +4,6 @@ import casadi as ca
 import numpy as np
 import pytest
 
-import casadi_contact as cc
 from casadi_contact.optimisation.joint_mechanics import generalised_forces
 from problems import knee_simulator
 
@@ -61,8 +60,3 @@ def test_the_program_compares_surrogate_and_elements(tmp_path, capsys):
     assert "elements" in capsys.readouterr().out
     assert (tmp_path / "knee_simulator.csv").read_text("utf-8").count("\n") == 102
     assert (tmp_path / "knee_simulator.png").stat().st_size > 1000
-
-
-def test_a_scene_that_is_not_pressed_down_is_refused():
-    with pytest.raises(ValueError, match="hip"):
-        knee_simulator.build(cc.ElasticFoundation(cc.load_scene("hip"), (8, 8)))
