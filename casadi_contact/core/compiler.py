@@ -91,13 +91,14 @@ def _processor() -> str:
 def run_compiler(command: list[str], folder: Path | None = None) -> str:
     """What a command prints; raises CompilerError with its first error. Interrupted or terminated, it leaves nothing
     running: a compiler starts programs of its own."""
+    name = "ziglang" if "ziglang" in command else command[0]  # a module of Python
     in_main = threading.current_thread() is threading.main_thread()
     pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "process_group": 0}
     try:
         # A compiler's messages name files as they are called, and need not be text in this locale.
         running = subprocess.Popen(command, text=True, errors="replace", cwd=folder, **pipes)
     except OSError as error:
-        raise CompilerError(f"{command[0]} failed: {error}") from None
+        raise CompilerError(f"{name} failed: {error}") from None
     with terminated_as_interrupted() if in_main else nullcontext(), running:
         try:
             printed, errors = running.communicate()
@@ -107,7 +108,7 @@ def run_compiler(command: list[str], folder: Path | None = None) -> str:
     if running.returncode != 0:
         said = (errors or printed).strip().splitlines() or [f"exit status {running.returncode}"]
         reason = next((line for line in said if "error" in line.lower()), said[0])  # lines before it say where
-        raise CompilerError(f"{command[0]} failed: {reason}")
+        raise CompilerError(f"{name} failed: {reason}")
     return printed
 
 
