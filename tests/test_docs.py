@@ -12,7 +12,8 @@ import typer
 from typer.main import get_command
 
 from casadi_contact.cli.main import app
-from problems.studies.pages import BEGIN, END, headline, pages
+from problems.studies.numbers import BEGIN, END, headline
+from problems.studies.pages import pages
 from tests.support.shared_data import RESULTS
 
 ROOT = Path(__file__).parents[1]

@@ -22,6 +22,7 @@ from casadi_contact.core.conventions import Array
 
 Result = TypeVar("Result")
 THREADS_VARIABLE = "NUMBA_NUM_THREADS"
+SHARES_OF_A_THREAD = 8
 _most: ContextVar[int | None] = ContextVar("most threads", default=None)
 
 
@@ -46,7 +47,6 @@ def in_shares(
     work: Callable[[slice], Result],
     *,
     rows_of_a_thread: int = 256,
-    shares_of_a_thread: int = 8,
     multiple: int = 64,
 ) -> list[Result]:
     """What work returns for all rows at once, or for shares of them on several threads, in order.
@@ -58,7 +58,7 @@ def in_shares(
     threads = min(thread_count(), rows // rows_of_a_thread)
     if threads < 2:
         return [work(slice(0, rows))]
-    size = -(-rows // (shares_of_a_thread * threads * multiple)) * multiple
+    size = -(-rows // (SHARES_OF_A_THREAD * threads * multiple)) * multiple
     with ThreadPoolExecutor(threads) as pool:
         return list(pool.map(work, (slice(start, start + size) for start in range(0, rows, size))))
 

@@ -21,8 +21,6 @@ def settled_function(
     free: Sequence[str] = ("ty", "rx"),
     targets: Sequence[str] = ("Fy_med", "Fy_lat"),
     name: str = "settled",
-    *,
-    max_iterations: int = 100,
 ) -> ca.Function:
     """casadi.Function targets (m) [N, N·mm, or mm of a centre of pressure], start (6) -> pose (6) that carries them.
 
@@ -43,7 +41,7 @@ def settled_function(
     frame = ContactFrames(model, 1, locked=locked)
     residual = frame.misfit(dict(zip(targets, ca.vertsplit(given), strict=True)))
     problem = {"x": frame.q, "p": ca.vertcat(given, start), "g": residual}
-    options = {"abstol": TOLERANCE_N, "max_iter": max_iterations, "error_on_fail": True}
+    options = {"abstol": TOLERANCE_N, "max_iter": 100, "error_on_fail": True}
     solve = ca.rootfinder("settle", "newton", problem, options)
     begin = ca.vertcat(*(start[POSE_NAMES.index(of)] / frame.scale(of) for of in frame.free))
     found = solve(begin, problem["p"])

@@ -10,7 +10,6 @@ them, ../paper.md, is written by hand but for its numbers, as the README is.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -20,22 +19,27 @@ from typing import Annotated, Any
 import typer
 
 from casadi_contact.cli.tables import read_result
-from casadi_contact.contact.elements.foundation import grid_text
 from casadi_contact.core.files.writing import replacing, writable_folder
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.knee import SIDES
 from casadi_contact.pictures.charts import draw_charts
 from casadi_contact.pictures.page import save_page
-from casadi_contact.scenes.loading import load_scene, ready_scenes
-from casadi_contact.surrogate.load import load_surrogate
-from casadi_contact.workflow.benchmark.front_file import TIMES, Front, Point, read_front, shipped_front
+from casadi_contact.scenes.loading import ready_scenes
+from casadi_contact.workflow.benchmark.front_file import TIMES, Point, read_front
 from problems.studies import solve_time
+from problems.studies.numbers import (
+    FRONT,
+    headline,
+    machine,
+    number,
+    page_text,
+    paper_numbers,
+    read,
+    table,
+    with_numbers,
+)
 from problems.studies.stability.methods import FAILURES, Line
 
-BEGIN = "<!-- numbers: written by python -m problems.studies.pages -->"
-END = "<!-- end of numbers -->"
-_FRONT = "python -m problems.studies.shipped_front"
-_PACKAGES = ("casadi_contact", "casadi", "numpy", "scipy", "numba", "torch")
 _INTRO = (
     "This page is written from result files (`docs/results/data`) by a command, as are [charts](charts.md) of other "
     "joints and other methods, and the [stability](stability.md) of methods. Errors are reproducible. Times are not: "
@@ -73,114 +77,16 @@ def pages(data: Path) -> dict[str, str]:
             sections += write(data / name)
     for name, write_all in (("pose_estimation", _pose_section), ("muscle_contact", _muscle_section)):
         if summaries := sorted((data / name).glob("*.json")):
-            sections += write_all([_read(path) for path in summaries])
-    found = {"results.md": _page("Results", _INTRO, *sections)} if sections else {}
+            sections += write_all([read(path) for path in summaries])
+    found = {"results.md": page_text("Results", _INTRO, *sections)} if sections else {}
     if charts := sorted(data.glob("chart-*.csv")):
-        found["charts.md"] = _page("Charts", _CHARTS, *(part for path in charts for part in _chart_section(path)))
+        found["charts.md"] = page_text("Charts", _CHARTS, *(part for path in charts for part in _chart_section(path)))
     if studies := sorted(data.glob("stability*.json")):
-        parts = [part for path in studies for part in _stability_section(_read(path))]
-        found["stability.md"] = _page("Stability of methods", *parts)
+        parts = [part for path in studies for part in _stability_section(read(path))]
+        found["stability.md"] = page_text("Stability of methods", *parts)
     if (page := data.parent / "paper.md").is_file():
-        found["paper.md"] = _with_numbers(page, _paper_numbers(data))
+        found["paper.md"] = with_numbers(page, paper_numbers(data))
     return found
-
-
-def headline(data: Path) -> str:
-    """Numbers of the knee for the README, with the command that measured each, and the machine."""
-    speed = read_result(data / "kernel_speed.json", "kernel speed")
-    times = {k: v["low_us"] for k, v in speed["surrogates"]["patch"]["microseconds"].items()}
-    solutions = read_front(data / "solve_time.csv").models
-    whole = {point.name: 1e-3 * point.value.median_us for point in solutions if point.value is not None}
-    kernel = ", ".join(_number(times[f"{what}, kernel"]) for what in ("value", "Jacobian", "Hessian"))
-    scene = load_scene("knee")
-    shipped = shipped_front(scene)
-    if shipped is None:
-        raise ValueError(f"no front of knee is shipped: run {_FRONT} first")
-    front, grid = shipped[1], f"EF {grid_text(scene.grids['fine'])}"
-    (knee,) = (point for point in front.models if point.name == "knee")
-    quickest = min((name for name in whole if name.startswith("foundation")), key=lambda name: whole[name])
-    rows = [
-        [
-            f"whole pose estimation of a walking cycle, a frame: {quickest}; `knee`; {grid}",
-            "; ".join(_number(whole[name]) for name in (quickest, "knee", grid)) + " ms",
-            "`python -m problems.studies.solve_time`",
-        ],
-        [
-            f"RMS error of `knee` on {front.header['walking_poses']} unseen poses of walking",
-            f"{_number(knee.force_rms_n)} N, {_number(knee.torque_rms_nmm)} N·mm",
-            f"`{_FRONT}`",
-        ],
-        [
-            "time per pose of loads, Jacobian, Hessian of `knee`, compiled (lowest of 15)",
-            f"{kernel} µs",
-            "`casadi-contact speed knee`",
-        ],
-        _fastest_untrained(front, knee),
-        [
-            f"time per pose of {grid} (elastic foundation, that many elements a side), divided by that of `knee`",
-            _number(times[grid] / times["value, kernel"]),
-            "`casadi-contact speed knee`",
-        ],
-    ]
-    numbers = _table(["what", "measured", "command"], rows, texts=["command"])
-    return f"{numbers}\n\n{_machine(speed['machine'])}"
-
-
-def _fastest_untrained(front: Front, knee: Point) -> list[str]:
-    """The fastest model without training that is as accurate as the surrogate: what it must be compared with."""
-    times = {point.name: point.value.median_us for point in front.models if point.value is not None}
-    as_accurate = [
-        p
-        for p in front.models
-        if p.name in times
-        and not p.samples
-        and p.force_rms_n <= knee.force_rms_n
-        and p.torque_rms_nmm <= knee.torque_rms_nmm
-    ]
-    best = min(as_accurate, key=lambda point: times[point.name])
-    which = best.name.replace("foundation", "the foundation with")
-    what = (
-        f"time per pose of the fastest model without training that is as accurate ({which}, RMS "
-        f"{_number(best.force_rms_n)} N), divided by that of `knee`"
-    )
-    return [what, _number(times[best.name] / times[knee.name]), f"`{_FRONT}`"]
-
-
-def _with_numbers(page: Path, numbers: str) -> str:
-    """The text of a page with the numbers between its two marks; ValueError without them."""
-    before, begin, rest = page.read_text("utf-8").partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not (begin and end):
-        raise ValueError(f"{page} has no lines {BEGIN!r} and {END!r}, expected both")
-    return f"{before}{begin}\n\n{numbers}\n\n{end}{after}"
-
-
-def _paper_numbers(data: Path) -> str:
-    """Tables 4, 2 and 3 of [EF15] beside ours: walking, then RMS and largest errors of held-back samples."""
-    paper, front = _read(data / "paper.json"), read_front(data / "speed_accuracy.csv")
-    names, models = ("knee_two_stage", "knee"), {point.name: point for point in front.models}
-    heads, rows = ["paper", *(f"`{name}`" for name in names)], []
-    for k, (what, unit) in enumerate((("time", "µs"), ("force error", "N"), ("torque error", "N·mm"))):
-        values = {model: [theirs.get(unit)] for model, theirs in paper["walking"].items()}
-        for model, cells in values.items():
-            for point in (models[name if model == "surrogate" else model] for name in names):
-                time = None if point.value is None else point.value.median_us
-                cells.append((time, point.force_rms_n, point.torque_rms_nmm)[k])
-            rows.append([f"{what} of {model} [{unit}]", *("-" if x is None else _number(x) for x in cells)])
-        *grids, surrogate = values
-        for grid in grids:
-            ratios = (ef and ef / own for ef, own in zip(values[grid], values[surrogate], strict=True))
-            rows.append([f"{what}, {grid} / surrogate", *("-" if x is None else _number(x) for x in ratios)])
-    parts = ["## Table 4: walking", _machine(front.header), _table(["", *heads], rows)]
-    records = [paper["test_errors"], *(load_surrogate(name).record["test_errors"] for name in names)]
-    for error, title in (("rms", "Table 2: RMS errors"), ("max", "Table 3: largest errors")):
-        loads = list(records[0]["D1"])
-        rows = [
-            [domain, *("/".join(_number(record[domain][load][error]) for record in records) for load in loads)]
-            for domain in records[0]
-        ]
-        parts += [f"## {title} [N, N·mm]", f"Each cell: {' / '.join(heads)}.", _table(["domain", *loads], rows)]
-    return "\n\n".join(parts)
 
 
 def _shipped_section(path: Path) -> list[str]:
@@ -190,11 +96,11 @@ def _shipped_section(path: Path) -> list[str]:
         f"All models of the scene `{header['scene']}` without training, and the shipped surrogates: RMS errors on "
         f"{header['walking_poses']} poses of walking that no model has seen, against {header['reference']}; medians of "
         f"the time per pose on {header['threads']} thread, compiled kernels. EF n×m is the elastic foundation on n×m "
-        f"elements a side. Command: `{_FRONT}`."
+        f"elements a side. Command: `{FRONT}`."
     )
     points = [point for point in front.models if "CasADi MX" not in point.name]
     picture = f"![Time per pose against error on unseen poses]({path.stem}.png)"
-    return ["## Speed and accuracy of the knee", intro, _machine(header), picture, _front_table(points)]
+    return ["## Speed and accuracy of the knee", intro, machine(header), picture, _front_table(points)]
 
 
 def _chart_section(path: Path) -> list[str]:
@@ -234,11 +140,11 @@ def _front_table(points: Sequence[Point]) -> str:
     rows = []
     for point in points:
         timings = [getattr(point, what) for what in TIMES[:3]]
-        times = ["" if timing is None else _number(timing.median_us) for timing in timings]
-        trained = [str(point.samples), _number(point.training_seconds)] if point.samples else ["", ""]
-        rows.append([point.name, *times, _number(point.force_rms_n), _number(point.torque_rms_nmm), *trained])
+        times = ["" if timing is None else number(timing.median_us) for timing in timings]
+        trained = [str(point.samples), number(point.training_seconds)] if point.samples else ["", ""]
+        rows.append([point.name, *times, number(point.force_rms_n), number(point.torque_rms_nmm), *trained])
     columns = ["value [µs]", "Jacobian [µs]", "Hessian [µs]", "force [N]", "torque [N·mm]", "samples", "training [s]"]
-    return _table(["model", *columns], rows)
+    return table(["model", *columns], rows)
 
 
 def _solve_time_section(path: Path) -> list[str]:
@@ -248,8 +154,8 @@ def _solve_time_section(path: Path) -> list[str]:
         if point.value is None:
             rows.append([point.name, "", "", "", point.failure])
             continue
-        errors = [_number(point.force_rms_n), _number(point.torque_rms_nmm)]
-        rows.append([point.name, _number(1e-3 * point.value.median_us), *errors, point.remark])
+        errors = [number(point.force_rms_n), number(point.torque_rms_nmm)]
+        rows.append([point.name, number(1e-3 * point.value.median_us), *errors, point.remark])
     intro = (
         f"Pose estimation of the cycle `{header['cycle']}` by every contact model of the scene `{header['scene']}`, "
         "solved whole, start and settling included, several times in turn in one run on one thread: medians. RMS "
@@ -258,7 +164,7 @@ def _solve_time_section(path: Path) -> list[str]:
     )
     columns = ["model", "time a frame [ms]", "force [N]", "torque [N·mm]", "remark"]
     picture = "![Time of the whole solution against error](solve_time.png)"
-    return ["## Time of a whole solution", intro, _machine(header), picture, _table(columns, rows)]
+    return ["## Time of a whole solution", intro, machine(header), picture, table(columns, rows)]
 
 
 def _kernel_speed_section(path: Path) -> list[str]:
@@ -268,15 +174,15 @@ def _kernel_speed_section(path: Path) -> list[str]:
         "Time per pose of all loads on one core: the CasADi graph and the compiled C kernel in single buffered calls, "
         "as an optimiser makes them. *Call alone* is a compiled function that computes nothing. Command: "
         "`casadi-contact speed knee`.",
-        _machine(content["machine"]),
+        machine(content["machine"]),
     ]
     for structure, found in content["surrogates"].items():
         times, rows = found["microseconds"], []
         for what, timing in times.items():
             kernel = times.get(f"{what.partition(',')[0]}, kernel", times["value, kernel"])["low_us"]
-            rows.append([what, _number(timing["median_us"]), _number(timing["low_us"] / kernel)])
+            rows.append([what, number(timing["median_us"]), number(timing["low_us"] / kernel)])
         columns = ["what", "median [µs]", "lowest, in multiples of the kernel's"]
-        parts += [f"### {structure}", _table(columns, rows)]
+        parts += [f"### {structure}", table(columns, rows)]
     return parts
 
 
@@ -295,14 +201,14 @@ def _pose_section(summaries: Sequence[Mapping[str, Any]]) -> list[str]:
         "are re-evaluated on the elastic foundation (EF) at the solved poses: RMS (largest). Cycles og1_loads to "
         "og4_loads are the measured ones that the built-in walking derives from; they are not part of the repository."
     )
-    return ["## Pose estimation", intro, _machine(first["machine"]), _table(columns, rows)]
+    return ["## Pose estimation", intro, machine(first["machine"]), table(columns, rows)]
 
 
 def _muscle_section(summaries: Sequence[Mapping[str, Any]]) -> list[str]:
     first, rows = summaries[0], []
     for summary in summaries:
         off = summary["predicted_minus_measured"]
-        measured = [f"{_number(off[s]['rms'])} ({off[s]['mean']:+.0f})" for s in SIDES]
+        measured = [f"{number(off[s]['rms'])} ({off[s]['mean']:+.0f})" for s in SIDES]
         row = [summary["walk"], f"{summary['solved']} of {summary['frames']}", str(summary["ipopt_iterations"])]
         rows.append([*row, f"{summary['seconds']:.2f}", *measured, _of_sides(summary["elements_off"])])
     columns = [
@@ -315,7 +221,7 @@ def _muscle_section(summaries: Sequence[Mapping[str, Any]]) -> list[str]:
         "against those that the instrumented implant measured. These enter the prediction nowhere. The last column is "
         "the elastic foundation (EF) at the solved poses: RMS (largest)."
     )
-    return ["## Muscle and contact forces", intro, _machine(first["machine"]), _table(columns, rows)]
+    return ["## Muscle and contact forces", intro, machine(first["machine"]), table(columns, rows)]
 
 
 def _of_sides(off: Mapping[str, Any]) -> str:
@@ -331,45 +237,13 @@ def _stability_section(content: Mapping[str, Any]) -> list[str]:
         "Each method is tried on the same hard cases: shipped surrogates, the foundation, elements (EF) with Jacobians "
         "by differences and with the analytic one, and three peers that are fitted to 400 poses of the motion. A dash: "
         f"the quantity makes no sense for the method. Command: `python -m problems.studies.stability {scene}{quick}`.",
-        _machine(content["machine"]),
+        machine(content["machine"]),
     ]
     for row in sorted({line.row for line in lines}):
         mine = [line for line in lines if line.row == row]
         cells = [[f"{x.case}: {x.quantity}", *(x.cell(method).replace(" / ", "/") for method in methods)] for x in mine]
-        parts += [f"## {row}. {FAILURES[row]}", *_ROWS.get(row, ()), _table(["case: quantity", *methods], cells)]
+        parts += [f"## {row}. {FAILURES[row]}", *_ROWS.get(row, ()), table(["case: quantity", *methods], cells)]
     return parts
-
-
-def _read(path: Path) -> dict[str, Any]:
-    return dict(json.loads(path.read_text("utf-8")))
-
-
-def _page(title: str, *parts: str) -> str:
-    """A page that says below its title that it is not to be edited: sites take a page's name from its first line."""
-    return "\n\n".join((f"# {title}", "<!-- written by python -m problems.studies.pages -->", *parts)) + "\n"
-
-
-def _table(columns: Sequence[str], rows: Sequence[Sequence[str]], *, texts: Sequence[str] = ()) -> str:
-    """A table; all columns but the first, and those named texts, hold numbers and are aligned right."""
-    marks = ("---" if column in (columns[0], *texts) else "---:" for column in columns)
-    head = [" | ".join(columns), " | ".join(marks)]
-    return "\n".join(f"| {line} |" for line in (*head, *(" | ".join(row) for row in rows)))
-
-
-def _machine(record: Mapping[str, Any]) -> str:
-    """Processor, instruction set, system and versions, as a sentence."""
-    instructions = record.get("instruction_set", "instruction set not recorded")
-    flags = f", kernels compiled with `{record['kernel_flags']}`" if "kernel_flags" in record else ""
-    versions = ", ".join(f"{name} {record[name]}" for name in _PACKAGES if name in record)
-    return (
-        f"Measured on: {record['processor']} ({instructions}{flags}), {record['cores']} cores, {record['system']}; "
-        f"Python {record['python']}, {versions}."
-    )
-
-
-def _number(value: float) -> str:
-    """Three digits, without an exponent where that is short."""
-    return f"{value:.0f}" if 100.0 <= abs(value) < 1e6 else f"{value:.3g}"
 
 
 def run(
@@ -394,7 +268,7 @@ def run(
     if (data / "solve_time.csv").is_file():
         save_page(solve_time.draw(read_front(data / "solve_time.csv")), out / f"{solve_time.NAME}.png")
     if readme is not None:
-        written = _with_numbers(readme, headline(data))
+        written = with_numbers(readme, headline(data))
         with replacing(readme) as beside:
             beside.write_text(written, "utf-8")
     print(f"written {len(found)} pages to {out}")
