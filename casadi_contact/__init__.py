@@ -18,6 +18,8 @@ __all__ = [
     "ContactInOpti",
     "CupFoundation",
     "ElasticFoundation",
+    "FiniteElements",
+    "Hexahedra",
     "MuscleContact",
     "PolarFoundation",
     "PoseEstimation",
@@ -49,6 +51,8 @@ if TYPE_CHECKING:
     from casadi_contact.contact.choice import foundation
     from casadi_contact.contact.cup import CupFoundation
     from casadi_contact.contact.elements.foundation import ElasticFoundation
+    from casadi_contact.contact.finite_elements.layer import Hexahedra
+    from casadi_contact.contact.finite_elements.model import FiniteElements
     from casadi_contact.contact.model_checks import sensitive_directions
     from casadi_contact.contact.polar.foundation import PolarFoundation
     from casadi_contact.contact.polar.lines import Rays
@@ -81,6 +85,8 @@ else:
         "ContactInOpti": "optimisation.contact_in_opti",
         "CupFoundation": "contact.cup",
         "ElasticFoundation": "contact.elements.foundation",
+        "FiniteElements": "contact.finite_elements.model",
+        "Hexahedra": "contact.finite_elements.layer",
         "MuscleContact": "optimisation.muscle_contact",
         "PolarFoundation": "contact.polar.foundation",
         "PoseEstimation": "optimisation.pose_estimation",

@@ -5,11 +5,11 @@ import pytest
 from scipy.optimize import nnls
 
 import casadi_contact as cc
+from casadi_contact.contact.finite_elements import layer as layers
+from casadi_contact.contact.finite_elements.layer import Hexahedra, Layer
+from casadi_contact.contact.finite_elements.model import ElasticBody, FiniteElements, active_set
 from casadi_contact.geometry.moving_surface import sphere
 from casadi_contact.scenes.material import Material
-from problems.finite_elements import layer as layers
-from problems.finite_elements.layer import Hexahedra, Layer
-from problems.finite_elements.model import ElasticBody, FiniteElements, active_set
 
 COARSE = ((21, 13), Hexahedra(layers=1))
 

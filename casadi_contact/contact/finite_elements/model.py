@@ -12,6 +12,7 @@ from threadpoolctl import ThreadpoolController
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation, PatchElements, grid_text
 from casadi_contact.contact.elements.loops import overlap_many
+from casadi_contact.contact.finite_elements.layer import Hexahedra, Layer
 from casadi_contact.contact.model import WrenchLoads
 from casadi_contact.contact.pressures import PressureMap, PressureSummary
 from casadi_contact.core.conventions import (
@@ -27,11 +28,6 @@ from casadi_contact.scenes.normal_load import Part
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.checks import grid_size
 from casadi_contact.scenes.shapes.shape import shape_named
-
-try:
-    from problems.finite_elements.layer import Hexahedra, Layer
-except ModuleNotFoundError as error:
-    raise ModuleNotFoundError(f"{error}: finite elements need pip install casadi_contact[fem]") from None
 
 
 @dataclass(frozen=True)

@@ -14,13 +14,17 @@ from pathlib import Path
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 from scipy.sparse import coo_matrix, csr_matrix
-from skfem import Element, ElementHex1, ElementHex2, ElementQuad1, ElementQuad2
-from skfem.quadrature import get_quadrature
 
 from casadi_contact.core.compiler import cache_folder
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.files.containers import new_hdf5, open_hdf5
 from casadi_contact.scenes.material import Material
+
+try:
+    from skfem import Element, ElementHex1, ElementHex2, ElementQuad1, ElementQuad2
+    from skfem.quadrature import get_quadrature
+except ModuleNotFoundError:
+    raise ModuleNotFoundError("finite elements need scikit-fem: pip install casadi_contact[fem]") from None
 
 FORMAT = 1  # of kept compliances: another one where the same settings give other numbers
 
