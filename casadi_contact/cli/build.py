@@ -48,7 +48,7 @@ def build(
     out: Out = None,
     force_tol: Annotated[
         float | None,
-        typer.Option(help="largest RMS error of every force [N]: samples and sizes follow it"),
+        typer.Option(help="largest RMS error of every force in every domain [N]: samples and sizes follow it"),
     ] = None,
     torque_tol: Annotated[float | None, typer.Option(help="largest RMS error of every torque [N·mm], likewise")] = None,
 ) -> None:

@@ -167,3 +167,18 @@ PRESETS: dict[str, Preset] = {
         ),
     ),
 }
+
+
+def _to_tolerance(scale: float, root: tuple[int, float], ratios: int) -> Preset:
+    """A round: networks of root loads of (neurons a layer, Gflop), ratios for a fifth of the work."""
+    return Preset(scale, {"patch": _patch(root, (ratios, 0.2 * root[1]), share=0.8)})
+
+
+TO_TOLERANCE = (
+    _to_tolerance(0.1, (12, 50.0), 10),
+    _to_tolerance(0.4, (16, 300.0), 12),
+    _to_tolerance(0.4, (24, 1_800.0), 18),
+    _to_tolerance(1.0, (32, 9_000.0), 24),
+    _to_tolerance(1.0, (40, 40_000.0), 32),
+)
+"""Rounds of a build to a tolerance (see `tolerance`): the knee meets 2 N and 50 N·mm in the third."""
