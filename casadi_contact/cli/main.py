@@ -23,7 +23,7 @@ build knee
 build knee --preset standard --cycles walk1.csv walk2.csv
 build my_joint.toml --table samples.csv --out results/my_joint
 sample knee --cycles walk1.csv walk2.csv
-sample knee --preset paper --model foundation
+sample knee --preset full --model foundation
 sample my_joint.toml --table samples.csv
 train knee --preset standard
 calibrate knee --preset standard

@@ -81,7 +81,9 @@ def fit_surrogate(
     for regression in regressions:
         if (name := regression.name) not in networks:
             effort = efforts[name]
-            settings[name] = TrainingSettings(effort.sizes, effort.activation, effort.gflop, restarts=restarts)
+            settings[name] = TrainingSettings(
+                effort.sizes, effort.activation, effort.gflop, max_cpu_s=effort.cpu_s, restarts=restarts
+            )
             weighted = regression.weighted(weights)
             closer = replace(weighted, tolerance=effort.tolerance_share * regression.tolerance)
             chosen.append(_random_rows(closer, effort.max_rows))

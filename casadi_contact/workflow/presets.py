@@ -1,9 +1,11 @@
-"""Presets: how much to sample and how long to train, from a quick look to the paper's own effort."""
+"""Presets: how much to sample and how long to train, from a quick look to what is shipped; and the paper's own way."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import inf
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -14,7 +16,7 @@ class Effort:
     gflop: 10⁹ floating-point operations, counted as `training.TrainingSettings` says; 0, in a round that goes on from
     other networks: weights are kept, made wider. Work and not time, so that the same samples give the same surrogate on
     a busy machine. Measured on one core with AVX-512, the other one busy: 13 Gflop a second for networks of 14-14, 22
-    for 20-20-20, 35 for 4×30.
+    for 20-20-20, 35 for 4×30. cpu_s: a clock in place of it.
     """
 
     sizes: tuple[tuple[int, ...], ...]
@@ -22,6 +24,7 @@ class Effort:
     activation: str = "algebraic"
     max_rows: int | None = None
     tolerance_share: float = 1.0
+    cpu_s: float = inf
 
 
 @dataclass(frozen=True)
@@ -53,13 +56,15 @@ class ActiveRound:
 class Preset:
     """sampling_scale: samples as a share of the paper's 122,400; efforts: by structure, then by the start of a
     network's name (see `effort_for`); active: rounds that follow; chart: what the speed-accuracy chart trains;
-    domain_weights: what residuals in a domain ("D1") are multiplied by in training, 1 where it is not named."""
+    domain_weights: what residuals in a domain ("D1") are multiplied by in training, 1 where it is not named; sampling:
+    other fields of `SamplingSettings` than the scene's."""
 
     sampling_scale: float
     efforts: dict[str, dict[str, Effort]] = field(default_factory=dict)
     active: tuple[ActiveRound, ...] = ()
     chart: ChartEffort = field(default_factory=ChartEffort)
     domain_weights: dict[str, float] = field(default_factory=dict)
+    sampling: dict[str, Any] = field(default_factory=dict)
 
 
 def effort_for(efforts: Mapping[str, Effort], network: str) -> Effort:
@@ -86,11 +91,13 @@ def _patch(
     }
 
 
-def _as_in_the_paper(gflop: float, max_rows: int = 80_000) -> dict[str, Effort]:
-    """The paper's network of 4×30 neurons, grown to, and the networks of root loads that confirm its contact."""
+def _as_in_the_paper(gflop: float, cpu_s: float = inf, first: tuple[tuple[int, ...], ...] = ()) -> dict[str, Effort]:
+    """The paper's network of 4×30 neurons on 80,000 rows, grown to [EF15 §3.5], and the networks of root loads that
+    confirm its contact; first: sizes to grow through before 4×15."""
+    sizes = (*first, (15,) * 4, (22,) * 4, (30,) * 4)
     return {
-        "": Effort(((15,) * 4, (22,) * 4, (30,) * 4), gflop, "tanh", max_rows=max_rows, tolerance_share=0.1),
-        "root": Effort(((16, 16, 16),), 1_000.0, max_rows=max_rows, tolerance_share=0.2),
+        "": Effort(sizes, gflop, "tanh", max_rows=80_000, tolerance_share=0.1, cpu_s=cpu_s),
+        "root": Effort(((16, 16, 16),), 1_000.0, max_rows=80_000, tolerance_share=0.2),
     }
 
 
@@ -148,23 +155,21 @@ PRESETS: dict[str, Preset] = {
             _reach_round((40, 50_000.0), (32, 20_000.0)),
         ),
     ),
-    "paper": Preset(
+    "full": Preset(
         sampling_scale=1.0,
         efforts={
             "patch": _patch((24, 24_000.0), (20, 6_000.0), 60_000, share=0.1),
             "two_stage": _as_in_the_paper(15_000.0),
         },
-        chart=ChartEffort(
-            sizes={
-                "patch": _ladder(
-                    "algebraic",
-                    *((6, 180.0, 20_000), (8, 600.0, 30_000), (12, 5_400.0, None)),
-                    *((16, 12_000.0, None), (24, 32_000.0, None), (32, 76_000.0, None), (48, 195_000.0, None)),
-                ),
-                "two_stage": _ladder("tanh", (8, 330.0, 80_000), (16, 2_700.0, 80_000), (24, 11_000.0, 80_000)),
-            },
-            peer_gflop=18_000.0,
-        ),
+    ),
+    "paper": Preset(  # [EF15 §2.6, §3.3, §3.5]: its grids, growth from one layer, six hours for each network
+        sampling_scale=1.0,
+        sampling={
+            "settle_grid": (40, 30),
+            "teacher_grid": (80, 40),
+            "d3_minimum_widths": {"tz": 0.0, "ry": 0.0},
+        },
+        efforts={"two_stage": _as_in_the_paper(inf, 6.0 * 3600.0, ((15,), (15, 15), (15, 15, 15)))},
     ),
 }
 

@@ -49,7 +49,9 @@ def sample(
         raise ValueError(f"the model stands for another scene than {project.scene.name}: make it for this one")
     trained_surrogates(project)
     cycles = reference_motion_cycles(project.scene, cycle_files)
-    settings = SamplingSettings.from_scene(project.scene, scale=project.preset.sampling_scale)
+    settings = SamplingSettings.from_scene(
+        project.scene, scale=project.preset.sampling_scale, **project.preset.sampling
+    )
     origin = motion_origin(project.scene, cycles, settings, models_identity(models))
     drawn = begun(project.samples_path)
     if drawn is not None and project.motion_path.is_file():

@@ -10,7 +10,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, write_samples
 from casadi_contact.workflow import samples as sampling
-from casadi_contact.workflow.presets import ActiveRound, Effort, Preset
+from casadi_contact.workflow.presets import PRESETS, ActiveRound, Effort, Preset
 from casadi_contact.workflow.project import Project
 from casadi_contact.workflow.train import candidates, train, worst_samples
 from tests.support.smooth_samples import smooth_samples
@@ -32,6 +32,18 @@ def test_the_worst_are_those_that_miss_most_tolerances_and_all_that_are_lifted()
     worst = worst_samples(off, samples, 0.01)
     np.testing.assert_array_equal(worst.poses, samples.poses[[3, 8, 17, 29]])
     assert (worst.role == TRAIN).all()
+
+
+def test_preset_paper_has_the_grids_and_boxes_of_the_paper(tmp_path, monkeypatch):
+    drawn = {}
+    monkeypatch.setattr(sampling, "draw_samples", lambda *_, **given: drawn.update(given) or smooth_samples(20))
+    monkeypatch.setattr(sampling, "reference_motion", lambda model, *_: (drawn.update(model=model), None))
+    monkeypatch.setattr(sampling.KeptMotion, "write", lambda *_: None)
+    sampling.sample(Project(cc.load_scene("knee"), "paper", tmp_path))
+    assert drawn["model"].grid == drawn["settings"].settle_grid == (40, 30)
+    assert drawn["settings"].teacher_grid == (80, 40)
+    assert set(drawn["settings"].d3_minimum_widths.values()) == {0.0}
+    assert {len(size) for size in PRESETS["paper"].efforts["two_stage"][""].sizes} == {1, 2, 3, 4}
 
 
 def project_in(folder, *rounds):

@@ -88,8 +88,7 @@ def fit(
 
     With a ``checkpoint`` path the state is written there every ``checkpoint_every_s``, and on Ctrl-C in this process
     (workers are ended at once); a later call with the same regression and settings goes on from it (its budget too),
-    or returns a finished fit at once. More ``max_gflop`` or ``max_iterations`` than before continues a fit that those
-    had ended.
+    or returns a finished fit at once. Higher limits than before continue a fit that those had ended.
 
     Raises ValueError for a regression that cannot be fitted (NaN, shapes), and for a checkpoint of other data.
     """
@@ -97,29 +96,27 @@ def fit(
     check(regression)
     identity = _identity(regression, settings, start)
     with threadpool_limits(1):  # keeps weights reproducible
-        trainer, cpu_s = _begun(regression, settings, start, checkpoint, identity)
+        trainer = _begun(regression, settings, start, checkpoint, identity)
         content, written = trainer.content(), time.monotonic()
 
         def write() -> None:
             if checkpoint:
                 checkpoint.parent.mkdir(parents=True, exist_ok=True)
-                write_npz(checkpoint, **identity, **content, cpu_s=cpu_s)
+                write_npz(checkpoint, **identity, **content)
 
         try:
             while not trainer.stop_reason:
-                began = time.thread_time()
                 trainer.iterate()
-                cpu_s += time.thread_time() - began
                 content = trainer.content()
                 if time.monotonic() - written >= settings.checkpoint_every_s:
                     write()
                     written = time.monotonic()
                 if progress:
                     remark = progress_text(settings.sizes[trainer.level], trainer.training_rms)
-                    progress(regression.name, trainer.gflop, settings.max_gflop, remark)
+                    progress(regression.name, trainer.gflop, trainer.gflop_at_end, remark)
         finally:  # the last whole iteration, on Ctrl-C too
             write()
-        return _result(regression, trainer, cpu_s)
+        return _result(regression, trainer)
 
 
 def _identity(r: Regression, settings: TrainingSettings, start: Network | None) -> dict[str, Any]:
@@ -128,7 +125,7 @@ def _identity(r: Regression, settings: TrainingSettings, start: Network | None) 
     |w| ≤ 1/2. More work or iterations continue a fit; saving does not change what is fitted.
     """
     chosen = asdict(settings)
-    for key in ("max_gflop", "max_iterations", "checkpoint_every_s"):
+    for key in ("max_gflop", "max_iterations", "max_cpu_s", "checkpoint_every_s"):
         del chosen[key]
     digest = hashlib.sha256(json.dumps([r.name, chosen], sort_keys=True).encode())
     arrays: list[Any] = [r.inputs, r.targets, r.weights, r.validation, np.asarray(r.false_load, float), r.tolerance]
@@ -153,15 +150,15 @@ def _begun(
     start: Network | None,
     checkpoint: Path | None,
     identity: dict[str, Any],
-) -> tuple[Trainer, float]:
-    """The fit as its checkpoint left it and the CPU seconds used; a new one where there is none or it is damaged."""
+) -> Trainer:
+    """The fit as its checkpoint left it; a new one where there is none or it is damaged."""
     try:
         saved = read_npz(checkpoint) if checkpoint is not None and checkpoint.exists() else None
     except (OSError, ValueError) as error:
         _log.warning("checkpoint %s; the fit starts again", error)
         saved = None
     if saved is None:
-        return Trainer(regression, settings, None, start), 0.0
+        return Trainer(regression, settings, None, start)
     digest, sums, expected = str(saved.get("digest")), saved.get("sums", np.empty(0)), identity["sums"]
     same = digest == identity["digest"] and (sums.shape, sums.dtype) == (expected.shape, expected.dtype)
     if not same or not (np.abs(sums - expected) <= 1e-9 * np.repeat(expected[::2], 2)).all():  # up to rounding
@@ -169,13 +166,13 @@ def _begun(
             f"checkpoint {checkpoint} belongs to other data or settings: delete it, or choose another folder"
         )
     try:
-        return Trainer(regression, settings, saved, start), float(saved["cpu_s"])
+        return Trainer(regression, settings, saved, start)
     except (KeyError, TypeError, ValueError, IndexError) as error:
         _log.warning("checkpoint %s is damaged (%s); the fit starts again", checkpoint, one_line(error))
-        return Trainer(regression, settings, None, start), 0.0
+        return Trainer(regression, settings, None, start)
 
 
-def _result(regression: Regression, trainer: Trainer, cpu_s: float) -> Fit:
+def _result(regression: Regression, trainer: Trainer) -> Fit:
     network = trainer.best_network()
     squares = np.reshape(regression.residuals(network) ** 2, (len(regression.inputs), -1)).sum(axis=1)
     training, validation = (
@@ -183,4 +180,4 @@ def _result(regression: Regression, trainer: Trainer, cpu_s: float) -> Fit:
         for rows in (~regression.validation, regression.validation)
     )
     history = {name: np.array(column) for name, column in trainer.history.items()}
-    return Fit(network, history, trainer.stop_reason, training, validation, trainer.gflop, cpu_s)
+    return Fit(network, history, trainer.stop_reason, training, validation, trainer.gflop, trainer.cpu_s)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite, isinf
+from math import inf, isfinite, isinf
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,7 +28,8 @@ class TrainingSettings:
     max_gflop: budget, shared by all sizes and restarts, in 10⁹ floating-point operations of matrix products. They are
     counted, not timed, so that a busy or slow machine stops at the same iteration with the same weights. A core of
     2023 does 5 to 35 Gflop a second, small networks being slowest. max_iterations: another end; with it growth goes
-    by iterations instead.
+    by iterations instead. max_cpu_s: the clock of [EF15 §2.6] as a further end, CPU seconds of this thread; what a fit
+    ends with then depends on the machine.
     max_validation_rises: criterion 3 of [EF15 §2.6]. restarts: how often a stalled fit begins again from another seed.
     stall_window, stall_improvement: stalled if the error falls by less than this share over so many iterations.
     checkpoint_every_s: a killed fit loses at most so much.
@@ -38,6 +39,7 @@ class TrainingSettings:
     activation: str = "algebraic"
     max_gflop: float = 5000.0
     max_iterations: int | None = None
+    max_cpu_s: float = inf
     max_validation_rises: int = 50
     seed: int = 0
     restarts: int = 2
@@ -48,10 +50,11 @@ class TrainingSettings:
     def __post_init__(self) -> None:
         object.__setattr__(self, "sizes", check_sizes(self.sizes))
         activation_of(self.activation)
-        if not self.max_gflop > 0.0:
-            raise ValueError(f"max_gflop is {self.max_gflop!r}, expected 10⁹ operations, above 0")
-        if self.max_iterations is None and isinf(self.max_gflop):
-            raise ValueError("max_gflop is infinite and max_iterations None, expected an end to the fit")
+        for name in ("max_gflop", "max_cpu_s"):
+            if not getattr(self, name) > 0.0:
+                raise ValueError(f"{name} is {getattr(self, name)!r}, expected a number above 0")
+        if self.max_iterations is None and isinf(self.max_gflop) and isinf(self.max_cpu_s):
+            raise ValueError("no limit is set, expected an end to the fit: max_gflop, max_iterations or max_cpu_s")
 
 
 ERROR_REACHED = "error reached"

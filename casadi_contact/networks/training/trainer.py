@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -30,7 +31,7 @@ from casadi_contact.networks.training.weights import flatten, initial_network, u
 # needs work of its own: with a smaller share of the budget left the present one goes on.
 _GROWTH_SHARE, _GROWTH_ITERATIONS, _SHARE_FOR_ANOTHER = 0.05, 20, 0.2
 HISTORY = ("training_rms", "validation_rms", "gflop", "size")
-_KEPT = ("level", "attempt", "began", "stop_reason", "flop", "best", "best_level", "best_score")
+_KEPT = ("level", "attempt", "began", "stop_reason", "flop", "cpu_s", "best", "best_level", "best_score")
 
 
 class Trainer:
@@ -38,9 +39,9 @@ class Trainer:
 
     history: lists with one entry an iteration: training_rms, validation_rms (NaN without validation rows), Gflop used,
     and the index of the network's size in the settings. level: that index now; attempt, began: restarts of this size,
-    and the entry at which the present network began. flop: work done, interrupted runs included. best: parameters of
-    the best network so far, of size best_level. saved: the content of a checkpoint; start: a network to begin from, not
-    random weights.
+    and the entry at which the present network began. flop, cpu_s: work and CPU seconds of this thread, interrupted runs
+    included. best: parameters of the best network so far, of size best_level. saved: the content of a checkpoint;
+    start: a network to begin from, not random weights.
     """
 
     def __init__(
@@ -55,6 +56,7 @@ class Trainer:
         self.level = self.attempt = self.began = 0
         self.stop_reason = ""
         self.flop = self._counted = 0
+        self.cpu_s = 0.0
         self.best_level, self.best_score = 0, np.inf
         if saved is None:
             self._start(self._fresh())
@@ -68,6 +70,12 @@ class Trainer:
     def gflop(self) -> float:
         """Work done so far, 10⁹ floating-point operations, that of interrupted runs included."""
         return 1e-9 * self.flop
+
+    @property
+    def gflop_at_end(self) -> float:
+        """Work allotted; where a clock ends the fit sooner, what its pace so far leads to."""
+        by_clock = self.gflop * self.settings.max_cpu_s / self.cpu_s if self.cpu_s else np.inf
+        return float(min(self.settings.max_gflop, by_clock))
 
     @property
     def training_rms(self) -> float:
@@ -97,9 +105,11 @@ class Trainer:
 
     def iterate(self) -> None:
         """One step of Levenberg-Marquardt, then stop, grow or restart as [EF15 §2.6] says."""
+        began = time.thread_time()
         self._lm.step()
         validation_rms = self._validation_rms()
         self._count()
+        self.cpu_s += time.thread_time() - began
         for name, value in zip(HISTORY, (self._lm.rms, validation_rms, self.gflop, self.level), strict=True):
             self.history[name].append(value)
         score = self._lm.rms if np.isnan(validation_rms) else validation_rms
@@ -139,7 +149,7 @@ class Trainer:
         most = self.settings.max_iterations
         if most is not None and len(self.history["gflop"]) >= most:
             return ITERATION_LIMIT
-        return BUDGET_USED if self.gflop >= self.settings.max_gflop else ""
+        return BUDGET_USED if self.gflop >= self.gflop_at_end else ""
 
     def _count(self) -> None:
         """Count the work of the present network since it was counted last."""
@@ -161,7 +171,7 @@ class Trainer:
         gflop = self.history["gflop"]
         if self.settings.max_iterations is not None:
             return np.arange(1.0, len(gflop) + 1.0), float(self.settings.max_iterations)
-        return np.array(gflop), self.settings.max_gflop
+        return np.array(gflop), self.gflop_at_end
 
     def _can_begin_another(self) -> bool:
         effort, end = self._effort()

@@ -65,6 +65,16 @@ def test_a_budget_counts_operations_so_that_a_busy_machine_gives_the_same_weight
     assert not np.array_equal(flatten(quiet.network), flatten(fit(smooth(), replace(settings, seed=1)).network))
 
 
+def test_a_clock_in_place_of_counted_work_ends_a_fit_and_makes_it_grow(monkeypatch):
+    """A clock that ticks once for each iteration: growth goes by the pace so far."""
+    ticks = iter(range(100_000))
+    monkeypatch.setattr("casadi_contact.networks.training.trainer.time.thread_time", lambda: next(ticks))
+    settings = replace(GROWING, max_gflop=np.inf, max_iterations=None, max_cpu_s=150.0)
+    result = fit(smooth(), settings)
+    assert (result.stop_reason, result.cpu_s, len(result.history["gflop"])) == ("budget used", 150.0, 150)
+    assert len(sizes_in_order(result, settings)) > 1
+
+
 def noise(rows=60):
     """Nothing to learn: a large network learns the training rows by heart, and validation must suffer."""
     rng = np.random.default_rng(2)
