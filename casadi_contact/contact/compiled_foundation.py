@@ -22,7 +22,7 @@ from casadi_contact.core.compiler import CompilerError, shared_library, warn_onc
 from casadi_contact.core.conventions import Array, batched, rotation, twist_to_pose_gradient, wrench_names
 from casadi_contact.core.threads import call_in_shares
 from casadi_contact.networks.functions import as_weights, checked_batch, hessian_function, weighted_hessians
-from casadi_contact.networks.kernel.source import ExportedModel, c_text, external_function, roots_source
+from casadi_contact.networks.kernel.source import ExportedModel, c_text, external_function
 from casadi_contact.networks.names import c_name, check_name, name_of_wrenches
 from casadi_contact.scenes.loading import load_scene, ready_scenes
 from casadi_contact.scenes.scene import Scene
@@ -175,15 +175,15 @@ class CompiledFoundation(WrenchLoads, SymbolicContact, PressureOutputs):
         """C of the loads, root loads and pressures; raises ValueError for a pressure law without C."""
         if self.scene.material.law not in C_LAWS:
             raise ValueError(f"the pressure law {self.scene.material.law!r} has no C, expected {' or '.join(C_LAWS)}")
-        names, patches = self.check_loads(loads), len(self.patch_names)
-        texts = [self._source(names), roots_source(range(patches + 1)), c_text("export.h", C_FOLDER)]
+        names = self.check_loads(loads)
+        texts = [self._source(names), c_text("export.h", C_FOLDER)]
         texts += [self._moments_source(), c_text("pressure_outputs.h", C_FOLDER)]
         return ExportedModel(
             name=self._export_name(),
             source="\n".join(texts),
             load_names=names,
             patch_names=self.patch_names,
-            kernel_roots=patches,
+            has_roots=True,
             calibrated=False,
             made_for="overlap of no more than the thickness of the layer, none from behind",
             reference_load=self.scene.reference_load,

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from casadi_contact.contact.pressure_law import layer_modulus
 from casadi_contact.core.conventions import load_selection
-from casadi_contact.networks.kernel.source import c_text
+from casadi_contact.networks.kernel.source import c_text, guards
 from casadi_contact.scenes.material import Material
 from casadi_contact.scenes.scene import Scene
 
@@ -39,7 +39,7 @@ def kernel_source(scene: Scene, loads: Sequence[str], roots: int, patch_source: 
             c_text("foundation.h", C_FOLDER),
             patch_source,
             c_text("kernel.h", C_FOLDER),
-            c_text("guards.h"),
+            guards(),
         ]
     )
 

@@ -20,7 +20,6 @@ from casadi_contact.networks.names import (
     check_unused,
     comment_text,
     identifier,
-    name_of_parts,
     name_of_wrenches,
 )
 
@@ -56,13 +55,10 @@ def wrench_c_source(model: ExportedModel, name: str) -> str:
 
 def _casadi_functions(model: ExportedModel, name: str) -> dict[str, dict[str, int]]:
     """What casadi.external finds in the file: loads, and where there are roots, these alone and with the loads."""
-    loads, roots = {"loads": len(model.load_names)}, {"roots": model.kernel_roots}
+    loads, roots = {"loads": len(model.load_names)}, {"roots": len(model.patch_names)}
     functions = {name: loads}
-    if model.kernel_roots:
-        named = f"{name}_root_loads", f"{name}_loads_and_roots"
-        if model.kernel_roots > len(model.patch_names):
-            named = name_of_parts(named[0]), name_of_parts(named[1])
-        functions |= dict(zip(named, (roots, loads | roots), strict=True))
+    if model.has_roots:
+        functions |= {f"{name}_root_loads": roots, f"{name}_loads_and_roots": loads | roots}
     return functions
 
 
@@ -91,7 +87,7 @@ def template_words(model: ExportedModel, name: str) -> dict[str, object]:
         "units": ", ".join(units),
         "patches": ", ".join(patches),
         "reference_load": f"{model.reference_load:g}",
-        "no_roots": "" if model.kernel_roots else "; NaN: this model lacks their networks",
+        "no_roots": "" if model.has_roots else "; NaN: this model lacks their networks",
         "no_confidence": "" if model.calibrated else "; NaN: this model has neither",
         "learned": comment_text(model.made_for),
         "names": _quoted(loads),

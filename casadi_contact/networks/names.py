@@ -79,11 +79,6 @@ def name_of_batch(name: str, batch: int) -> str:
     return name if batch == 1 else f"{name}_of_frames"
 
 
-def name_of_parts(name: str) -> str:
-    """The name of a function that gives root loads of a surrogate's parts, of which `name` makes those of patches."""
-    return f"{name}_of_parts"
-
-
 def name_of_wrenches(name: str) -> str:
     """The name of the function of all patches' wrenches, of which `name` with parameters makes loads."""
     return f"{name}_patch_wrenches"

@@ -1,53 +1,150 @@
-/* Validity and expected error of a pose: formulas of confidence.py. */
+/* Validity and expected errors: formulas of confidence.py, of q = (pose, root loads). z and the centres, [coordinate][j], are
+ * in bandwidths. ROOTS_OF(value) and so on name the functions that give root loads. */
 #define PADDED_CENTRES ((CENTRES + WIDTH - 1) / WIDTH * WIDTH)
-#define FAR 1e8 /* inputs are clipped here, so that the square of any finite number is finite */
+#define FAR 1e8 /* poses are clipped here, so that the square of any finite number is finite */
+#define INNER (6 + ROOTS)
 
-INLINE double clipped(double x) { return x > FAR ? FAR : (x < -FAR ? -FAR : x); }
+typedef struct {
+  double share[PADDED_CENTRES], z[6], mean[6]; /* share: exp(-|z - c_j|^2/2) over their sum; mean: of centres, by it */
+  double y[1 + LOADS], u, by_far;              /* by_far = du/du_1 = 1 - du/dy_0 */
+  double grown[3], valid[3];                   /* g(u + 4/3) and validity, with their derivatives by u */
+} Confidence;
 
-/* -log sum_j exp(-|z - c_j|^2/2h^2); centres [coordinate][j] */
-INLINE double soft_distance(const double *z) {
-  double k[PADDED_CENTRES], least[WIDTH], sum[WIDTH] = {0}, total = 0.0;
+/* E = -log sum_j exp(-|z - c_j|^2/2) */
+INLINE double soft_distance(const double *z, double *share) {
+  double least[WIDTH], sum[WIDTH] = {0}, total;
   for (int j = 0; j < PADDED_CENTRES; j++) {
     double square = 0.0;
     for (int i = 0; i < 6; i++) square += (z[i] - centres[i][j]) * (z[i] - centres[i][j]);
-    k[j] = 0.5 / (BANDWIDTH * BANDWIDTH) * square;
+    share[j] = 0.5 * square;
   }
-  for (int j = CENTRES; j < PADDED_CENTRES; j++) k[j] = 1e300; /* only fills up */
-  memcpy(least, k, sizeof least);
+  for (int j = CENTRES; j < PADDED_CENTRES; j++) share[j] = 1e300; /* only fills up */
+  memcpy(least, share, sizeof least);
   for (int j = WIDTH; j < PADDED_CENTRES; j += WIDTH) {
-    KEEP_LOOP for (int l = 0; l < WIDTH; l++) least[l] = k[j + l] < least[l] ? k[j + l] : least[l];
+    KEEP_LOOP for (int l = 0; l < WIDTH; l++) least[l] = share[j + l] < least[l] ? share[j + l] : least[l];
   }
   for (int l = 1; l < WIDTH; l++) least[0] = least[l] < least[0] ? least[l] : least[0];
-  for (int j = 0; j < PADDED_CENTRES; j += VECTOR) *(Stored *)(k + j) = decay(loaded(k + j) - least[0]);
-  for (int j = 0; j < PADDED_CENTRES; j += WIDTH) KEEP_LOOP for (int l = 0; l < WIDTH; l++) sum[l] += k[j + l];
-  for (int l = 0; l < WIDTH; l++) total += sum[l];
+  for (int j = 0; j < PADDED_CENTRES; j += VECTOR) *(Stored *)(share + j) = decay(loaded(share + j) - least[0]);
+  for (int j = 0; j < PADDED_CENTRES; j += WIDTH) KEEP_LOOP for (int l = 0; l < WIDTH; l++) sum[l] += share[j + l];
+  total = sum_of_lanes(sum);
+  for (int j = 0; j < PADDED_CENTRES; j++) share[j] *= 1.0 / total;
   return least[0] - log(total);
 }
 
-/* parts: the kernel's root loads at the pose. errors may be 0; NaN for a load that was not calibrated. */
-FUNCTION double confidence_at(const double *pose, const double *parts, double *errors) {
-  double z[6], roots[PATCHES], x[CONFIDENCE_COLUMNS + PATCHES], y[1 + CALIBRATED], far, u;
-  if (!finite_pose(pose)) {
-    if (errors) fill_nan(LOADS, errors);
-    return NAN;
-  }
+/* dy_k/dq (slopes, row after row) and what else derivatives need are left out where slopes is 0. */
+INLINE void confidence_at(const double *q, Confidence *of, double *slopes) {
+  double far, v, s;
   for (int i = 0; i < 6; i++) {
-    z[i] = 0.0;
-    for (int j = 0; j < 6; j++) z[i] += whitening[i][j] * pose[j];
-    z[i] = clipped(z[i]);
+    of->z[i] = 0.0;
+    for (int j = 0; j < 6; j++) of->z[i] += whitening[i][j] * q[j];
   }
-  confidence_roots(pose, parts, roots);
-  for (int i = 0; i < CONFIDENCE_COLUMNS; i++) x[i] = clipped(pose[confidence_columns[i]]);
-  for (int p = 0; p < PATCHES; p++) x[CONFIDENCE_COLUMNS + p] = clipped(roots[p]);
-  confidence_value(x, y);
-  far = SHARPNESS * (soft_distance(z) - EDGE);
-  u = (far > y[0] ? far : y[0]) + log1p(exp(-fabs(far - y[0])));
-  if (errors) {
-    const double v = u > -SURE ? u + SURE : 0.0, outside = v * (v * v / (1.0 + v * v));
-    for (int k = 0; k < LOADS; k++) {
-      const int of = calibrated_load[k];
-      errors[k] = of < 0 ? NAN : exp(y[1 + of]) + outside * growth[of];
+  if (slopes) confidence_gradient(q, of->y, slopes);
+  else confidence_value(q, of->y);
+  far = SHARPNESS * (soft_distance(of->z, of->share) - EDGE);
+  of->u = (far > of->y[0] ? far : of->y[0]) + log1p(exp(-fabs(far - of->y[0])));
+  v = of->u > -SURE ? of->u + SURE : 0.0, s = 1.0 + v * v;
+  of->grown[0] = v * (v * v / s);
+  of->grown[1] = v * v * (3.0 + v * v) / (s * s), of->grown[2] = 2.0 * v * (3.0 - v * v) / (s * s * s);
+  s = 1.0 + of->u * of->u;
+  of->valid[0] = 0.5 - 0.5 * of->u / sqrt(s);
+  of->valid[1] = -0.5 / (s * sqrt(s)), of->valid[2] = 1.5 * of->u / (s * s * sqrt(s));
+  of->by_far = 1.0 / (1.0 + exp(of->y[0] - far));
+  for (int i = 0; slopes && i < 6; i++) of->mean[i] = dot(PADDED_CENTRES, of->share, centres[i]);
+}
+
+INLINE void inner_at(const double *pose, const double *roots, double *q) {
+  for (int j = 0; j < 6; j++) q[j] = pose[j] > FAR ? FAR : (pose[j] < -FAR ? -FAR : pose[j]);
+  memcpy(q + 6, roots, ROOTS * sizeof(double));
+}
+
+INLINE void confidence_values(const double *pose, const double *roots, double *errors, double *validity) {
+  double q[INNER];
+  Confidence of;
+  inner_at(pose, roots, q);
+  confidence_at(q, &of, 0);
+  for (int k = 0; errors && k < LOADS; k++) errors[k] = exp(of.y[1 + k]) + growth[k] * of.grown[0];
+  if (validity) *validity = of.valid[0];
+}
+
+FUNCTION void confidence_kernel_value(const double *pose, double *errors, double *validity) {
+  double roots[ROOTS];
+  ROOTS_OF(value)(pose, 0, roots);
+  confidence_values(pose, roots, errors, validity);
+}
+
+FUNCTION void confidence_kernel_batch(const double *pose, double (*errors)[LANES], double (*validity)[LANES]) {
+  double roots[ROOTS][LANES], of_pose[ROOTS], e[LOADS], valid;
+  ROOTS_OF(batch)(pose, 0, roots);
+  for (int l = 0; l < LANES; l++) {
+    for (int p = 0; p < ROOTS; p++) of_pose[p] = roots[p][l];
+    confidence_values(pose + 6 * l, of_pose, errors ? e : 0, &valid);
+    for (int k = 0; errors && k < LOADS; k++) errors[k][l] = e[k];
+    if (validity) validity[0][l] = valid;
+  }
+}
+
+/* dq/dpose, and of the network, of u_1 and of u the slopes by the pose */
+typedef struct {
+  double by_pose[INNER][6], dy[1 + LOADS][6], d_far[6], du[6];
+} Slopes;
+
+INLINE void confidence_slopes(const double *pose, double *q, Confidence *of, Slopes *slopes) {
+  double roots[ROOTS], dy[1 + LOADS][INNER], miss[6];
+  for (int i = 0; i < 6; i++) for (int j = 0; j < 6; j++) slopes->by_pose[i][j] = i == j;
+  ROOTS_OF(jacobian)(pose, 0, roots, 0, slopes->by_pose + 6);
+  inner_at(pose, roots, q);
+  confidence_at(q, of, dy[0]);
+  for (int k = 0; k <= LOADS; k++) through(INNER, dy[k], slopes->by_pose, slopes->dy[k]);
+  for (int i = 0; i < 6; i++) miss[i] = SHARPNESS * (of->z[i] - of->mean[i]);
+  through(6, miss, (double(*)[6])whitening, slopes->d_far);
+  for (int j = 0; j < 6; j++) slopes->du[j] = of->by_far * slopes->d_far[j] + (1.0 - of->by_far) * slopes->dy[0][j];
+}
+
+FUNCTION void confidence_kernel_jacobian(const double *pose, double *errors, double *validity,
+                                         double (*errors_jacobian)[6], double (*validity_jacobian)[6]) {
+  double q[INNER];
+  Confidence of;
+  Slopes slopes;
+  confidence_slopes(pose, q, &of, &slopes);
+  for (int k = 0; errors && k < LOADS; k++) {
+    const double usual = exp(of.y[1 + k]), slope = growth[k] * of.grown[1];
+    errors[k] = usual + growth[k] * of.grown[0];
+    for (int j = 0; j < 6; j++) errors_jacobian[k][j] = usual * slopes.dy[1 + k][j] + slope * slopes.du[j];
+  }
+  if (validity) *validity = of.valid[0];
+  for (int j = 0; validity && j < 6; j++) validity_jacobian[0][j] = of.valid[1] * slopes.du[j];
+}
+
+FUNCTION void confidence_kernel_hessian(const double *pose, const double *errors_weight, const double *validity_weight,
+                                        double *hessian) {
+  double q[INNER], c[1 + LOADS] = {0}, by_q[INNER] = {0}, by_q2[INNER * INNER] = {0};
+  double sums[21][WIDTH] = {{0}}, spread[36] = {0};
+  double on_u = validity_weight ? *validity_weight : 0.0, bend = on_u, on_far;
+  Confidence of;
+  Slopes by;
+  confidence_slopes(pose, q, &of, &by);
+  on_u *= of.valid[1], bend *= of.valid[2];
+  for (int k = 0; errors_weight && k < LOADS; k++) {
+    c[1 + k] = errors_weight[k] * exp(of.y[1 + k]);
+    on_u += errors_weight[k] * growth[k] * of.grown[1], bend += errors_weight[k] * growth[k] * of.grown[2];
+  }
+  on_far = SHARPNESS * on_u * of.by_far, c[0] = on_u * (1.0 - of.by_far);
+  confidence_hessian(q, c, of.y, by_q, by_q2);
+  ROOTS_OF(hessian)(pose, 0, by_q + 6, hessian);
+  add_through(INNER, by_q2, by.by_pose, hessian);
+  /* the distance bends by W^T (1 - covariance of the centres) W */
+  curvature(6, PADDED_CENTRES, of.share, centres[0], sums);
+  curved(6, sums, spread);
+  for (int i = 0; i < 6; i++) {
+    for (int j = 0; j <= i; j++) spread[6 * i + j] = on_far * ((i == j) - spread[6 * i + j] + of.mean[i] * of.mean[j]);
+  }
+  add_through(6, spread, (double(*)[6])whitening, hessian);
+  for (int i = 0; i < 6; i++) {
+    for (int j = 0; j < 6; j++) {
+      double sum = (by.d_far[i] - by.dy[0][i]) * (by.d_far[j] - by.dy[0][j]);
+      sum = on_u * of.by_far * (1.0 - of.by_far) * sum + bend * by.du[i] * by.du[j];
+      for (int k = 1; k <= LOADS; k++) sum += c[k] * by.dy[k][i] * by.dy[k][j];
+      hessian[6 * i + j] += sum;
     }
   }
-  return 0.5 - 0.5 * u / sqrt(1.0 + u * u);
 }

@@ -39,7 +39,7 @@ from casadi_contact.networks.network import Network
 
 SURELY_VALID, VALID, SURELY_INVALID = 0.9, 0.5, 0.1  # validities
 SURE = 4.0 / 3.0  # excess at a validity of `SURELY_INVALID`; its negative at `SURELY_VALID`
-FAR = 1e8  # inputs are clipped here, so that their squares are finite (in C: ``confidence.h``)
+FAR = 1e8  # poses are clipped here, so that their squares are finite (in C: ``confidence.h``)
 
 
 def clip(values: Array) -> Array:
@@ -107,7 +107,7 @@ class Confidence:
 
     def distance(self, poses: Array) -> Array:
         """E (n,) of poses (n, 6)."""
-        z = clip(poses @ self.whitening.T)
+        z = clip(poses) @ self.whitening.T
         rows = 2000  # at once, for the size of (rows, K)
         blocks = (z[i : i + rows].T for i in range(0, max(len(z), 1), rows))
         squares = (sum((x[:, None] - c) ** 2 for x, c in zip(block, self.centres.T, strict=True)) for block in blocks)
@@ -115,7 +115,7 @@ class Confidence:
 
     def inputs(self, poses: Array, roots: Array) -> Array:
         """Inputs (n, k + P) of the network at poses (n, 6) with root loads (n, P)."""
-        return clip(np.hstack([poses[:, self.columns.astype(int)], roots]))
+        return np.hstack([clip(poses)[:, self.columns.astype(int)], roots])
 
     def _excess_and_logs(self, poses: Array, roots: Array) -> tuple[Array, Array]:
         """u (n,), and y_1..y_L (n, L)."""
@@ -131,23 +131,22 @@ class Confidence:
         u, logs = self._excess_and_logs(poses, roots)
         return np.exp(logs) + growth_outside(np.maximum(u + SURE, 0.0))[:, None] * self.growth
 
-    def expressions(self, pose: ca.MX, roots: ca.MX) -> tuple[ca.MX, ca.MX]:
-        """Validity (1) and expected errors (L) as CasADi expressions of a pose (6) and root loads (P)."""
-        z = _clip_expression(ca.mtimes(ca.sparsify(ca.DM(self.whitening)), pose))
+    def expressions(self, pose: ca.MX, roots: ca.MX) -> dict[str, ca.MX]:
+        """validity (1) and expected_error (L) as CasADi expressions of a pose (6) and root loads (P)."""
+        clipped = pose / ca.fmax(1.0, ca.fabs(pose) / FAR)  # unlike fmin and fmax of CasADi this keeps NaN
+        z = ca.mtimes(ca.sparsify(ca.DM(self.whitening)), clipped)
         # |z - c|² is written out: derivatives of 2·c·z are matrix products, and |z|²/2h² is common to all centres.
         h2 = self.bandwidth**2
         squares = ca.DM((self.centres**2).sum(axis=1) / (2.0 * h2))
         distance = 0.5 * ca.sumsqr(z) / h2 - ca.logsumexp(ca.mtimes(ca.DM(self.centres), z) / h2 - squares)
-        x = _clip_expression(ca.vertcat(pose[[int(c) for c in self.columns]], roots))
+        x = ca.vertcat(clipped[[int(c) for c in self.columns]], roots)
         y = [each.value for each in network_values(self.network, x, outputs=range(self.network.outputs))]
         u = ca.logsumexp(ca.vertcat(self.sharpness * (distance - self.edge), y[0]))
         outside = growth_outside(ca.fmax(u + SURE, 0.0))
-        return _validity(ca, u), ca.exp(ca.vertcat(*y[1:])) + outside * ca.DM(self.growth)
-
-
-def _clip_expression(values: ca.MX) -> ca.MX:
-    """`clip` as an expression; unlike fmin and fmax of CasADi it keeps NaN."""
-    return values / ca.fmax(1.0, ca.fabs(values) / FAR)
+        return {
+            "validity": _validity(ca, u),
+            "expected_error": ca.exp(ca.vertcat(*y[1:])) + outside * ca.DM(self.growth),
+        }
 
 
 def _validity(library: Any, u: Any) -> Any:

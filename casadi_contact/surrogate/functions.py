@@ -11,16 +11,21 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.symbolic import SymbolicContact
-from casadi_contact.networks.functions import function_with_derivatives
-from casadi_contact.networks.graph import Expressions, nan_if_not_finite, nan_marker
-from casadi_contact.networks.kernel.networks import Bundle
+from casadi_contact.networks.functions import checked_batch, function_with_derivatives
+from casadi_contact.networks.graph import Expressions, nan_if_not_finite
 from casadi_contact.networks.kernel.source import ExportedModel, Kernel
-from casadi_contact.networks.names import c_name, name_of_parts
+from casadi_contact.networks.names import c_name
 from casadi_contact.networks.network import Network
 from casadi_contact.surrogate.confidence import Confidence
-from casadi_contact.surrogate.kernel import OWN_ROOTS, SurrogateArrays, SurrogateKernel, compiled_arrays
+from casadi_contact.surrogate.kernel import SurrogateArrays, compiled_arrays, confidence_kernel
 
-_CALLED = {"never_inline": True}  # an SX expression calls them whole: CasADi has no logsumexp of SX
+_OUTSIDE = """\
+INLINE int outside(const double *pose) {{
+  {statement}
+}}
+"""
+_ALWAYS_INSIDE = "return (void)pose, 0;"
+_BY_VALIDITY = "double validity;\n  confidence_guarded_value(pose, 0, &validity);\n  return !(validity >= 0.5);"
 
 
 class SurrogateFunctions(SymbolicContact):
@@ -59,49 +64,36 @@ class SurrogateFunctions(SymbolicContact):
         """Names of the networks that root loads need."""
 
     @property
-    def _root_bounds(self) -> Sequence[int]:
-        """Where the root loads of each patch begin among those of `_expressions` and `_kernel`, and their end."""
-        return range(len(self.patch_names) + 1)
-
-    def _patch_roots(self, roots: ca.MX) -> ca.MX:
-        """Root loads of the patches (P x n) from those (parts x n) that `_expressions` and `_kernel` give."""
-        return roots
-
-    @property
     def _validity_roots(self) -> SurrogateFunctions:
         """Whose root loads validity and expected error depend on."""
         return self
 
-    def _confidence_expressions(self, pose: ca.MX) -> tuple[ca.MX, ca.MX]:
-        """Validity (1) and expected errors (L) of a pose (6)."""
-        return self.require_confidence().expressions(pose, self._validity_roots.root_function(compiled=False)(pose))
-
-    def validity_function(self, name: str = "contact_validity") -> ca.Function:
-        """casadi.Function pose (6) -> validity (1), twice continuously differentiable.
+    def validity_function(
+        self, name: str = "contact_validity", *, compiled: bool = True, batch: int | None = None
+    ) -> ca.Function:
+        """casadi.Function pose (6) -> validity (1), twice continuously differentiable; the rest as for `function`.
 
         As a constraint for IPOPT write 1/validity <= 2, whose slope does not fade far outside.
         """
-        pose = ca.MX.sym("pose", 6)
-        return ca.Function(name, [pose], [self._confidence_expressions(pose)[0]], ["pose"], ["validity"], _CALLED)
+        return self._confidence_function(name, "validity", compiled, batch)
 
-    def expected_error_function(self, name: str = "contact_expected_error") -> ca.Function:
-        """casadi.Function pose (6) -> expected error (L) of ``load_names``, twice continuously differentiable."""
+    def expected_error_function(
+        self, name: str = "contact_expected_error", *, compiled: bool = True, batch: int | None = None
+    ) -> ca.Function:
+        """casadi.Function pose (6) -> expected error (L) of ``load_names``; as `validity_function`."""
+        return self._confidence_function(name, "expected_error", compiled, batch)
+
+    def _confidence_function(self, name: str, output: str, compiled: bool, batch: int | None) -> ca.Function:
+        confidence, frames = self.require_confidence(), checked_batch(batch)
+        if compiled and (kernel := self._compiled_kernel(self.load_names)):
+            return kernel.function(name, [output], frames or 1)
         pose = ca.MX.sym("pose", 6)
-        return ca.Function(name, [pose], [self._confidence_expressions(pose)[1]], ["pose"], ["expected_error"], _CALLED)
+        values = confidence.expressions(pose, self._validity_roots.root_function(compiled=False)(pose))
+        # An SX expression calls it whole: CasADi has no logsumexp of SX.
+        function = ca.Function(name, [pose], [values[output]], ["pose"], [output], {"never_inline": True})
+        return function if frames is None else function.map(frames)
 
     def _function(
-        self, name: str, loads: Sequence[str], outputs: Sequence[str], compiled: bool, batch: int | None
-    ) -> ca.Function:
-        if "roots" not in outputs or self._root_bounds[-1] == len(self.patch_names):
-            return self._transcription(name, loads, outputs, compiled, batch)
-        of_parts = self._transcription(name_of_parts(name), loads, outputs, compiled, batch)
-        pose = ca.MX.sym("pose", 6, batch or 1)
-        values = dict(zip(outputs, of_parts.call([pose]), strict=True))
-        roots = self._patch_roots(values["roots"])
-        values["roots"] = roots + ca.repmat(nan_marker(pose), roots.shape[0], 1)
-        return ca.Function(name, [pose], list(values.values()), ["pose"], list(values))
-
-    def _transcription(
         self, name: str, loads: Sequence[str], outputs: Sequence[str], compiled: bool, batch: int | None
     ) -> ca.Function:
         if compiled and (kernel := self._compiled_kernel(loads or self.load_names, roots="roots" in outputs)):
@@ -125,25 +117,24 @@ class SurrogateFunctions(SymbolicContact):
         key = (tuple(loads), roots or tuple(loads) == self.load_names)
         if key not in self._kernels:
             waited_for = f"the kernel of the surrogate {self.scene.name}, some seconds"
-            self._kernels[key] = compiled_arrays(self._whole_kernel(*key), waited_for)
+            source, root_count = self._source(*key)
+            self._kernels[key] = compiled_arrays(source, loads, root_count, waited_for)
         return self._kernels[key]
 
-    def _whole_kernel(self, loads: Sequence[str], roots: bool = True) -> SurrogateKernel:
-        """C of the loads; with roots all else that the networks and the calibration are enough for."""
-        roots = roots and all(name in self.networks for name in self._root_networks())
-        kernel, confidence = self._kernel(loads, roots=roots), self.confidence if roots else None
-        bundles, roots_source = list(kernel.bundles), ""
-        if confidence is not None:
-            beside, roots_source = self._confidence_roots_source()
-            network = confidence.network
-            bundles += [*beside, Bundle("confidence", len(network.input_shift), {"confidence": network})]
-        bounds = self._root_bounds if roots else ()
-        whole = Kernel(bundles, kernel.code)
-        return SurrogateKernel(whole, tuple(loads), self.load_names, bounds, confidence, roots_source)
+    def _source(self, loads: Sequence[str], roots: bool = True) -> tuple[str, int]:
+        """C of the loads, with roots also of all else that the networks and the calibration are enough for; and the
+        number of root loads that it gives."""
+        count = len(self.patch_names) if roots and all(name in self.networks for name in self._root_networks()) else 0
+        kernel = self._kernel(loads, roots=count > 0)
+        if count and self.confidence is not None:
+            own = self._confidence_roots()
+            beside = confidence_kernel(self.confidence, loads, self.load_names, count, own)
+            return kernel.source(loads=len(loads), roots=count, beside=beside), count
+        return kernel.source(loads=len(loads), roots=count), count
 
-    def _confidence_roots_source(self) -> tuple[Sequence[Bundle], str]:
-        """Networks beside the kernel's, and C function confidence_roots (see `SurrogateKernel`)."""
-        return [], OWN_ROOTS
+    def _confidence_roots(self) -> Kernel | None:
+        """A kernel of the root loads that confidence depends on; None where they are the surrogate's own."""
+        return None
 
     def _export_name(self) -> str:
         """Name of a ready-made surrogate: knee_contact; else with a digest of scene, structure and networks,
@@ -159,16 +150,17 @@ class SurrogateFunctions(SymbolicContact):
 
     def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
         """C of the loads, and of all that the surrogate knows of them."""
-        kernel = self._whole_kernel(self.check_loads(loads))
-        condition, made_for = kernel.outside()
+        names = self.check_loads(loads)
+        source, roots = self._source(names)
+        calibrated = roots > 0 and self.confidence is not None
         return ExportedModel(
             self._export_name(),
-            f"{kernel.source()}\n{condition}",
-            kernel.loads,
+            f"{source}\n{_OUTSIDE.format(statement=_BY_VALIDITY if calibrated else _ALWAYS_INSIDE)}",
+            names,
             self.patch_names,
-            kernel.root_count,
-            kernel.confidence is not None,
-            made_for,
+            roots > 0,
+            calibrated,
+            "validity of at least 1/2" if calibrated else "unknown: this surrogate was never calibrated",
             self.scene.reference_load,
             f"Contact loads of the scene {self.scene.name}, {self.structure} surrogate.",
         )

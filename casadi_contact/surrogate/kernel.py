@@ -8,7 +8,7 @@ NumPy takes 20 ms for that many, and compiling once some seconds.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import casadi as ca
@@ -17,101 +17,67 @@ import numpy as np
 from casadi_contact.core.compiler import CompilerError, shared_library, warn_once
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.threads import call_in_shares
-from casadi_contact.networks.kernel.networks import filled_up
-from casadi_contact.networks.kernel.source import Kernel, c_text, external_function, roots_source, table
+from casadi_contact.networks.kernel.networks import Bundle, filled_up
+from casadi_contact.networks.kernel.source import Kernel, c_text, external_function, guards, table
 from casadi_contact.surrogate.confidence import SURE, Confidence
+from casadi_contact.surrogate.patch.networks import with_all_inputs
 
 BATCH_FROM = 1000
-# Of most structures: the root loads of the kernel.
-OWN_ROOTS = """\
-INLINE void confidence_roots(const double *pose, const double *parts, double *roots) {
-  (void)pose;
-  patch_roots(first_part, parts, roots, 0);
-}
-"""
-_OUTSIDE = """\
-INLINE int outside(const double *pose, const double *parts) {{
-  (void)pose, (void)parts;
-  return {condition};
-}}
-"""
+OF_CONFIDENCE, OWN = "confidence_", "own_"  # what names of C functions begin with: see `Kernel`
 
 
-@dataclass(frozen=True)
-class SurrogateKernel:
-    """kernel: of the loads and of root loads, those of patch p from bounds[p] to bounds[p + 1] (none where networks are
-    missing); confidence: None for a surrogate that was not calibrated, whose loads are calibrated_loads;
-    confidence_roots: C function that gives the root loads of the patches from the pose and the kernel's root loads.
+def confidence_kernel(
+    confidence: Confidence, loads: Sequence[str], calibrated_loads: Sequence[str], patches: int, own: Kernel | None
+) -> Kernel:
+    """C of the expected errors of loads, NaN for one that is none of calibrated_loads, and of validity, beside a kernel
+    that gives root loads; own: another of these alone, where confidence depends on others (its names begin with `OWN`).
+
+    Raises ValueError for arrays of other shapes than the patches and loads have.
     """
-
-    kernel: Kernel
-    loads: Sequence[str]
-    calibrated_loads: Sequence[str]
-    bounds: Sequence[int]
-    confidence: Confidence | None
-    confidence_roots: str
-
-    @property
-    def root_count(self) -> int:
-        """Number of root loads that the kernel gives."""
-        return self.bounds[-1] if self.bounds else 0
-
-    def source(self) -> str:
-        """C99 up to guarded_value and its like; patch_roots where there are roots; confidence_at where it was
-        calibrated."""
-        parts = [self.kernel.source(loads=len(self.loads), roots=self.root_count)]
-        if self.root_count:
-            parts.append(f"#define PATCHES {len(self.bounds) - 1}")
-            parts.append(roots_source(self.bounds))
-        if self.confidence is not None:
-            parts.append(self._confidence_source(self.confidence))
-        return "\n".join(parts)
-
-    def _confidence_source(self, confidence: Confidence) -> str:
-        """C function confidence_at(pose, parts, errors) -> validity. Raises ValueError for arrays of other shapes than
-        the patches and loads have."""
-        known = self.calibrated_loads
-        confidence.check_shapes(len(self.bounds) - 1, len(known))
-        numbers = {
-            "CENTRES": len(confidence.centres),
-            "CONFIDENCE_COLUMNS": len(confidence.columns),
-            "CALIBRATED": len(known),
-            "BANDWIDTH": float(confidence.bandwidth),
-            "SHARPNESS": float(confidence.sharpness),
-            "EDGE": float(confidence.edge),
-            "SURE": SURE,
-        }
-        tables = {
-            "whitening": confidence.whitening,
-            "centres": filled_up(confidence.centres.T),
-            "confidence_columns": confidence.columns.astype(int),
-            "calibrated_load": np.array([known.index(load) if load in known else -1 for load in self.loads]),
-            "growth": confidence.growth,
-        }
-        parts = [f"#define {name} ({value!r})" for name, value in numbers.items()]
-        parts += [table(name, np.asarray(values)) for name, values in tables.items()]
-        return "\n".join([*parts, self.confidence_roots, c_text("confidence.h", __package__)])
-
-    def outside(self) -> tuple[str, str]:
-        """C function outside(pose, parts), 1 for a pose that was not learned, as validity says; and in words when it is
-        0."""
-        if self.confidence is None:
-            return _OUTSIDE.format(condition="0"), "unknown: this surrogate was never calibrated"
-        return _OUTSIDE.format(condition="!(confidence_at(pose, parts, 0) >= 0.5)"), "validity of at least 1/2"
+    confidence.check_shapes(patches, len(calibrated_loads))
+    inputs = [*confidence.columns.astype(int), *range(6, 6 + patches)]
+    network = with_all_inputs(confidence.network, inputs, 6 + patches)
+    known = [calibrated_loads.index(load) if load in calibrated_loads else None for load in loads]
+    outputs = [0, *(0 if k is None else 1 + k for k in known)]
+    network = replace(
+        network,
+        weights=(*network.weights[:-1], network.weights[-1][outputs]),
+        biases=(*network.biases[:-1], network.biases[-1][outputs]),
+        output_scale=np.broadcast_to(network.output_scale, network.outputs)[outputs],
+    )
+    numbers = {
+        "CENTRES": len(confidence.centres),
+        "SHARPNESS": float(confidence.sharpness),
+        "EDGE": float(confidence.edge),
+        "SURE": SURE,
+    }
+    tables = {
+        "whitening": confidence.whitening / confidence.bandwidth,
+        "centres": filled_up(confidence.centres.T / confidence.bandwidth),
+        "growth": np.array([np.nan if k is None else confidence.growth[k] for k in known]),
+    }
+    code = [own.code] if own else []
+    code += [f"#define {name} ({value!r})" for name, value in numbers.items()]
+    code += [table(name, values) for name, values in tables.items()]
+    code += [f"#define ROOTS_OF(what) {OWN if own else ''}kernel_##what", c_text("confidence.h", __package__)]
+    bundle = Bundle("confidence", 6 + patches, {"confidence": network})
+    return Kernel([*(own.bundles if own else ()), bundle], "\n".join([*code, guards(OF_CONFIDENCE, "1")]))
 
 
 @dataclass(frozen=True)
 class SurrogateArrays:
-    """A compiled library of `load_names`; poses are (n, 6)."""
+    """A compiled library of `load_names`, with confidence where that is known; poses are (n, 6)."""
 
     library: Path
     load_names: Sequence[str]
     root_count: int
 
     def function(self, name: str, outputs: Sequence[str], frames: int) -> ca.Function:
-        """casadi.Function pose (6 x frames) -> outputs, "loads" and/or "roots" (of the kernel)."""
-        sizes = {"loads": len(self.load_names), "roots": self.root_count}
-        return external_function(self.library, name, sizes, outputs, frames)
+        """casadi.Function pose (6 x frames) -> outputs, "loads" and/or "roots", or "expected_error" or "validity"."""
+        kinds = {"": {"loads": 0, "roots": self.root_count}, OF_CONFIDENCE: {"expected_error": 0, "validity": 1}}
+        before = next(kind for kind, sizes in kinds.items() if outputs[0] in sizes)
+        sizes = {key: size or len(self.load_names) for key, size in kinds[before].items()}
+        return external_function(self.library, name, sizes, outputs, frames, before)
 
     def loads(self, poses: Array, names: Sequence[str]) -> Array:
         """Loads (n, L) by name."""
@@ -138,13 +104,13 @@ class SurrogateArrays:
     def validity(self, poses: Array) -> Array:
         """Validity (n,)."""
         validity = np.empty(len(poses))
-        call_in_shares(self.library, "array_confidence", poses, validity, None)
+        call_in_shares(self.library, f"{OF_CONFIDENCE}values_of", poses, None, validity)
         return validity
 
     def expected_error(self, poses: Array) -> Array:
         """Expected error (n, L) of all loads."""
-        validity, errors = np.empty(len(poses)), np.empty((len(poses), len(self.load_names)))
-        call_in_shares(self.library, "array_confidence", poses, validity, errors)
+        errors = np.empty((len(poses), len(self.load_names)))
+        call_in_shares(self.library, f"{OF_CONFIDENCE}values_of", poses, errors, None)
         return errors
 
     def _picked(self, values: Array, names: Sequence[str]) -> Array:
@@ -153,11 +119,11 @@ class SurrogateArrays:
         return values[:, [self.load_names.index(name) for name in names]]
 
 
-def compiled_arrays(kernel: SurrogateKernel, waited_for: str) -> SurrogateArrays | None:
+def compiled_arrays(source: str, loads: Sequence[str], roots: int, waited_for: str) -> SurrogateArrays | None:
     """The compiled kernel; None, with one warning, without a compiler. waited_for: what is announced."""
     try:
-        library = shared_library("\n".join(["#define ENTRY", kernel.source(), c_text("arrays.h")]), waited_for)
+        library = shared_library("\n".join(["#define ENTRY", source, c_text("arrays.h")]), waited_for)
     except CompilerError as error:
         warn_once(f"{error}; NumPy and the CasADi graph take the kernel's place, which are slower")
         return None
-    return SurrogateArrays(library, tuple(kernel.loads), kernel.root_count)
+    return SurrogateArrays(library, tuple(loads), roots)

@@ -10,14 +10,16 @@ INLINE Root root_of(double force, double reference, double e2) {
   return root;
 }
 
-/* Inputs of the second stage: pose and clamped forces, with the forces' slopes. */
+/* Inputs of the second stage: pose and clamped forces, */
 INLINE void second_inputs(const double *pose, const double *raw, double *u) {
   memcpy(u, pose, 6 * sizeof(double));
   for (int f = 0; f < FORCES; f++) u[6 + f] = raw[f] < 0.0 ? raw[f] : 0.0;
 }
 
-INLINE void clamp_slopes(const double *raw, double (*d_raw)[6], double (*d_force)[6]) {
-  for (int f = 0; f < FORCES; f++) for (int j = 0; j < 6; j++) d_force[f][j] = raw[f] < 0.0 ? d_raw[f][j] : 0.0;
+/* and their derivatives by the pose */
+INLINE void input_slopes(const double *raw, double (*d_raw)[6], double (*by_pose)[6]) {
+  for (int i = 0; i < 6; i++) for (int j = 0; j < 6; j++) by_pose[i][j] = i == j;
+  for (int f = 0; f < FORCES; f++) for (int j = 0; j < 6; j++) by_pose[6 + f][j] = raw[f] < 0.0 ? d_raw[f][j] : 0.0;
 }
 
 FUNCTION void kernel_value(const double *pose, double *loads, double *roots) {
@@ -31,10 +33,10 @@ FUNCTION void kernel_value(const double *pose, double *loads, double *roots) {
 
 FUNCTION void kernel_jacobian(const double *pose, double *loads, double *roots, double (*loads_jacobian)[6],
                               double (*roots_jacobian)[6]) {
-  double raw[FORCES], d_raw[FORCES][6], d_force[FORCES][6], u[INPUTS], y[OUTPUTS + 1], dy[OUTPUTS + 1][INPUTS];
+  double raw[FORCES], d_raw[FORCES][6], by_pose[INPUTS][6], u[INPUTS], y[OUTPUTS + 1], dy[OUTPUTS + 1][INPUTS];
   first_gradient(pose, raw, d_raw[0]);
   second_inputs(pose, raw, u);
-  clamp_slopes(raw, d_raw, d_force);
+  input_slopes(raw, d_raw, by_pose);
   if (loads) second_gradient(u, y, dy[0]);
   for (int f = 0; roots && f < FORCES; f++) {
     const Root root = root_of(raw[f], REFERENCE_LOAD, ROUNDING);
@@ -44,41 +46,27 @@ FUNCTION void kernel_jacobian(const double *pose, double *loads, double *roots, 
   for (int k = 0; loads && k < LOADS; k++) {
     const int m = SOURCE[k] - FORCES;
     loads[k] = m < 0 ? u[6 + SOURCE[k]] : y[m];
-    for (int j = 0; j < 6; j++) {
-      double sum = m < 0 ? d_force[SOURCE[k]][j] : dy[m][j];
-      for (int f = 0; m >= 0 && f < FORCES; f++) sum += dy[m][6 + f] * d_force[f][j];
-      loads_jacobian[k][j] = sum;
-    }
+    if (m < 0) memcpy(loads_jacobian[k], by_pose[6 + SOURCE[k]], sizeof loads_jacobian[k]);
+    else through(INPUTS, dy[m], by_pose, loads_jacobian[k]);
   }
 }
 
 /* U^T H U + sum_f g_f d2f, U = (identity; slopes of the forces), H the second stage's weighted Hessian. */
 FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, const double *roots_weight,
                              double *hessian) {
-  double raw[FORCES], d_raw[FORCES][6], d_force[FORCES][6], u[INPUTS], y[OUTPUTS + 1], c[FORCES + OUTPUTS + 1] = {0};
-  double g[INPUTS] = {0}, h[INPUTS * INPUTS] = {0}, right[INPUTS][6], on_force[FORCES], d_all[6] = {0}, d2[36] = {0};
+  double raw[FORCES], d_raw[FORCES][6], by_pose[INPUTS][6], u[INPUTS], y[OUTPUTS + 1], c[FORCES + OUTPUTS + 1] = {0};
+  double g[INPUTS] = {0}, h[INPUTS * INPUTS] = {0}, on_force[FORCES], d_all[6] = {0}, d2[36] = {0};
   memset(hessian, 0, 36 * sizeof(double));
   first_gradient(pose, raw, d_raw[0]);
   second_inputs(pose, raw, u);
-  clamp_slopes(raw, d_raw, d_force);
-  for (int k = 0; k < LOADS; k++) c[SOURCE[k]] += loads_weight[k];
-  second_hessian(u, c + FORCES, y, g, h);
-  for (int i = 0; i < INPUTS; i++) for (int j = i + 1; j < INPUTS; j++) h[i * INPUTS + j] = h[j * INPUTS + i];
-  for (int i = 0; i < INPUTS; i++) {
-    for (int j = 0; j < 6; j++) {
-      right[i][j] = h[i * INPUTS + j];
-      for (int f = 0; f < FORCES; f++) right[i][j] += h[i * INPUTS + 6 + f] * d_force[f][j];
-    }
-  }
-  for (int i = 0; i < 6; i++) {
-    for (int j = 0; j < 6; j++) {
-      hessian[6 * i + j] = right[i][j];
-      for (int f = 0; f < FORCES; f++) hessian[6 * i + j] += d_force[f][i] * right[6 + f][j];
-    }
+  input_slopes(raw, d_raw, by_pose);
+  if (loads_weight) {
+    for (int k = 0; k < LOADS; k++) c[SOURCE[k]] += loads_weight[k];
+    second_hessian(u, c + FORCES, y, g, h);
+    add_through(INPUTS, h, by_pose, hessian);
   }
   for (int f = 0; f < FORCES; f++) {
-    on_force[f] = g[6 + f] + c[f];
-    if (!(raw[f] < 0.0)) on_force[f] = 0.0;
+    on_force[f] = raw[f] < 0.0 ? g[6 + f] + c[f] : 0.0;
     if (roots_weight) {
       const Root root = root_of(raw[f], REFERENCE_LOAD, ROUNDING);
       on_force[f] += roots_weight[f] * root.slope;
@@ -86,7 +74,7 @@ FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, con
     }
   }
   first_hessian(pose, on_force, raw, d_all, d2);
-  for (int i = 0; i < 6; i++) for (int j = 0; j < 6; j++) hessian[6 * i + j] += i < j ? d2[6 * j + i] : d2[6 * i + j];
+  add_through(6, d2, by_pose, hessian);
 }
 
 FUNCTION void kernel_batch(const double *pose, double (*loads)[LANES], double (*roots)[LANES]) {

@@ -27,7 +27,9 @@ from casadi_contact.networks.kernel.source import Kernel, c_text, table
 from casadi_contact.networks.network import Regression
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.patch.networks import PartNetworks, root_name
+from casadi_contact.surrogate.kernel import OWN
+from casadi_contact.surrogate.patch.formulas import patch_kernel
+from casadi_contact.surrogate.patch.networks import root_name
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 
 if TYPE_CHECKING:
@@ -108,11 +110,12 @@ class TwoStageSurrogate(Surrogate):
         """All six where no root load network tells how far the surfaces are apart."""
         return range(6) if self._validity_roots is self else super().confidence_columns
 
-    def _confidence_roots_source(self) -> tuple[Sequence[Bundle], str]:
+    def _confidence_roots(self) -> Kernel | None:
         roots = self._validity_roots
         if not isinstance(roots, PatchSurrogate):
-            return super()._confidence_roots_source()
-        return root_network_source(roots.parts, roots._root_bounds)
+            return None
+        nothing = np.zeros((0, len(roots.parts), 6))
+        return patch_kernel(roots.parts, nothing, self.scene.reference_load, None, roots._root_bounds, OWN)
 
     @property
     def _rounding(self) -> float:
@@ -233,31 +236,3 @@ def _root(force: NetworkValue, reference_load: float, e2: float, order: int) -> 
     if order > 1:
         hessian += ca.mtimes((curvature * force.gradient).T, force.gradient)
     return NetworkValue(n / fourth, slope * force.gradient, hessian)
-
-
-def root_network_source(parts: Sequence[PartNetworks], bounds: Sequence[int]) -> tuple[list[Bundle], str]:
-    """Root load networks of the parts, and C function confidence_roots (see `SurrogateKernel`) that evaluates them."""
-    bundles = [Bundle(f"part_root_{k}", 6, {f"root {part.name}": part.root}) for k, part in enumerate(parts)]
-    anchors = table("part_anchor", np.array([part.anchor_mm for part in parts]))
-    first = table("first_root_part", np.array(bounds))
-    roots = "\n".join(
-        f"  local = local_of(pose, &frame, part_anchor[{k}][0], part_anchor[{k}][1], part_anchor[{k}][2], 0);\n"
-        f"  part_root_{k}_value(local.x, s + {k});"
-        for k in range(len(parts))
-    )
-    return (
-        bundles,
-        f"""\
-{c_text("pose.h")}
-{anchors}
-{first}
-INLINE void confidence_roots(const double *pose, const double *parts, double *roots) {{
-  const Frame frame = frame_of(pose);
-  double s[{len(parts)}];
-  Local local;
-{roots}
-  patch_roots(first_root_part, s, roots, 0);
-  (void)parts;
-}}
-""",
-    )

@@ -3,6 +3,7 @@
 import pickle
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -11,7 +12,14 @@ from casadi_contact.core.threads import at_most_threads
 from casadi_contact.surrogate.kernel import BATCH_FROM
 from tests.support.agreement import close
 from tests.support.compiler import needs_compiler
-from tests.support.random_surrogates import IN_PARTS, random_confidence, random_poses, random_surrogate, scene_called
+from tests.support.random_surrogates import (
+    IN_PARTS,
+    POSE_SPREAD,
+    random_confidence,
+    random_poses,
+    random_surrogate,
+    scene_called,
+)
 
 POSES = random_poses(BATCH_FROM + 5, seed=1)
 
@@ -49,6 +57,32 @@ def test_the_kernel_gives_loads_derivatives_validity_and_expected_error_of_numpy
     close(kernel.hessian(POSES, weights, subset)[:20], plain.hessian(few, weights[:20], subset), 10)
     with pytest.raises(ValueError, match="weights has shape"):
         plain.hessian(few, np.ones(99))
+
+
+@needs_compiler
+@pytest.mark.parametrize("output", ["validity", "expected_error"])
+@pytest.mark.parametrize(
+    ("scene", "structure"), [("knee", "patch"), (IN_PARTS, "patch"), ("hip", "patch"), (IN_PARTS, "two_stage")]
+)
+def test_functions_of_confidence_have_the_graph_s_derivatives_in_the_kernel(scene, structure, output):
+    """Value, Jacobian, Hessian of a weighted sum: kernel = graph, slopes = differences; NaN for poses not finite."""
+    kernel, plain = surrogates(scene, structure)
+    made = [getattr(each, f"{output}_function")(compiled=each is kernel) for each in (kernel, plain)]
+    pose, weights = ca.MX.sym("pose", 6), ca.MX.sym("weights", made[0].numel_out(0))
+    by_kernel, by_graph = (
+        ca.Function("f", [pose, weights], [f(pose), ca.jacobian(f(pose), pose), *ca.hessian(weights.T @ f(pose), pose)])
+        for f in made
+    )
+    drawn, steps = np.random.default_rng(3).normal(size=weights.numel()), 1e-5 * np.diag(POSE_SPREAD)
+    for at in POSES[:25]:
+        found = by_kernel(at, drawn)
+        for got, wanted in zip(found, by_graph(at, drawn), strict=True):
+            close(got.full(), wanted.full(), 10)
+        slopes = [(by_kernel(at + h, drawn)[0] - by_kernel(at - h, drawn)[0]) / 2e-5 for h in steps]
+        close(ca.horzcat(*slopes).full(), found[1].full() * POSE_SPREAD, 6)
+    together = getattr(kernel, f"{output}_function")(batch=25)(POSES[:25].T)
+    close(together.full().T, np.array([made[0](at).full().ravel() for at in POSES[:25]]), 12)
+    assert all(np.isnan(part.full()).all() for part in by_kernel([np.inf, 0.0, 0.0, 0.0, 0.0, 0.0], drawn))
 
 
 @needs_compiler

@@ -1,11 +1,13 @@
 /* 1 where a patch is overlapped by more than its layer's thickness, or where surfaces have passed through each other:
  * there the force on the fixed body points the way in which the gap opens (they are pressed from behind), or there is
  * none, and the root load of a pressed patch is that of its gap. Also where squares of distances overflow. */
-INLINE int outside(const double *pose, const double *parts) {
+INLINE int outside(const double *pose) {
+  double parts[PATCHES];
   const Frame frame = frame_of(pose);
   for (int j = 0; j < 3; j++) {
     if (fabs(pose[j]) > 1e100) return 1;
   }
+  kernel_value(pose, 0, parts);
   for (int p = 0; p < PATCHES; p++) {
     PatchLoads near, pressed;
     if (!(parts[p] > 0.0)) continue;

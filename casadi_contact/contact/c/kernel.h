@@ -120,7 +120,9 @@ FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, con
   for (int p = 0; p < PATCHES; p++) {
     PatchLoads of;
     double weights[6] = {0.0};
-    for (int i = 0; i < LOADS; i++) for (int k = 0; k < 6; k++) weights[k] += loads_weight[i] * selection[p][i][k];
+    for (int i = 0; loads_weight && i < LOADS; i++) {
+      for (int k = 0; k < 6; k++) weights[k] += loads_weight[i] * selection[p][i][k];
+    }
     if (roots_weight) {
       double slope[3], bent[6][6];
       patch_loads(p, pose, &frame, FIRST, 0, 0, &of);

@@ -7,10 +7,8 @@ const char *const ${name}_patch_names[${guard}_PATCHES] = {$patch_names};
 void ${name}_loads(const double pose[6], double loads[${guard}_LOADS]) { guarded_value(pose, loads, 0); }
 
 int ${name}_status(const double pose[6]) {
-  double parts[ROOTS + 1] = {0};
   if (!finite_pose(pose)) return ${guard}_NOT_FINITE;
-  guarded_value(pose, 0, ROOTS ? parts : 0);
-  return outside(pose, parts) ? ${guard}_OUTSIDE : ${guard}_OK;
+  return outside(pose) ? ${guard}_OUTSIDE : ${guard}_OK;
 }
 
 void ${name}_jacobian(const double pose[6], double loads[${guard}_LOADS], double jacobian[${guard}_LOADS][6]) {
@@ -22,21 +20,10 @@ void ${name}_hessian(const double pose[6], const double weights[${guard}_LOADS],
 }
 
 void ${name}_roots(const double pose[6], double roots[${guard}_PATCHES], double jacobian[${guard}_PATCHES][6]) {
-  double parts[ROOTS + 1] = {0}, slopes[ROOTS + 1][6];
-  guarded_jacobian(pose, 0, ROOTS ? parts : 0, 0, slopes);
-  fill_nan(${guard}_PATCHES, roots);
-  for (int p = 0; p < ${guard}_PATCHES; p++) fill_nan(6, jacobian[p]);
 #if ROOTS
-  if (finite_pose(pose)) {
-    double share[ROOTS];
-    patch_roots(first_part, parts, roots, share);
-    for (int p = 0; p < ${guard}_PATCHES; p++) {
-      for (int j = 0; j < 6; j++) {
-        jacobian[p][j] = 0.0;
-        for (int i = first_part[p]; i < first_part[p + 1]; i++) jacobian[p][j] += share[i] * slopes[i][j];
-      }
-    }
-  }
+  guarded_jacobian(pose, 0, roots, 0, jacobian);
+#else
+  (void)pose, fill_nan(${guard}_PATCHES, roots), fill_nan(6 * ${guard}_PATCHES, jacobian[0]);
 #endif
 }
 
@@ -51,12 +38,9 @@ void ${name}_pressures(const double pose[6], double pressures[${guard}_PRESSURES
 #endif
 
 void ${name}_confidence(const double pose[6], double *validity, double expected_error[${guard}_LOADS]) {
-  double parts[ROOTS + 1] = {0};
-  guarded_value(pose, 0, ROOTS ? parts : 0);
 #if CALIBRATED_MODEL
-  *validity = confidence_at(pose, parts, expected_error);
+  confidence_guarded_value(pose, expected_error, validity);
 #else
-  fill_nan(1, validity);
-  fill_nan(${guard}_LOADS, expected_error);
+  (void)pose, fill_nan(1, validity), fill_nan(${guard}_LOADS, expected_error);
 #endif
 }

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
+from string import Template
 
 import casadi as ca
 import numpy as np
@@ -38,14 +39,23 @@ class Kernel:
     bundles: Sequence[Bundle]
     code: str
 
-    def source(self, *, loads: int, roots: int) -> str:
-        """C99 up to guarded_value, _jacobian, _hessian and _batch: the four, and NaN where a pose is not finite."""
-        widest = max(group.shape.widest for bundle in self.bundles for group in bundle.groups)
+    def source(self, *, loads: int, roots: int, beside: Kernel | None = None) -> str:
+        """C99 up to guarded_value, _jacobian, _hessian and _batch: the four, and NaN where a pose is not finite.
+
+        beside: another whose networks and code come after it, with other names.
+        """
+        bundles = [*self.bundles, *(beside.bundles if beside else ())]
+        widest = max(group.shape.widest for bundle in bundles for group in bundle.groups)
         sizes = {"LOADS": loads, "ROOTS": roots, "WIDEST": widest, "WIDTH": WIDTH, "LANES": LANES}
         definitions = "\n".join(f"#define {name} {value}" for name, value in sizes.items())
-        networks = "\n\n".join([network_functions(self.bundles), *map(bundle_functions, self.bundles)])
+        networks = "\n\n".join([network_functions(bundles), *map(bundle_functions, bundles)])
         head = [definitions, "", c_text("core.h"), c_text("batch.h")]
-        return "\n".join([*head, networks, "", self.code, c_text("guards.h")])
+        return "\n".join([*head, networks, "", self.code, guards(), beside.code if beside else ""])
+
+
+def guards(before: str = "", roots: str = "ROOTS") -> str:
+    """C of ``guarded_value`` and its like of a kernel, whose functions' names begin with `before`."""
+    return Template(c_text("guards.h")).substitute(before=before, roots=roots)
 
 
 @dataclass(frozen=True)
@@ -53,19 +63,19 @@ class ExportedModel:
     """C of a contact model, and what a header must say of it (see the room `export`).
 
     name: default name of files and functions, unlike that of any other model.
-    source: C99 up to guarded_value and its like, for these loads and `kernel_roots` root loads; patch_roots where there
-    are roots; confidence_at where it is calibrated; outside(pose, parts), which is 0 for a pose that the model
-    is made for. made_for says in words when it is. pressure_names: where there are any, source defines
-    pressures_at(pose, pressures) for them. vectors: source needs the vectors of GCC and clang. data: what
-    the source includes as the file DATA_FILE of the folder in which it is compiled. wrench_source: C of a kernel whose
-    loads are the wrenches of all patches, for CasADi functions with parameters; none where the model has none of these.
+    source: C99 up to guarded_value and its like, for these loads and, if has_roots, the root loads of all patches;
+    confidence_guarded_value where it is calibrated; outside(pose), which is 0 for a pose that the model is made for, as
+    made_for says in words. pressure_names: where there are any, source defines pressures_at(pose, pressures) for them.
+    vectors: source needs the vectors of GCC and clang. data: what the source includes as the file DATA_FILE of the
+    folder in which it is compiled. wrench_source: C of a kernel whose loads are the wrenches of all patches, for CasADi
+    functions with parameters; none where the model has none of these.
     """
 
     name: str
     source: str
     load_names: Sequence[str]
     patch_names: Sequence[str]
-    kernel_roots: int
+    has_roots: bool
     calibrated: bool
     made_for: str
     reference_load: float
@@ -87,11 +97,6 @@ def _braces(table: np.ndarray) -> str:
     if table.ndim > 1:
         return "{" + ",\n  ".join(map(_braces, table)) + "}"
     return "{" + ", ".join("NAN" if value != value else repr(value) for value in table.tolist()) + "}"
-
-
-def roots_source(bounds: Sequence[int]) -> str:
-    """C function patch_roots, and the table first_part of the root loads that a kernel gives, with their end."""
-    return f"{table('first_part', np.array(bounds))}\n" + c_text("roots.h")
 
 
 # --- the interface of casadi.external
@@ -127,27 +132,27 @@ def _function(name: str, inputs: Sequence[Pattern], outputs: Sequence[Pattern], 
     return "\n".join(lines)
 
 
-def casadi_interface(functions: Mapping[str, Mapping[str, int]]) -> str:
+def casadi_interface(functions: Mapping[str, Mapping[str, int]], kernel: Sequence[str] = ("loads", "roots")) -> str:
     """For every name in functions C functions name, jac_name, adj1_name, jac_adj1_name and jac_jac_name, for poses (6 x
     FRAMES).
 
-    functions: the outputs of each, "loads" and/or "roots" with their numbers of rows. jac_name gives the Jacobian's
+    functions: of each some of the kernel's two outputs, with their numbers of rows. jac_name gives the Jacobian's
     blocks, adj1_name the product of an adjoint with it, and jac_adj1_name, its Jacobian, the Hessian of a Lagrangian:
     all that nlpsol asks. jac_jac_name gives the second derivatives of every output, which a Jacobian of a Jacobian and
     forward sensitivities of an integrator ask for.
     """
-    texts = [_functions(name, outputs) for name, outputs in functions.items()]
+    texts = [_functions(name, outputs, kernel) for name, outputs in functions.items()]
     return "\n".join([c_text("casadi_interface.h"), *texts])
 
 
-def _functions(name: str, outputs: Mapping[str, int]) -> str:
+def _functions(name: str, outputs: Mapping[str, int], kernel: Sequence[str]) -> str:
     """All of one name."""
     keys, sizes, n = list(outputs), list(outputs.values()), len(outputs)
 
     def pair(of: str, first: int, step: int = 1) -> str:
         """The arguments for loads and roots, 0 for what this function does not give."""
         places = {key: f"{of}[{first + step * place}]" for place, key in enumerate(keys)}
-        return ", ".join(places.get(key, "0") for key in ("loads", "roots"))
+        return ", ".join(places.get(key, "0") for key in kernel)
 
     of_pose: Pattern = ("dense", 6)
     unused: list[Pattern] = [("empty", size, "FRAMES") for size in sizes]
@@ -198,16 +203,19 @@ def _functions(name: str, outputs: Mapping[str, int]) -> str:
 
 
 def external_function(
-    library: Path, name: str, sizes: Mapping[str, int], outputs: Sequence[str], frames: int = 1
+    library: Path, name: str, sizes: Mapping[str, int], outputs: Sequence[str], frames: int = 1, before: str = ""
 ) -> ca.Function:
     """casadi.Function pose (6 x frames) -> outputs of a kernel's library, with its first and second derivatives.
 
-    sizes: numbers of "loads" and "roots" of the kernel; outputs: some of them. A small library of its own, which every
-    number of frames shares, tells CasADi of them. Raises CompilerError where it cannot be compiled.
+    sizes: numbers of the kernel's two outputs, "loads" and "roots" or what stands for them in a kernel whose functions'
+    names begin with `before`; outputs: some of them. A small library of its own, which every number of frames shares,
+    tells CasADi of them. Raises CompilerError where it cannot be compiled.
     """
     name = name_of_batch(check_name(name), frames)
     check_unused(name, f"{c_text('frames.h')}\n{casadi_interface({})}")
-    numbers = [f"#define LOADS {sizes['loads']}", f"#define ROOTS {sizes['roots']}"]
-    interface = casadi_interface({name: {key: sizes[key] for key in outputs}})
-    beside = shared_library("\n".join([c_text("frames.h"), *numbers, interface]), linked=library)
+    called = ("guarded_value", "guarded_jacobian", "guarded_hessian", "values_of") if before else ()
+    renamed = [f"#define {function} {before}{function}" for function in called]
+    numbers = [f"#define {key} {size}" for key, size in zip(("LOADS", "ROOTS"), sizes.values(), strict=True)]
+    interface = casadi_interface({name: {key: sizes[key] for key in outputs}}, list(sizes))
+    beside = shared_library("\n".join([*renamed, c_text("frames.h"), *numbers, interface]), linked=library)
     return ca.external(name, str(beside if frames == 1 else copied_library(beside, f"x{frames}-{beside.name}")))

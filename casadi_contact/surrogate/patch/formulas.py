@@ -21,7 +21,7 @@ from casadi_contact.networks.frames import rotation
 from casadi_contact.networks.graph import Expressions, NetworkValue, Output, network_values
 from casadi_contact.networks.kernel.network_functions import family_functions
 from casadi_contact.networks.kernel.networks import Bundle
-from casadi_contact.networks.kernel.source import Kernel, c_text
+from casadi_contact.networks.kernel.source import Kernel, c_text, table
 from casadi_contact.networks.names import identifier
 from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.surrogate.patch.networks import PartNetworks
@@ -119,10 +119,19 @@ def _signed(normal: NetworkValue, sign: float) -> NetworkValue:
     return normal if sign > 0.0 else NetworkValue(-normal.value, -normal.gradient, -normal.hessian)
 
 
-def patch_root_expressions(s: ca.MX, bounds: Sequence[int]) -> ca.MX:
-    """S (P x n) from the parts' root loads s (parts x n), as `patch_roots` has it."""
-    patches = pairwise(bounds)
-    return ca.vertcat(*(s[a, :] if b - a == 1 else _union_root(ca.vertsplit(s[a:b, :])) for a, b in patches))
+def union_roots(parts: Output, bounds: Sequence[int]) -> Output:
+    """S (P) of patches from the root loads s of their parts, as `patch_roots` has it, with the same derivatives."""
+    s = ca.MX.sym("s", parts.value.numel())
+    S = ca.vertcat(*(s[a] if b - a == 1 else _union_root(ca.vertsplit(s[a:b])) for a, b in pairwise(bounds)))
+    bends = [ca.hessian(each, s)[0] for each in ca.vertsplit(S)]
+    value, slopes, *bends = ca.Function("unions", [s], [S, ca.jacobian(S, s), *bends]).call([parts.value])
+    if parts.jacobian.is_empty():
+        return Output(value)
+    jacobian = ca.mtimes(slopes, parts.jacobian)
+    if parts.second.is_empty():
+        return Output(value, jacobian)
+    bent = (ca.vec(ca.mtimes([parts.jacobian.T, bend, parts.jacobian])).T for bend in bends)
+    return Output(value, jacobian, ca.mtimes(slopes, parts.second) + ca.vertcat(*bent))
 
 
 def _union_root(rows: Sequence[ca.MX]) -> ca.MX:
@@ -213,10 +222,15 @@ def _held(space: PoseSpace | None) -> tuple[str, str]:
 
 
 def patch_kernel(
-    parts: Sequence[PartNetworks], selection: Array, reference_load: float, space: PoseSpace | None
+    parts: Sequence[PartNetworks],
+    selection: Array,
+    reference_load: float,
+    space: PoseSpace | None,
+    bounds: Sequence[int],
+    before: str = "",
 ) -> Kernel:
-    """Kernel of loads (selection (L, parts, 6) of the parts' wrenches) and of the root load of every part; space: None
-    where all pose parameters are free."""
+    """Kernel of loads (selection (L, parts, 6) of the parts' wrenches) and of root loads; space: None where all pose
+    parameters are free; bounds: of the root loads, see `patch_roots`; before: what the functions' names begin with."""
     held, by_free = _held(space)
     made = [_part_functions(part, p, selection[:, p], reference_load) for p, part in enumerate(parts)]
     roots, ratios, functions = zip(*made, strict=True)
@@ -225,7 +239,9 @@ def patch_kernel(
         return _lines(call.format(p=p, name=part.name) for p, part in enumerate(parts))
 
     slopes = "local + {p}, normal[{p}], s[{p}], ds[{p}], ratio[{p}], d_ratio[{p}], loads, loads_jacobian"
+    cut = len(bounds) - 1 < len(parts)
     whole = _template("patches.h").substitute(
+        before=before + "parts_" * cut,
         held=held,
         patches=len(parts),
         anchors=", ".join(f"{{{_anchor(part)}}}" for part in parts),
@@ -245,4 +261,9 @@ def patch_kernel(
         by_free,
         whole,
     ]
+    if cut:
+        code += [
+            table("first_part", np.array(bounds)),
+            _template("unions.h").substitute(before=before, parts=len(parts)),
+        ]
     return Kernel([*roots, *ratios], "\n".join(code))

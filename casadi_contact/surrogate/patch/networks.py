@@ -67,18 +67,18 @@ def part_networks(scene: Scene, networks: Mapping[str, Network]) -> list[PartNet
     parts = []
     for part, components in zip(scene.parts, part_components(scene).values(), strict=True):
         whole = (networks.get(name) for name in (root_name(part.name), ratios_name(part.name)))
-        root, ratios = (net and _with_all_inputs(net, scene.pose_space.free) for net in whole)
+        root, ratios = (net and with_all_inputs(net, scene.pose_space.free) for net in whole)
         normal, columns = part.normal, [WRENCH_NAMES.index(name) for name in components]
         own = np.array([normal.sign if name == normal.component else 0.0 for name in WRENCH_NAMES])
         parts.append(PartNetworks(part.name, part.anchor_mm, normal.sign, root, ratios, components, columns, own))
     return parts
 
 
-def _with_all_inputs(network: Network, columns: Sequence[int]) -> Network:
-    """The same function of a whole local pose (6), for a network of these columns: the other inputs weigh nothing."""
-    if len(columns) == 6:
+def with_all_inputs(network: Network, columns: Sequence[int], count: int = 6) -> Network:
+    """The same function of so many inputs, for a network of these columns: the others weigh nothing."""
+    if len(columns) == count:
         return network
-    shift, scale, weights = np.zeros(6), np.ones(6), np.zeros((len(network.biases[0]), 6))
+    shift, scale, weights = np.zeros(count), np.ones(count), np.zeros((len(network.biases[0]), count))
     shift[list(columns)], scale[list(columns)] = network.input_shift, network.input_scale
     weights[:, list(columns)] = network.weights[0]
     return replace(network, input_shift=shift, input_scale=scale, weights=(weights, *network.weights[1:]))

@@ -21,17 +21,15 @@ $rows
 INLINE void hessian_on_${patch}(const double *pose, const Frame *frame, const double *loads_weight,
                              const double *roots_weight, double *hessian) {
   const Local local = local_of(pose, frame, $anchor, 1);
-  const double c[RATIOS] = {$ratio_weights};
   const double one = 1.0;
   double s, ds[6] = {0}, d2s[36] = {0};
-  double ratio[RATIOS], phi = $sign($sensitive_weight), d_phi[6] = {0}, d2_phi[36] = {0};
-  (void)loads_weight;
+  double ratio[RATIOS], phi = 0.0, d_phi[6] = {0}, d2_phi[36] = {0};
   root_${patch}_hessian(local.x, &one, &s, ds, d2s);
-  if (s > 0.0) {
+  if (loads_weight && s > 0.0) {
+    const double c[RATIOS] = {$ratio_weights};
+    phi = $sign($sensitive_weight);
     ratios_${patch}_hessian(local.x, c, ratio, d_phi, d2_phi);
 $ratio_sum
-  } else {
-    phi = 0.0;
   }
   patch_hessian_in_pose(frame, &local, $n0, s, ds, roots_weight ? roots_weight[$row] : 0.0, d2s, phi, d_phi, d2_phi, hessian);
 }

@@ -1,7 +1,7 @@
 /* The kernel's functions, which call those of each patch. A template: a dollar sign marks what `formulas.py` fills in. */
 static const double anchors[$patches][3] = {$anchors};
 
-FUNCTION void kernel_value(const double *given, double *loads, double *roots) {
+FUNCTION void ${before}kernel_value(const double *given, double *loads, double *roots) {
   const double *const pose = $held, *x[$patches];
   const Frame frame = frame_of(pose);
   Local local[$patches];
@@ -22,7 +22,7 @@ FUNCTION void kernel_value(const double *given, double *loads, double *roots) {
 $values
 }
 
-FUNCTION void kernel_jacobian(const double *given, double *loads, double *roots, double (*loads_jacobian)[6],
+FUNCTION void ${before}kernel_jacobian(const double *given, double *loads, double *roots, double (*loads_jacobian)[6],
                               double (*roots_jacobian)[6]) {
   const double *const pose = $held, *x[$patches];
   const Frame frame = frame_of(pose);
@@ -52,10 +52,10 @@ FUNCTION void kernel_jacobian(const double *given, double *loads, double *roots,
   }
 $jacobians
   for (int k = 0; loads && k < LOADS; k++) gradient_by_free(loads_jacobian[k], 1);
-  for (int k = 0; roots && k < ROOTS; k++) gradient_by_free(roots_jacobian[k], 1);
+  for (int k = 0; roots && k < $patches; k++) gradient_by_free(roots_jacobian[k], 1);
 }
 
-FUNCTION void kernel_hessian(const double *given, const double *loads_weight, const double *roots_weight,
+FUNCTION void ${before}kernel_hessian(const double *given, const double *loads_weight, const double *roots_weight,
                              double *hessian) {
   const double *const pose = $held;
   const Frame frame = frame_of(pose);
@@ -80,7 +80,7 @@ $hessians
   for (int k = 0; k < 6; k++) gradient_by_free(hessian + k, 6);
 }
 
-FUNCTION void kernel_batch(const double *given, double (*loads)[LANES], double (*roots)[LANES]) {
+FUNCTION void ${before}kernel_batch(const double *given, double (*loads)[LANES], double (*roots)[LANES]) {
   Frame frame[LANES];
   double pose[6 * LANES];
   for (int l = 0; l < LANES; l++, given += 6) {

@@ -15,6 +15,7 @@ wrench is the sum over its parts. Its root load is the smooth union of theirs (`
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -34,7 +35,7 @@ from casadi_contact.networks.kernel.source import Kernel
 from casadi_contact.networks.network import Network, Regression
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate, map_in_chunks
-from casadi_contact.surrogate.patch.formulas import LEAST_ROOT, patch_expressions, patch_kernel, patch_root_expressions
+from casadi_contact.surrogate.patch.formulas import LEAST_ROOT, patch_expressions, patch_kernel, union_roots
 from casadi_contact.surrogate.patch.networks import part_networks, ratio_outputs, ratios_name, reflected, root_name
 
 if TYPE_CHECKING:
@@ -174,19 +175,20 @@ class PatchSurrogate(Surrogate):
     def _root_bounds(self) -> Sequence[int]:
         return [*self.scene.first_parts, len(self.parts)]
 
-    def _patch_roots(self, roots: ca.MX) -> ca.MX:
-        return patch_root_expressions(roots, self._root_bounds)
-
     def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
         known = self._with_roots
         parts, selection = [self.parts[p] for p in known], self._selection(loads)[:, known]
-        return patch_expressions(parts, selection, self.scene.reference_load, self.scene.pose_space, pose, order)
+        expressions = patch_expressions(parts, selection, self.scene.reference_load, self.scene.pose_space, pose, order)
+        if len(parts) == len(self.patch_names) or len(parts) < len(self.parts):
+            return expressions
+        return replace(expressions, roots=union_roots(expressions.roots, self._root_bounds))
 
     def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
         selection = self._selection(loads)
         known = self._with_roots if roots else np.flatnonzero(selection.any(axis=(0, 2))).tolist()
         parts = [self.parts[p] for p in known]
-        return patch_kernel(parts, selection[:, known], self.scene.reference_load, self._space)
+        bounds = self._root_bounds if roots else range(len(parts) + 1)
+        return patch_kernel(parts, selection[:, known], self.scene.reference_load, self._space, bounds)
 
     @property
     def _with_roots(self) -> list[int]:

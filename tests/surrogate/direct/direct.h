@@ -29,7 +29,7 @@ FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, con
   double c[NETWORKS], y[NETWORKS], g[6] = {0}, h[36] = {0};
   for (int m = 0; m < NETWORKS; m++) {
     const int load = LOAD_OF_NETWORK[m], root = ROOT_OF_NETWORK[m];
-    c[m] = (load >= 0 ? loads_weight[load] : 0.0) - (roots_weight && root >= 0 ? roots_weight[root] / REFERENCE_LOAD : 0.0);
+    c[m] = (load >= 0 && loads_weight ? loads_weight[load] : 0.0) - (roots_weight && root >= 0 ? roots_weight[root] / REFERENCE_LOAD : 0.0);
   }
   networks_hessian(pose, c, y, g, h);
   for (int i = 0; i < 6; i++) {

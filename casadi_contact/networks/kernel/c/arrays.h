@@ -9,16 +9,3 @@ void array_jacobians(long long n, const double *poses, double *loads, double *sl
 void array_hessians(long long n, const double *poses, const double *weights, double *hessians) {
   for (long long i = 0; i < n; i++) guarded_hessian(poses + 6 * i, weights + LOADS * i, 0, hessians + 36 * i);
 }
-
-#ifdef CALIBRATED /* expected errors (n x LOADS) */
-void array_confidence(long long n, const double *poses, double *validity, double *errors) {
-  for (long long i = 0; i < n; i += LANES) {
-    double parts[LANES][ROOTS];
-    const int here = n - i < LANES ? (int)(n - i) : LANES;
-    values_of(here, poses + 6 * i, 0, parts[0]);
-    for (int l = 0; l < here; l++) {
-      validity[i + l] = confidence_at(poses + 6 * (i + l), parts[l], errors ? errors + LOADS * (i + l) : 0);
-    }
-  }
-}
-#endif

@@ -105,10 +105,9 @@ INLINE void adjoint_of_all(const double *pose, const double *loads_seed, const d
 }
 
 INLINE void hessian_of_all(const double *pose, const double *loads_seed, const double *roots_seed, double *hessian) {
-  static const double zeros[LOADS + 1] = {0};
   const casadi_int n = hessian ? FRAMES : 0;
   for (casadi_int i = 0; i < n; i++) {
-    guarded_hessian(pose + 6 * i, loads_seed ? loads_seed + LOADS * i : zeros, roots_seed ? roots_seed + ROOTS * i : 0,
+    guarded_hessian(pose + 6 * i, loads_seed ? loads_seed + LOADS * i : 0, roots_seed ? roots_seed + ROOTS * i : 0,
                     hessian + 36 * i);
   }
 }
@@ -122,7 +121,7 @@ INLINE void seconds_of_all(const double *pose, double *loads, double *roots) {
       double *to = root ? roots : loads, weights[LOADS + ROOTS] = {0}, hessian[36];
       if (!to) continue;
       weights[m] = 1.0;
-      guarded_hessian(pose + 6 * i, weights, root ? weights + LOADS : 0, hessian);
+      guarded_hessian(pose + 6 * i, root ? 0 : weights, root ? weights + LOADS : 0, hessian);
       for (int e = 0; e < 36; e++) to[(36 * i + e) * rows + k] = hessian[e];
     }
   }

@@ -159,13 +159,11 @@ INLINE void times(int n, const double *u, const double *v, double *product) {
 
 /* Sums of weight_i Z_i Z_i^T over the lower triangle, in parts that `curved` adds up; column t of Z begins at z + t n */
 INLINE void curvature(int inputs, int n, const double *weight, const double *z, double (*sums)[WIDTH]) {
-  double scaled[WIDEST];
   for (int t = 0; t < inputs; t++) {
-    times(n, weight, z + t * n, scaled);
     for (int u = 0; u <= t; u++, sums++) {
       for (int i = 0; i < n; i += WIDTH) {
-        UNROLL for (int l = 0; l < WIDTH; l += VECTOR) {
-          *(Stored *)(sums[0] + l) += loaded(scaled + i + l) * loaded(z + u * n + i + l);
+        UNROLL for (int l = i; l < i + WIDTH; l += VECTOR) {
+          *(Stored *)(sums[0] + l - i) += loaded(weight + l) * loaded(z + t * n + l) * loaded(z + u * n + l);
         }
       }
     }
@@ -174,6 +172,20 @@ INLINE void curvature(int inputs, int n, const double *weight, const double *z, 
 
 INLINE void curved(int inputs, double (*sums)[WIDTH], double *h) {
   for (int t = 0; t < inputs; t++) for (int u = 0; u <= t; u++, sums++) h[t * inputs + u] += sum_of_lanes(sums[0]);
+}
+
+/* row A and H += A^T M A, of M the lower triangle, for A of n rows */
+INLINE void through(int n, const double *row, double (*a)[6], double *product) {
+  for (int j = 0; j < 6; j++) product[j] = 0.0;
+  for (int i = 0; i < n; i++) for (int j = 0; j < 6; j++) product[j] += row[i] * a[i][j];
+}
+
+INLINE void add_through(int n, const double *m, double (*a)[6], double *hessian) {
+  for (int i = 0; i < n; i++) {
+    double row[6] = {0};
+    for (int k = 0; k < n; k++) for (int j = 0; j < 6; j++) row[j] += (k < i ? m[i * n + k] : m[k * n + i]) * a[k][j];
+    for (int k = 0; k < 6; k++) for (int j = 0; j < 6; j++) hessian[6 * k + j] += a[i][k] * row[j];
+  }
 }
 
 /* 1/sqrt(x) for 1 <= x < 1e300 to 2 units in the last place: a start (error < 2^-14, or from the exponent's bits 3.5 %,

@@ -4,50 +4,50 @@
 #define ENTRY FUNCTION
 #endif
 
-ENTRY void guarded_value(const double *pose, double *loads, double *roots) {
+ENTRY void ${before}guarded_value(const double *pose, double *loads, double *roots) {
   if (finite_pose(pose)) {
-    kernel_value(pose, loads, roots);
+    ${before}kernel_value(pose, loads, roots);
     return;
   }
   if (loads) fill_nan(LOADS, loads);
-  if (roots) fill_nan(ROOTS, roots);
+  if (roots) fill_nan($roots, roots);
 }
 
-ENTRY void guarded_jacobian(const double *pose, double *loads, double *roots, double (*loads_jacobian)[6],
+ENTRY void ${before}guarded_jacobian(const double *pose, double *loads, double *roots, double (*loads_jacobian)[6],
                                double (*roots_jacobian)[6]) {
   if (finite_pose(pose)) {
-    kernel_jacobian(pose, loads, roots, loads_jacobian, roots_jacobian);
+    ${before}kernel_jacobian(pose, loads, roots, loads_jacobian, roots_jacobian);
     return;
   }
   if (loads) fill_nan(LOADS, loads), fill_nan(6 * LOADS, loads_jacobian[0]);
-  if (roots) fill_nan(ROOTS, roots), fill_nan(6 * ROOTS, roots_jacobian[0]);
+  if (roots) fill_nan($roots, roots), fill_nan(6 * $roots, roots_jacobian[0]);
 }
 
-ENTRY void guarded_hessian(const double *pose, const double *loads_weight, const double *roots_weight,
+ENTRY void ${before}guarded_hessian(const double *pose, const double *loads_weight, const double *roots_weight,
                               double *hessian) {
-  if (finite_pose(pose)) kernel_hessian(pose, loads_weight, roots_weight, hessian);
+  if (finite_pose(pose)) ${before}kernel_hessian(pose, loads_weight, roots_weight, hessian);
   else fill_nan(36, hessian);
 }
 
-FUNCTION void guarded_batch(const double *pose, double (*loads)[LANES], double (*roots)[LANES]) {
-  kernel_batch(pose, loads, roots);
+FUNCTION void ${before}guarded_batch(const double *pose, double (*loads)[LANES], double (*roots)[LANES]) {
+  ${before}kernel_batch(pose, loads, roots);
   for (int l = 0; l < LANES; l++) {
     if (finite_pose(pose + 6 * l)) continue;
     for (int k = 0; loads && k < LOADS; k++) loads[k][l] = NAN;
-    for (int k = 0; roots && k < ROOTS; k++) roots[k][l] = NAN;
+    for (int k = 0; roots && k < $roots; k++) roots[k][l] = NAN;
   }
 }
 
 /* Of n poses (n x 6); an array that is 0 is left out. The last block is filled up with its last pose: no result depends on
  * how many poses there are, or on which thread takes them. */
-ENTRY void values_of(long long n, const double *poses, double *loads, double *roots) {
+ENTRY void ${before}values_of(long long n, const double *poses, double *loads, double *roots) {
   for (long long i = 0; i < n; i += LANES) {
-    double block[6 * LANES], f[LOADS + 1][LANES], s[ROOTS + 1][LANES];
+    double block[6 * LANES], f[LOADS + 1][LANES], s[$roots + 1][LANES];
     for (int l = 0; l < LANES; l++) memcpy(block + 6 * l, poses + 6 * (i + l < n ? i + l : n - 1), 6 * sizeof(double));
-    guarded_batch(block, loads ? f : 0, roots ? s : 0);
+    ${before}guarded_batch(block, loads ? f : 0, roots ? s : 0);
     for (int l = 0; l < LANES && i + l < n; l++) {
       for (int k = 0; loads && k < LOADS; k++) loads[LOADS * (i + l) + k] = f[k][l];
-      for (int k = 0; roots && k < ROOTS; k++) roots[ROOTS * (i + l) + k] = s[k][l];
+      for (int k = 0; roots && k < $roots; k++) roots[$roots * (i + l) + k] = s[k][l];
     }
   }
 }
