@@ -165,7 +165,7 @@ def calibrate(model: CompiledFoundation, measured: Measurement, parameters: Sequ
     if "poissons_ratio" in names:
         high[names.index("poissons_ratio")] = np.log(0.499 / model.scene.material.poissons_ratio)
     start = (start_poses(model, measured) - measured.poses) / measured.pose_deviation
-    options = {**least_squares_options(max_iterations=200, mu_init=1e-6), "hess_lag": hessian}
+    options = {**least_squares_options(max_iterations=200), "hess_lag": hessian}
     solver = ca.nlpsol("calibration", "ipopt", {"x": x, "f": 0.5 * (ca.sumsqr(r) + ca.sumsqr(D))}, options)
     answer = solver(x0=np.append(np.zeros(len(names)), start.ravel()), lbx=low, ubx=high)
     if not solver.stats()["success"]:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import Array, pose_index
 from casadi_contact.optimisation.contact_frames import ContactFrames
-from casadi_contact.optimisation.ipopt import ipopt_options
+from casadi_contact.optimisation.ipopt import settled_options
 from casadi_contact.optimisation.starts import learned_range
 
 
@@ -80,6 +80,6 @@ class ContactInOpti(ContactFrames):
 
     @staticmethod
     def options(**ipopt: Any) -> dict[str, Any]:
-        """Options for ``opti.solver("ipopt", ...)`` (`ipopt_options`); bounds reach IPOPT as bounds, so that it never
+        """Options for ``opti.solver("ipopt", ...)`` (`settled_options`); bounds reach IPOPT as bounds, so that it never
         asks for loads outside the learned range."""
-        return {**ipopt_options(**ipopt), "detect_simple_bounds": True}
+        return {**settled_options(**ipopt), "detect_simple_bounds": True}

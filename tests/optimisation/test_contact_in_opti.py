@@ -14,6 +14,7 @@ from tests.support.compiler import needs_compiler
 
 LOCKED = {"ry": 0.02, "rz": -0.5}
 FORCES = {"Fy_med": -600.0, "Fy_lat": -400.0}
+HIP = {"Fx": 100.0, "Fy": 500.0, "Fz": -50.0}
 CENTRE = {"cop_ap_mm": 3.0, "cop_ml_mm": 1.0}
 
 
@@ -29,20 +30,14 @@ def in_opti(knee, wanted, frames=1, locked=LOCKED):
     return opti, contact
 
 
-def test_every_start_lifted_off_or_pressed_too_deep_ends_with_the_forces_and_their_centre(knee):
+def test_forces_and_their_centre_are_carried(knee):
     wanted = FORCES | CENTRE
     opti, contact = in_opti(knee, wanted)
     opti.minimize(1e-3 * ca.sumsqr(contact.q[[0, 2], :]))  # slide no farther than is needed
-    rng = np.random.default_rng(5)
-    starts = np.repeat(contact.start_poses(wanted), 30, axis=0)
-    starts[:, 1] += np.concatenate([rng.uniform(0.0, 20.0, 20), rng.uniform(-5.0, 0.0, 10)])
-    starts[:, [0, 2, 3]] += rng.uniform(-1.0, 1.0, (30, 3)) * [4.0, 2.0, 0.05]
-    for start in cc.ContactFrames(knee, 30, locked=LOCKED).start_poses(wanted, starts):
-        contact.begin_at(start)
-        got = {name: load[0] for name, load in values(knee, contact.poses(opti.solve())).items()}
-        fy = got["Fy_med"] + got["Fy_lat"]
-        np.testing.assert_allclose([got["Fy_med"], got["Fy_lat"]], [-600.0, -400.0], atol=1e-3)
-        np.testing.assert_allclose([got["Tz"] / fy, -got["Tx"] / fy], [3.0, 1.0], atol=1e-4)
+    got = {name: load[0] for name, load in values(knee, contact.poses(opti.solve())).items()}
+    fy = got["Fy_med"] + got["Fy_lat"]
+    np.testing.assert_allclose([got["Fy_med"], got["Fy_lat"]], [-600.0, -400.0], atol=1e-3)
+    np.testing.assert_allclose([got["Tz"] / fy, -got["Tx"] / fy], [3.0, 1.0], atol=1e-4)
 
 
 def test_a_report_names_what_a_solver_calls_solved(knee):
@@ -87,30 +82,39 @@ def planar():
 
 @needs_compiler
 @pytest.mark.parametrize(
-    ("name", "wanted", "locked"),
+    ("model", "wanted", "locked"),
     [
-        ("", FORCES, LOCKED),
-        ("knee", FORCES, LOCKED),
-        ("planar_knee", {"Fy": -600.0}, {"rz": -0.5}),
-        ("planar_knee", {"Fy": -2.0}, {"rz": -0.9}),
+        (lambda: cc.load_surrogate("knee"), FORCES, LOCKED),
+        (lambda: cc.load_surrogate("knee_reach"), FORCES, LOCKED),
+        (lambda: cc.PolarFoundation(cc.load_scene("knee"), cc.Rays(8, 2)), FORCES, LOCKED),
+        (lambda: cc.PolarFoundation(cc.load_scene("planar_knee"), cc.Rays(8, 2)), {"Fy": -600.0}, {"rz": -0.5}),
+        (lambda: cc.PolarFoundation(cc.load_scene("planar_knee"), cc.Rays(8, 2)), {"Fy": -2.0}, {"rz": -0.9}),
+        (lambda: cc.foundation("hip"), HIP, dict.fromkeys(("rx", "ry", "rz"), 0.0)),
     ],
+    ids=["knee", "knee_reach", "foundation", "planar", "planar, hardly loaded", "hip"],
 )
-def test_from_far_starts_no_solution_is_claimed_that_misses_its_loads(knee, name, wanted, locked):
-    """10 mm clear of contact, where every load and its slope are zero, to 10 mm too deep, of a foundation by scene."""
-    model = cc.PolarFoundation(cc.load_scene(name), cc.Rays(8, 2)) if name else knee
+def test_from_far_starts_every_load_is_carried_and_no_solution_is_claimed_that_misses_it(model, wanted, locked):
+    """20 starts lifted clear of contact, where loads have no slope, 50 up to 10 mm and 0.1 rad off. Settled, as `begin`
+    does, all are solved; as they are nearly all, and none is claimed that is off."""
+    model, rng, solved = model(), np.random.default_rng(0), 0
     opti, contact = in_opti(model, wanted, locked=locked)
-    opti.minimize(ca.sumsqr(contact.pose[[0, 2], :]))
-    rng, near, solved = np.random.default_rng(0), contact.start_poses(wanted), 0
-    assert not model(near + np.array([0.0, 10.0, 0.0, 0.0, 0.0, 0.0])).any()
-    for move in rng.uniform(-1.0, 1.0, (50, 6)) * [6.0, 10.0, 6.0, 0.1, 0.1, 0.1]:
-        contact.begin_at(near + move)
+    if wanted is not HIP:
+        opti.minimize(ca.sumsqr(contact.pose[[0, 2], :]))
+    near = contact.start_poses(wanted)
+    lifted = near + rng.uniform(2.0, 15.0, (20, 1)) * np.eye(6)[1]
+    assert wanted is HIP or not model(lifted).any()
+    starts = np.vstack([lifted, near + rng.uniform(-1.0, 1.0, (50, 6)) * [6.0, 10.0, 6.0, 0.1, 0.1, 0.1]])
+    settled = cc.ContactFrames(model, len(starts), locked=locked).start_poses(wanted, starts)
+    for number, start in enumerate((*settled, *starts)):
+        contact.begin_at(start)
         try:
             pose = contact.poses(opti.solve())
         except RuntimeError:
+            assert number >= len(settled)
             continue
         solved += 1
-        np.testing.assert_allclose(model(pose, wanted)[0], list(wanted.values()), atol=0.1)
-    assert solved >= (48 if name else 40)  # without its box a foundation finds 43 to 45
+        np.testing.assert_allclose(model(pose, tuple(wanted))[0], list(wanted.values()), atol=0.1)
+    assert solved >= 70 + 66
 
 
 @pytest.mark.parametrize("form", [list, ca.DM, lambda values: values[:, None]], ids=["list", "DM", "column"])

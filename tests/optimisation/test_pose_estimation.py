@@ -39,9 +39,9 @@ def few_frames(cycle, every=20):
 
 def test_the_reference_cycle_is_solved_in_few_iterations(solved):
     problem, result = solved
-    assert result.ipopt.iterations <= 12
+    assert result.ipopt.iterations <= 4
     again = problem.solve(result.poses)
-    assert again.ipopt.iterations <= 12, "begun at the solution, IPOPT's own scaling once ran to the limit of 300"
+    assert again.ipopt.iterations <= 4, "begun at the solution, IPOPT's own scaling once ran to the limit of 300"
     np.testing.assert_allclose(again.poses, result.poses, atol=1e-6)
 
 
