@@ -121,8 +121,7 @@ def _chosen(scene: Scene, compiled: bool) -> CompiledFoundation:
 
 
 def foundation_ladder(scene: Scene) -> Iterator[CompiledFoundation]:
-    """Foundations of a scene from coarse to fine, and the one that `foundation` takes if it is none of them; raises
-    ValueError as that does, after the others."""
+    """Foundations of a scene from coarse to fine, last what `foundation` takes (or raises) if it is none of them."""
     shown = set()
     if kind := _KINDS.get(scene.shape):
         for size in kind.ladder(scene):

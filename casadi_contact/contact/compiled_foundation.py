@@ -36,6 +36,8 @@ class CompiledFoundation(WrenchLoads, SymbolicContact, PressureOutputs):
     """
 
     lanes = 4  # the most numbers that its C has in a vector
+    resolution: str  # how finely it integrates, in words: "12 rays × 3 points"
+    moments_header: str  # the C that defines ``patch_moments`` (see ``c/pressures.h``), after that of `_code`
 
     def __init__(self, scene: Scene, *, compiled: bool = True) -> None:
         super().__init__(scene)
@@ -45,29 +47,17 @@ class CompiledFoundation(WrenchLoads, SymbolicContact, PressureOutputs):
         if compiled and not self._compiled:
             warn_once(f"the pressure law {scene.material.law!r} has no C; the contact model runs in NumPy, slower")
 
-    @property
-    @abstractmethod
-    def resolution(self) -> str:
-        """How finely it integrates, in words: "12 rays × 3 points"."""
-
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.scene.name}, {self.resolution})"
 
+    @property
     @abstractmethod
-    def _patch_source(self) -> str:
-        """C that defines ``patch_loads`` (see ``c/foundation.h``)."""
-
-    def _patch_data(self) -> bytes:
-        """Tables that `_patch_source` takes from the library's data (see `compiler.shared_library`)."""
-        return b""
+    def _code(self) -> tuple[str, bytes]:
+        """C that defines ``patch_loads`` (see ``c/foundation.h``), and its data (see `compiler.shared_library`)."""
 
     @abstractmethod
     def _patch_loads(self, R: Array, t: Array) -> list[PatchLoads]:
         """Loads of each patch at rotations (n, 3, 3) and translations (n, 3), in NumPy."""
-
-    @abstractmethod
-    def _moments_source(self) -> str:
-        """C that defines ``patch_moments`` (see ``c/pressures.h``), after that of `_patch_source`."""
 
     @abstractmethod
     def _moments_by_twist(self, R: Array, t: Array) -> tuple[Array, Array]:
@@ -176,8 +166,8 @@ class CompiledFoundation(WrenchLoads, SymbolicContact, PressureOutputs):
         if self.scene.material.law not in C_LAWS:
             raise ValueError(f"the pressure law {self.scene.material.law!r} has no C, expected {' or '.join(C_LAWS)}")
         names = self.check_loads(loads)
-        texts = [self._source(names), c_text("export.h", C_FOLDER)]
-        texts += [self._moments_source(), c_text("pressure_outputs.h", C_FOLDER)]
+        headers = ("export.h", self.moments_header, "pressure_outputs.h")
+        texts = [self._source(names), *(c_text(name, C_FOLDER) for name in headers)]
         return ExportedModel(
             name=self._export_name(),
             source="\n".join(texts),
@@ -189,14 +179,13 @@ class CompiledFoundation(WrenchLoads, SymbolicContact, PressureOutputs):
             reference_load=self.scene.reference_load,
             description=f"Contact loads of the scene {self.scene.name}, elastic foundation {self!r}.",
             vectors=True,
-            data=self._patch_data(),
+            data=self._code[1],
             wrench_source=self._source(wrench_names(self.patch_names)),
             pressure_names=self.pressure_names,
         )
 
     def example_pose(self, overlap_mm: float = 0.1) -> list[float]:
-        """The scene's start pose; where patches are pressed along a direction, overlap_mm beyond the first touch from
-        there, which is a joint's ordinary load."""
+        """The scene's start pose; where patches are pressed along a direction, overlap_mm beyond the first touch."""
         pose, direction = self.scene.start_pose, self.scene.normal_loads[0].direction
         if direction is not None:
             deeper = touching_start(self)
@@ -214,7 +203,7 @@ class CompiledFoundation(WrenchLoads, SymbolicContact, PressureOutputs):
         return model_callback(with_loads(self, loads), name, loads, outputs, batch)
 
     def _source(self, loads: Sequence[str]) -> str:
-        return kernel_source(self.scene, loads, len(self.patch_names), self._patch_source(), self.lanes)
+        return kernel_source(self.scene, loads, len(self.patch_names), self._code[0], self.lanes)
 
     def _kernel(self, loads: Sequence[str], more: str = "") -> Path | None:
         """The compiled kernel of these loads and of root loads, for CasADi and for arrays, and more C with it.
@@ -226,7 +215,7 @@ class CompiledFoundation(WrenchLoads, SymbolicContact, PressureOutputs):
         if (key := (tuple(loads), more)) not in self._kernels:
             texts = ["#define ENTRY", self._source(loads), c_text("arrays.h"), c_text("batch.h", C_FOLDER), more]
             try:
-                self._kernels[key] = shared_library("\n".join(texts), data=self._patch_data())
+                self._kernels[key] = shared_library("\n".join(texts), data=self._code[1])
             except CompilerError as error:
                 warn_once(f"{error}; the contact model runs in NumPy, which is slower")
                 self._kernels[key] = None
@@ -240,8 +229,7 @@ class CompiledFoundation(WrenchLoads, SymbolicContact, PressureOutputs):
     def _evaluate(self, poses: Array, *, wrenches: bool = True, slopes: bool = False, gaps: bool = False) -> PatchLoads:
         """All patches in n poses: wrench (n, P, 6), gap (n, P), their derivatives by the pose, cut (n, P).
 
-        Derivatives of wrenches with slopes; gaps where a patch carries no load, and everywhere without wrenches. The
-        rest is undefined.
+        Derivatives of wrenches with slopes; gaps where a patch carries no load, or without wrenches; else undefined.
         """
         if self._library is None:
             patches = self._patch_loads(rotation(poses[:, 3:]), poses[:, :3])
@@ -268,4 +256,5 @@ class CompiledFoundation(WrenchLoads, SymbolicContact, PressureOutputs):
     @cached_property
     def _pressure_library(self) -> Path | None:
         """A kernel of its own, compiled when pressures are first asked for."""
-        return self._kernel(self.load_names, "\n".join([self._moments_source(), c_text("pressures.h", C_FOLDER)]))
+        texts = (c_text(name, C_FOLDER) for name in (self.moments_header, "pressures.h"))
+        return self._kernel(self.load_names, "\n".join(texts))

@@ -49,7 +49,9 @@ class Motion:
     usable: np.ndarray
     low: Array = field(default_factory=lambda: np.full(6, -np.inf))
     high: Array = field(default_factory=lambda: np.full(6, np.inf))
-    price_mm: float = 1.0  # of an unstable pose
+    price_mm: float = 1.0  # of an unstable pose, which has a stiffness below minus these two:
+    unstable_share: float = 1e-3  # of the largest
+    unstable_n_per_mm: float = 1.0
     passes: int = 5  # of following what leaps, and choosing the way
     same_mm: float = 1e-2  # poses of one frame nearer than that are the same
 
@@ -63,8 +65,22 @@ class Motion:
         return np.asarray(leaps(poses)[:, self.columns].any(axis=1) & solved[1:] & solved[:-1])
 
     def unstable(self, poses: Array) -> np.ndarray:
-        """True (n,) where target forces leave the body in an unstable equilibrium in poses (n, 6)."""
-        return unstable_equilibria(self.model, self.free, tuple(self.targets), poses)
+        """True (n,) where target forces along free translations leave the body in an unstable equilibrium in poses
+        (n, 6): the least eigenvalue of their stiffness is below zero. False throughout without such a force."""
+        forces = {
+            pose_index(name): names
+            for name in self.free
+            if name[0] == "t"
+            and (names := loads_of_total(f"F{name[1]}", [*self.targets], self.model.scene.patch_names))
+        }
+        if not forces or not len(poses):
+            return np.zeros(len(poses), dtype=bool)
+        _, jacobian = self.model.jacobian(poses)
+        rows = [jacobian[:, [self.model.load_names.index(each) for each in names]].sum(1) for names in forces.values()]
+        stiffness = np.stack(rows, axis=1)[:, :, list(forces)]
+        values = np.linalg.eigvalsh(0.5 * (stiffness + stiffness.transpose(0, 2, 1)))
+        least = np.maximum(self.unstable_share * np.abs(values).max(axis=1), self.unstable_n_per_mm)
+        return np.asarray(values[:, 0] < -least)
 
     def without_leaps(self, poses: Array, solved: np.ndarray) -> Array:
         """Poses (n, 6), of which some are solved (n,), with others that carry the target loads where the motion then
@@ -143,31 +159,3 @@ def follow(
         else:
             step *= 0.5
     return pose, share
-
-
-def unstable_equilibria(
-    model: ContactModel,
-    free: Sequence[str],
-    targets: Sequence[str],
-    poses: Array,
-    *,
-    share: float = 1e-3,
-    least_n_per_mm: float = 1.0,
-) -> np.ndarray:
-    """True (n,) where target forces along free translations leave the body in an unstable equilibrium in poses (n, 6);
-    False throughout without such a force.
-
-    The least eigenvalue of the stiffness is then below minus the share of the largest, and below -least_n_per_mm.
-    """
-    forces = {
-        pose_index(name): names
-        for name in free
-        if name.startswith("t") and (names := loads_of_total(f"F{name[1]}", targets, model.scene.patch_names))
-    }
-    if not forces or not len(poses):
-        return np.zeros(len(poses), dtype=bool)
-    _, jacobian = model.jacobian(poses)
-    rows = [jacobian[:, [model.load_names.index(name) for name in names]].sum(axis=1) for names in forces.values()]
-    stiffness = np.stack(rows, axis=1)[:, :, list(forces)]
-    values = np.linalg.eigvalsh(0.5 * (stiffness + stiffness.transpose(0, 2, 1)))
-    return np.asarray(values[:, 0] < np.minimum(-share * np.abs(values).max(axis=1), -least_n_per_mm))

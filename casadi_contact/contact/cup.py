@@ -266,24 +266,19 @@ class CupFoundation(CompiledFoundation):
     for another number, or a scene of another shape than `CUP_SHAPE`.
     """
 
+    moments_header = "cup_pressures.h"
+
     def __init__(self, scene: Scene, points: int = 12, *, compiled: bool = True) -> None:
         super().__init__(scene, compiled=compiled)
         if points < 4 or points % 4:
             raise ValueError(f"points = {points}, expected a multiple of 4")
-        self.points = points
+        self.points, self.resolution = points, f"{points} points"
         self.cup = cup_of(scene)
         self.law = law_of(scene.material)
 
     @property
-    def resolution(self) -> str:
-        """Points of the quadrature."""
-        return f"{self.points} points"
-
-    def _patch_source(self) -> str:
-        return cup_source(self.cup, self.points)
-
-    def _moments_source(self) -> str:
-        return c_text("cup_pressures.h", C_FOLDER)
+    def _code(self) -> tuple[str, bytes]:
+        return cup_source(self.cup, self.points), b""
 
     def _moments_by_twist(self, R: Array, t: Array) -> tuple[Array, Array]:
         value, by_centre = cup_moments(self.cup, self.law, self.points, t)

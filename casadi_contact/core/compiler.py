@@ -119,9 +119,8 @@ def shared_library(source: str, waited_for: str = "", data: bytes = b"", linked:
     includes into the library as the file DATA_FILE (`.incbin`), large tables for instance. linked: a library whose
     functions it calls.
     Where the cache folder cannot be written, the library lies in a folder that is removed when Python ends.
-    Raises CompilerError without a compiler, where it fails or compiles for another machine, for flags in
-    $CASADI_CONTACT_CFLAGS that it refuses, and for a cache that is not the user's alone or
-    whose disc may hold no programs.
+    Raises CompilerError without a compiler, where it fails, refuses $CASADI_CONTACT_CFLAGS or compiles for another
+    machine, and for a cache that is not the user's alone or whose disc may hold no programs.
     """
     command, asked = compiler_command(), CFLAGS_VARIABLE in os.environ
     chosen = tuple(_words_of(CFLAGS_VARIABLE)) if asked else NATIVE

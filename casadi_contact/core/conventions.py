@@ -56,10 +56,9 @@ def pose_index(name: str) -> int:
 
 
 def as_poses(poses: ArrayLike) -> Array:
-    """Check poses and return them as a contiguous float64 array of shape (n, 6).
+    """Poses as a contiguous float64 array (n, 6).
 
-    Raises ValueError, saying what was got and what was expected, for a wrong shape, text, complex numbers, NaN or
-    infinity.
+    Raises ValueError for a wrong shape, text, complex numbers, NaN or infinity.
     """
     poses = named_poses(poses)
     try:
@@ -113,8 +112,7 @@ def check_above_zero(**settings: Any) -> None:
 
 
 def whole_number(name: str, value: Any, least: int) -> int:
-    """A whole number, NumPy's too; raises ValueError, naming it, for anything else, True and False among them, and for
-    one below ``least``."""
+    """A whole number, NumPy's too; ValueError, naming it, for anything else (True, False) and below the least."""
     if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
         raise ValueError(f"{name} is {value!r}, expected a whole number of {least} or more")
     return int(value)
@@ -178,8 +176,7 @@ def rotation(angles: ArrayLike) -> Array:
 
 
 def local_poses(poses: Array, anchor_mm: Array) -> Array:
-    """x = (t + R·a, rx, ry, rz) (n, 6) for poses (n, 6): where an anchor a (3,) of the moving body is [mm], and how it
-    is turned."""
+    """x = (t + R·a, rx, ry, rz) (n, 6) for poses (n, 6): where an anchor a (3,) of the moving body is [mm]."""
     local = np.array(poses)
     local[:, :3] += rotation(poses[:, 3:]) @ anchor_mm
     return local
@@ -214,8 +211,7 @@ def wrench_names(patch_names: Sequence[str]) -> tuple[str, ...]:
 
 
 def loads_of_total(component: str, load_names: Sequence[str], patch_names: Sequence[str]) -> tuple[str, ...]:
-    """The named loads whose sum is a component of the total wrench: that itself, where it is named, else those of all
-    patches; none where these are not all named."""
+    """The named loads whose sum is a component of the total wrench: that itself, those of all patches, or none."""
     if component in load_names:
         return (component,)
     parts = tuple(f"{component}_{patch}" for patch in patch_names)
@@ -248,8 +244,7 @@ def load_selection(load_names: Sequence[str], patch_names: Sequence[str]) -> Arr
 
 
 def load_jacobian(selection: Array, wrenches: Array, slopes: Array) -> tuple[Array, Array]:
-    """Named loads (n, L) and their derivatives by the pose (n, L, 6), from wrenches (n, P, 6) and theirs (n, P, 6, 6)
-    by a `load_selection`."""
+    """Loads (n, L) and their derivatives by the pose (n, L, 6): a `load_selection` of wrenches (n, P, 6) and theirs."""
     # A product of matrices for each pose: of the parts of a patch einsum takes twenty times as long.
     rows = selection.reshape(len(selection), selection[0].size)
     columns = slopes.reshape(len(slopes), rows.shape[1], 6)

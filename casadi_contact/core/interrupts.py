@@ -40,8 +40,7 @@ def end_on_interrupt() -> None:
 
 
 def raise_interrupts() -> None:
-    """From here on Ctrl-C raises KeyboardInterrupt, and is remembered (`was_interrupted`): C++ that calls Python may
-    swallow the exception."""
+    """From here on Ctrl-C raises KeyboardInterrupt, and is remembered: C++ that calls Python may swallow it."""
     if signal.getsignal(signal.SIGINT) is _end_at_once:
         signal.signal(signal.SIGINT, _raise)
 
@@ -53,8 +52,7 @@ def was_interrupted() -> bool:
 
 @contextmanager
 def terminated_as_interrupted() -> Iterator[None]:
-    """In the block, SIGTERM (`kill`, a batch system's time limit) acts like Ctrl-C, so that workers end before their
-    parent. For the main thread."""
+    """In the block, SIGTERM (`kill`, a batch system) acts like Ctrl-C: workers end first. For the main thread."""
     before = signal.signal(signal.SIGTERM, _raise)
     try:
         yield

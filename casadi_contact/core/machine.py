@@ -35,9 +35,8 @@ def instruction_set() -> str:
 def blas_environment() -> dict[str, str]:
     """Environment variables with which a new process multiplies matrices by AVX-512 on an AMD processor that has it.
 
-    The OpenBLAS in the wheels of NumPy and SciPy has kernels for a few processors and runs those of a Haswell, without
-    AVX-512, on an AMD EPYC (Zen 5), which takes twice as long. Empty on any other processor, and where the user
-    has chosen (``OPENBLAS_CORETYPE``).
+    The OpenBLAS in the wheels of NumPy and SciPy runs kernels of a Haswell, without AVX-512, on an AMD EPYC (Zen 5),
+    which takes twice as long. Empty on any other processor, and where the user has chosen.
     """
     able = _cpuinfo("vendor_id") == "AuthenticAMD" and set(_cpuinfo("flags").split()) >= _BLAS_NEEDS
     wanted = able and _BLAS_VARIABLE not in os.environ

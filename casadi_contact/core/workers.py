@@ -158,19 +158,13 @@ def _version() -> str:
 
 
 def _check_versions(client: Any, address: str, patience_s: float) -> None:
-    versions = client.run(_version)
-    if not versions:
-        try:
-            client.wait_for_workers(1, timeout=patience_s)
-        except TimeoutError:
-            raise ConnectionError(
-                f"the scheduler at {address} has no workers after {patience_s:g} s: start some (dask worker {address})"
-            ) from None
-        versions = client.run(_version)
-    others = {worker: version for worker, version in versions.items() if version != __version__}
-    if others:
-        worker, version = next(iter(others.items()))
+    try:
+        client.wait_for_workers(1, timeout=patience_s)
+    except TimeoutError:
         raise ConnectionError(
-            f"{len(others)} of {len(versions)} workers of {address} have another casadi_contact "
-            f"({worker}: {version}), expected {__version__}: install the same there"
+            f"the scheduler at {address} has no workers after {patience_s:g} s: start some (dask worker {address})"
+        ) from None
+    if others := {*client.run(_version).values()} - {__version__}:
+        raise ConnectionError(
+            f"workers of {address} have casadi_contact {', '.join(others)}, expected {__version__}: install it there"
         )

@@ -116,8 +116,7 @@ Projection = ParallelProjection | CentralProjection
 
 
 def projection_of(pressing: Sequence[float], centre_mm: Sequence[float] | None, mesh: TriangleMesh) -> Projection:
-    """Along `pressing`, or from the middle of a cup whose pole lies along `pressing` from there; raises ValueError for
-    a cup's middle that none of the mesh faces."""
+    """Along `pressing`, or from the middle of a cup, its pole along `pressing`; ValueError where no mesh faces that."""
     frame = grid_frame(pressing)
     if centre_mm is None:
         return ParallelProjection(frame)
@@ -128,8 +127,7 @@ def projection_of(pressing: Sequence[float], centre_mm: Sequence[float] | None, 
 def grid_frame(pressing: Sequence[float]) -> Array:
     """Rows (3, 3): the axis of a grid's first number, that against `pressing`, that of its second number.
 
-    They are x, y, z where `pressing` is -y; the first is as near to x, or to y where that lies along `pressing`, as can
-    be.
+    They are x, y, z where `pressing` is -y; the first is as near to x, or to y where x lies along it, as can be.
     """
     up = -np.asarray(pressing, dtype=float) / np.linalg.norm(pressing)
     rough = np.eye(3)[0 if abs(up[0]) < np.sqrt(0.5) else 1]

@@ -94,8 +94,7 @@ class SmoothSurface:
     def _side(self, points: Array, flat: Array, far: np.ndarray) -> Array:
         """Numbers (n,) with the sign of the distance at points far from the mesh.
 
-        Pseudonormals give wrong signs at any distance from folded triangles and self-intersections. For a closed mesh
-        the winding number decides instead.
+        Pseudonormals give wrong signs at folded triangles and self-intersections: of a closed mesh by winding numbers.
         """
         if len(self.mesh.boundary_edges):
             return flat
@@ -167,8 +166,7 @@ def fitted_normals(mesh: TriangleMesh, least_cos: float = 0.8) -> Array:
 def _normals_of_large_triangles(mesh: TriangleMesh, least_ratio: float = 8.0) -> tuple[np.ndarray, Array]:
     """The vertices (m,) at which one triangle has over 8 times the median area, and the normals (m, 3) of the largest.
 
-    Normals fitted to the small triangles would bend the large one (a flat face from CAD beside its fillet) by tenths of
-    a millimetre.
+    Normals fitted to the small triangles would bend the large one (a flat face beside its fillet) by tenths of a mm.
     """
     vertex, area = mesh.faces.T.ravel(), np.tile(mesh.areas_mm2, 3)
     order = np.lexsort((area, vertex))
@@ -183,8 +181,7 @@ def _normals_of_large_triangles(mesh: TriangleMesh, least_ratio: float = 8.0) ->
 def _neighbours(faces: np.ndarray, size: int, most: int = 256) -> tuple[np.ndarray, np.ndarray]:
     """Pairs (i, j), sorted by i, of different vertices at most two edges apart.
 
-    Paths through a vertex with more than ``most`` neighbours are left out: the hub of a fan of 2,000 triangles would
-    need 2.5 GB.
+    Paths through a vertex with more neighbours than `most` are left out: the hub of a fan of 2,000 would need 2.5 GB.
     """
     i, j = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).T
     near = sparse.coo_matrix((np.ones(len(i)), (i, j)), shape=(size, size)).tocsr()
@@ -207,11 +204,7 @@ def _frames(normals: Array) -> tuple[Array, Array]:
 
 def _barycentric(corners: Array, points: Array) -> Array:
     """Shares (n, 3) of the corners (n, 3, 3) in points of their planes, kept between 0 and 1."""
-    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    p = points - corners[:, 0]
-    aa, ab, bb = (np.einsum("nk,nk->n", *pair) for pair in ((a, a), (a, b), (b, b)))
-    pa, pb = np.einsum("nk,nk->n", p, a), np.einsum("nk,nk->n", p, b)
-    scale = aa * bb - ab * ab
-    v, w = (bb * pa - ab * pb) / scale, (aa * pb - ab * pa) / scale
-    shares = np.clip(np.stack([1.0 - v - w, v, w], axis=1), 0.0, 1.0)
-    return shares / shares.sum(axis=1, keepdims=True)
+    from trimesh.triangles import points_to_barycentric
+
+    shares = np.clip(points_to_barycentric(corners, points), 0.0, 1.0)
+    return np.asarray(shares / shares.sum(axis=1, keepdims=True))

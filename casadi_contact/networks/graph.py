@@ -97,40 +97,37 @@ def network_values(
         a, slope, curvature = sigma(ca, ca.mac(_constant(weight), a, _constant(bias)), 2)  # unused ones never enter
         slopes.append(slope)
         curvatures.append(curvature)
-    hidden, biases = _Hidden(weights[:-1], slopes, curvatures), network.output_scale * network.biases[-1]
-    values = [(ca.mac(_constant(weights[-1][[k]]), a, _constant(biases[[k]])), weights[-1][[k]]) for k in outputs]
-    return [hidden.value(value, last, order, tangent) for value, last in values]
+    layers, biases = list(zip(weights[:-1], slopes, curvatures, strict=True)), network.output_scale * network.biases[-1]
+    return [_value(layers, a, weights[-1][[k]], biases[[k]], order, tangent) for k in outputs]
 
 
-@dataclass(frozen=True)
-class _Hidden:
-    """Hidden layers at a point: weights, and σ' and σ'' of every layer."""
+def _value(
+    layers: Sequence[tuple[np.ndarray, ca.MX, ca.MX]],
+    a: ca.MX,
+    last: np.ndarray,
+    bias: np.ndarray,
+    order: int,
+    tangent: ca.MX | None,
+) -> NetworkValue:
+    """An output by its weights (1, neurons) of the activations of the last hidden layer; of every layer there are
+    weights, σ' and σ''."""
+    value, r, adjoints = ca.mac(_constant(last), a, _constant(bias)), _constant(last.T), []
+    if order == 0:
+        return NetworkValue(value)
+    for weight, slope, _ in layers[::-1]:
+        adjoints.append(r)
+        r = ca.mtimes(_constant(weight.T), r * slope)
+    gradient = r.T if tangent is None else ca.mtimes(r.T, tangent)
+    if order == 1:
+        return NetworkValue(value, gradient, input_gradient=r.T)
 
-    weights: Sequence[np.ndarray]
-    slopes: Sequence[ca.MX]
-    curvatures: Sequence[ca.MX]
-
-    def value(self, value: ca.MX, last: np.ndarray, order: int, tangent: ca.MX | None) -> NetworkValue:
-        """An output's value with its derivatives, from its weights (1, neurons) of the last hidden layer."""
-        if order == 0:
-            return NetworkValue(value)
-        r = _constant(last.T)
-        adjoints = []
-        for weight, slope in zip(self.weights[::-1], self.slopes[::-1], strict=True):
-            adjoints.append(r)
-            r = ca.mtimes(_constant(weight.T), r * slope)
-        gradient = r.T if tangent is None else ca.mtimes(r.T, tangent)
-        if order == 1:
-            return NetworkValue(value, gradient, input_gradient=r.T)
-
-        columns = gradient.shape[1]
-        hessian = ca.MX.zeros(columns, columns)
-        layers = zip(self.weights, self.slopes, self.curvatures, adjoints[::-1], strict=True)
-        for weight, slope, curvature, adjoint in layers:
-            Z = _constant(weight) if tangent is None else ca.mtimes(_constant(weight), tangent)
-            hessian = ca.mac(Z.T, Z * ca.repmat(adjoint * curvature, 1, columns), hessian)
-            tangent = Z * ca.repmat(slope, 1, columns)
-        return NetworkValue(value, gradient, hessian, input_gradient=r.T)
+    columns = gradient.shape[1]
+    hessian = ca.MX.zeros(columns, columns)
+    for (weight, slope, curvature), adjoint in zip(layers, adjoints[::-1], strict=True):
+        Z = _constant(weight) if tangent is None else ca.mtimes(_constant(weight), tangent)
+        hessian = ca.mac(Z.T, Z * ca.repmat(adjoint * curvature, 1, columns), hessian)
+        tangent = Z * ca.repmat(slope, 1, columns)
+    return NetworkValue(value, gradient, hessian, input_gradient=r.T)
 
 
 def stack(values: Sequence[NetworkValue], order: int) -> Output:

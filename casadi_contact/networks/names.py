@@ -64,8 +64,7 @@ def check_name(name: str) -> str:
 
 
 def check_unused(name: str, source: str, *, suffixes: Iterable[str] = ("",)) -> None:
-    """ValueError for a name that the C library has (types end in _t), or that, with one of these suffixes, C source has
-    itself: it would be declared twice."""
+    """ValueError for a name that the C library has (types end in _t), or, with such a suffix, C source itself."""
     named = {f"{name}{suffix}" for suffix in suffixes}
     if name.endswith("_t") or hasattr(_C_LIBRARY, name) or named & set(_DECLARED.findall(source)):
         raise ValueError(f"function name {name!r} is not usable, C or the C of contact models has it: choose another")

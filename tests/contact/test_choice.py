@@ -43,7 +43,7 @@ RADIUS_MM = 30.0
 
 
 def test_the_choice_meets_the_tolerances_with_the_largest_cells_and_says_so():
-    scene, few = cc.load_scene("glenohumeral"), CellChoice(elements=(120, 120), half=(60, 60), tries=32)
+    scene, few = cc.load_scene("sphere_on_plane"), CellChoice(elements=(120, 120), half=(60, 60), tries=32)
     model = choice.cell_foundation(scene, compiled=False, choice=few)
     assert model.record["cells_mm"] == [model.cells.u_mm, model.cells.v_mm]
     assert all(model.record["rms"][name] <= tolerance for name, tolerance in scene.tolerances.items())

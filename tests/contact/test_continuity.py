@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from casadi_contact.contact.continuity import Motion, follow, unstable_equilibria
+from casadi_contact.contact.continuity import Motion, follow
 from casadi_contact.contact.settle import settle
 from tests.support.two_dips import DIP_MM, contact_model, height, slope
 
@@ -30,18 +30,16 @@ def settled(model, wanted, places):
     return poses
 
 
-def motion(model, wanted):
-    count = len(wanted["Fy"])
-    return Motion(model, FREE, wanted, np.full(count, 1e-6), np.ones(count, dtype=bool))
+def motion(model, wanted, free=FREE):
+    return Motion(model, free, wanted, np.full(41, 1e-6), np.ones(41, dtype=bool))
 
 
 def test_a_ridge_is_an_unstable_equilibrium_and_a_dip_is_none(model, wanted):
     for place, unstable in ((-DIP_MM, False), (0.0, True), (DIP_MM, False)):
         poses = settled(model, wanted, np.full(41, place))
-        assert unstable_equilibria(model, FREE, ("Fx", "Fy"), poses).all() == unstable
-    # With tx held, nothing can slide.
-    assert not unstable_equilibria(model, ("ty",), ("Fx", "Fy"), poses).any()
-    assert not unstable_equilibria(model, FREE, ("Tz",), poses).any()
+        assert motion(model, wanted).unstable(poses).all() == unstable
+    assert not motion(model, wanted, ("ty",)).unstable(poses).any(), "with tx held, nothing can slide"
+    assert not motion(model, {"Tz": wanted["Fx"]}).unstable(poses).any()
 
 
 def test_frames_strewn_over_all_places_come_together_in_one_dip(model, wanted):

@@ -47,18 +47,10 @@ def test_no_overlap_gives_exactly_zero_and_the_distance(ball):
     np.testing.assert_allclose(ball.root_loads(poses)[1][:, 0, 1], -ball.scene.gap_slope, rtol=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("kind", "name", "pose", "off"),
-    [
-        ("elements", "sphere_in_dish", [2.0, 30.0, 1.0, 0.0, 0.0, 0.0], 1e-9),
-        ("polar", "sphere_in_dish", [2.0, 30.0, 1.0, 0.0, 0.0, 0.0], 1e-4),
-        ("cells", "glenohumeral", [1.0, -0.5, -23.85, 0.1, 0.2, 0.3], 3e-5),
-    ],
-)
-def test_the_resultant_in_a_spherical_hollow_passes_through_its_centre(kind, name, pose, off):
-    model = MODELS[kind][0](cc.load_scene(name))
-    g = model.scene.geometry
-    centre = g["cup_centre"] if "cup_centre" in g else [0.0, g["dish_radius"], 0.0]
+@pytest.mark.parametrize(("kind", "off"), [("elements", 1e-9), ("polar", 1e-4)])
+def test_the_resultant_in_a_spherical_hollow_passes_through_its_centre(kind, off):
+    model, pose = MODELS[kind][0](cc.load_scene("sphere_in_dish")), [2.0, 30.0, 1.0, 0.0, 0.0, 0.0]
+    centre = [0.0, model.scene.geometry["dish_radius"], 0.0]
     force, torque = model.wrenches(pose)[0].reshape(2, 3)
     assert np.linalg.norm(force) > 100.0
     assert np.linalg.norm(torque - np.cross(centre, force)) < off * np.linalg.norm(force) * np.linalg.norm(pose[:3])

@@ -58,33 +58,6 @@ def test_together_they_are_what_they_are_alone(kind):
         np.testing.assert_allclose(one, two, rtol=1e-12, atol=1e-12 * np.abs(two).max())
 
 
-PRESSED_AND_APART = {
-    "knee on one side": (MODELS["polar quadrature"], [[0.0, 27.8, 0.2, 0.03, 0.0, -0.3]]),
-    "hip": (
-        lambda: cc.CupFoundation(cc.load_scene("hip")),
-        [[69.7, -65.1, -84.2, 0.0, 0.0, 0.0], [70.0, -66.1, -84.0, 0.0, 0.0, 0.0]],
-    ),
-    "cells": (
-        lambda: cc.CellFoundation(cc.load_scene("sphere_on_plane")),
-        [[0.0, 29.7, 0.0, 0.1, 0.0, 0.0], [0.0, 31.0, 0.0, 0.1, 0.0, 0.0]],
-    ),
-}
-
-
-@pytest.mark.parametrize("name", PRESSED_AND_APART)
-def test_root_loads_are_those_of_the_gaps_out_of_contact_and_of_the_loads_in_contact(name):
-    made, poses = PRESSED_AND_APART[name]
-    model, poses, steps = made(), np.array(poses), 1e-5 * np.eye(6)
-    s, slopes = model.root_loads(poses)
-    apart = (model.wrenches(poses) == 0.0).all(axis=2)
-    assert apart.any()
-    assert not apart.all()
-    np.testing.assert_allclose(s[apart], -model.scene.gap_slope * model.gaps(poses)[apart], rtol=1e-12)
-    assert (s[~apart] > 0.0).all()
-    differences = [(model.root_loads(poses + step)[0] - model.root_loads(poses - step)[0]) / 2e-5 for step in steps]
-    np.testing.assert_allclose(slopes, np.stack(differences, axis=-1), atol=1e-4 * np.abs(slopes).max())
-
-
 PLACEMENT = [f"fixed_{name}" for name in ("tx", "ty", "tz", "rx", "ry", "rz")]
 MATERIAL = {"youngs_modulus": 800.0, "poissons_ratio": 0.4, "thickness": 6.0}
 

@@ -12,7 +12,6 @@ from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.optimisation.contact_frames import ContactFrames
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
-from tests.support.compiler import needs_compiler
 from tests.support.meshes import RADIUS_MM, cap_mesh, force_n, mesh_scene_text, scene_of, sheet_mesh, write_corner
 
 BALL_MM = 30.0
@@ -59,11 +58,10 @@ def test_a_cut_moves_no_force_and_no_gap(tmp_path, elements):
         np.testing.assert_array_equal(got, want)
 
 
-@needs_compiler
 def test_cells_tell_parts_apart_as_elements_do(tmp_path):
     """Where elements lie on one side of a cut or the other, cells end at it: fine elements come near."""
     scene = ball_on_plate(tmp_path / "cut", med="split_z = [1.0, 2.5]", lat="split_z = [-1.0]")
-    cells, poses = CellFoundation(scene, Cells(0.5, 0.5)), poses_about(8)
+    cells, poses = CellFoundation(scene, Cells(0.5, 0.5), compiled=False), poses_about(8)
     parts = cells.part_wrenches(poses)
     fine = cc.ElasticFoundation(scene, (240, 250))
     size = np.repeat([np.abs(parts[..., :3]).max(), np.abs(parts[..., 3:]).max()], 3)

@@ -45,7 +45,6 @@ def test_a_new_law_is_one_more_function():
 
 GROOVE = [-49.7, 1.0, 0.3, 0.02, 0.05, 0.1]
 ON_PLANE = [1.0, 29.8, -2.0, 0.1, 0.2, 0.3]
-IN_CUP = [1.0, -0.5, -23.6, 0.1, 0.2, 0.3]
 FINE = Cells(0.6, 0.6)
 LIFTED = [2.0, 27.4, 0.3, 0.01, 0.02, -0.9]  # off laterally
 
@@ -92,7 +91,6 @@ MODELS = {
     "groove": (lambda c: cc.PolarFoundation(cc.load_scene("patellofemoral"), Rays(24, 4), compiled=c), [GROOVE]),
     "hip": (lambda c: cc.CupFoundation(cc.load_scene("hip"), 24, compiled=c), None),
     "plane": (lambda c: cc.CellFoundation(cc.load_scene("sphere_on_plane"), FINE, compiled=c), [ON_PLANE]),
-    "cup": (lambda c: cc.CellFoundation(cc.load_scene("glenohumeral"), FINE, compiled=c), [IN_CUP]),
 }
 
 

@@ -10,8 +10,8 @@ from functools import cache
 
 import numpy as np
 
-from casadi_contact.contact.model import ContactModel
-from casadi_contact.core.conventions import angular_velocity_map, as_poses, load_selection, rotation
+from casadi_contact.contact.model import WrenchLoads
+from casadi_contact.core.conventions import angular_velocity_map, as_poses, rotation
 from casadi_contact.samples.draw import draw_samples
 from casadi_contact.samples.reference import ReferenceMotion, reference_motion
 from casadi_contact.samples.settings import SamplingSettings
@@ -21,14 +21,7 @@ RADIUS_MM = 27.0
 STIFFNESS = 8.0e4  # N/mm²
 
 
-class TwoSpheres(ContactModel):
-    has_wrenches = has_gaps = True
-
-    def __init__(self, scene):
-        self.scene = scene
-        self.load_names, self.patch_names = scene.load_names, scene.patch_names
-        self._selection = load_selection(self.load_names, self.patch_names)
-
+class TwoSpheres(WrenchLoads):
     def _centres(self, poses):
         """Centres (n, P, 3) and their derivatives by the pose (n, P, 3, 6)."""
         arms = np.einsum("nij,pj->npi", rotation(poses[:, 3:]), self.scene.anchors_mm)
@@ -39,44 +32,26 @@ class TwoSpheres(ContactModel):
             slopes[..., 3 + k] = np.cross(axes[:, None, :, k], arms)
         return poses[:, None, :3] + arms, slopes
 
-    def _wrenches(self, poses):
+    def wrench_jacobian(self, poses):
         c, dc = self._centres(as_poses(poses))
         depth = np.maximum(RADIUS_MM - c[..., 1], 0.0)
-        n, dn = STIFFNESS * depth**2, -2.0 * STIFFNESS * depth[..., None] * dc[..., 1, :]
-        zero, dzero = np.zeros_like(n), np.zeros_like(dn)
-        x, z = c[..., 0], c[..., 2]
-        w = np.stack([zero, -n, zero, z * n, zero, -x * n], axis=-1)
-        dw = [
-            dzero,
-            -dn,
-            dzero,
-            z[..., None] * dn + n[..., None] * dc[..., 2, :],
-            dzero,
-            -x[..., None] * dn - n[..., None] * dc[..., 0, :],
-        ]
-        return w, np.stack(dw, axis=-2)
+        N, dN = STIFFNESS * depth**2, -2.0 * STIFFNESS * depth[..., None] * dc[..., 1, :]
+        w, dw = np.zeros((*N.shape, 6)), np.zeros((*N.shape, 6, 6))
+        for component, arm, sign in ((3, 2, 1.0), (5, 0, -1.0)):  # Tx = z·N, Tz = -x·N
+            w[..., component] = sign * c[..., arm] * N
+            dw[..., component, :] = sign * (c[..., arm, None] * dN + N[..., None] * dc[..., arm, :])
+        w[..., 1], dw[..., 1, :] = -N, -dN
+        return w, dw
 
     def wrenches(self, poses):
-        return self._wrenches(poses)[0]
-
-    def __call__(self, poses):
-        return np.einsum("lpk,npk->nl", self._selection, self.wrenches(poses))
-
-    def jacobian(self, poses):
-        w, dw = self._wrenches(poses)
-        return np.einsum("lpk,npk->nl", self._selection, w), np.einsum("lpk,npkj->nlj", self._selection, dw)
-
-    def wrench_jacobian(self, poses):
-        return self._wrenches(poses)
+        return self.wrench_jacobian(poses)[0]
 
     def gaps(self, poses):
-        return self._centres(as_poses(poses))[0][..., 1] - RADIUS_MM
+        return self._gap_jacobian(as_poses(poses))[0]
 
-    def root_loads(self, poses):
-        c, dc = self._centres(as_poses(poses))
-        gap = c[..., 1] - RADIUS_MM
-        scale = np.where(gap < 0.0, np.sqrt(STIFFNESS / self.scene.reference_load), self.scene.gap_slope)
-        return -scale * gap, -scale[..., None] * dc[..., 1, :]
+    def _gap_jacobian(self, poses):
+        c, dc = self._centres(poses)
+        return c[..., 1] - RADIUS_MM, dc[..., 1, :]
 
 
 def models(scene, settings):

@@ -11,8 +11,7 @@ from casadi_contact.core.conventions import Array
 
 @dataclass(frozen=True)
 class Cells:
-    """Size of a patch's cells [mm] along the chart's coordinates u and v, where the fixed surface is flat, and
-    sub-points of each along both."""
+    """Size of a patch's cells [mm] along u and v, where the surface is flat, and sub-points of each along both."""
 
     u_mm: float
     v_mm: float
@@ -31,8 +30,7 @@ class Cells:
 def hermite_functions(cells: Cells) -> Array:
     """B (12, sub-points): d, ∂d/∂ξ, ∂d/∂η at the corners 00, 01, 10, 11 -> d at the sub-points.
 
-    Products of the cubic Hermite functions of one variable, so that ∂²d/∂ξ∂η is zero at the corners; ξ and η run from
-    0 to 1 along u and v.
+    Products of the cubic Hermite functions of ξ and η, from 0 to 1 along u and v: ∂²d/∂ξ∂η is zero at the corners.
     """
     return hermite_products(middles(cells.along_u), middles(cells.along_v))
 

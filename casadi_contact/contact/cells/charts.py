@@ -1,7 +1,7 @@
 """Charts of fixed surfaces: points, normals and their derivatives over coordinates (u, v) [mm].
 
-A surface lies at the height h(u, v) along the lines of a projection (`geometry.projection`); a plane is its own chart,
-a spherical cup is seen from its centre. A mesh is seen from where the moving body comes: from above, u = x and v = z,
+A surface lies at the height h(u, v) along the lines of a projection (`geometry.projection`); a plane is its own chart.
+A mesh is seen from where the moving body comes: from above, u = x and v = z,
 along the scene's `pressing`, or from a cup's middle. The surface is the zero of its distance field on each line. Beside
 a sharp edge, which the field rounds off, it is the quadric h(u, v) through the points around, which lie on the mesh's
 own cubic patches. So it goes on beyond its edge, where the cells of the rim still need corners, and where the mesh
@@ -18,8 +18,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy import ndimage, sparse
-from scipy.sparse.csgraph import connected_components
+from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from casadi_contact.core.conventions import Array
@@ -27,7 +26,6 @@ from casadi_contact.geometry.mesh_elements import grid_on_mesh
 from casadi_contact.geometry.projection import (
     DOWN,
     LEAST_UPWARD,
-    CentralProjection,
     Lines,
     ParallelProjection,
     grid_frame,
@@ -88,31 +86,6 @@ class PlaneChart(Chart):
         return surface_at(lines, np.zeros((len(u), 6)), np.ones(len(u), dtype=bool))
 
 
-class CupChart(Chart):
-    """The inside of a spherical cap."""
-
-    def __init__(self, scene: Scene) -> None:
-        g = scene.geometry
-        radius, pole = float(g["cup_radius"]), np.asarray(g["cup_pole"], dtype=float)
-        pole /= np.linalg.norm(pole)
-        first = np.cross(np.eye(3)[np.abs(pole).argmin()], pole)
-        first /= np.linalg.norm(first)
-        frame = np.array([first, -pole, np.cross(pole, first)])
-        self._projection = CentralProjection(frame, np.asarray(g["cup_centre"], dtype=float), radius)
-        self.rim = 2.0 * radius * np.sin(0.5 * np.deg2rad(g["cup_half_angle_deg"]))
-        self.low, self.high = np.full(2, -self.rim), np.full(2, self.rim)
-
-    def present(self, u: Array, v: Array) -> np.ndarray:
-        """Within the rim's circle."""
-        return np.asarray(u[:, None] ** 2 + v[None, :] ** 2 <= self.rim**2)
-
-    def surface(self, u: Array, v: Array) -> Surface:
-        """At the radius everywhere."""
-        jet = np.zeros((len(u), 6))
-        jet[:, 0] = -self._projection.radius_mm
-        return surface_at(self._projection.lines(u, v), jet, u**2 + v**2 <= self.rim**2)
-
-
 def surface_at(lines: Lines, jet: Array, known: np.ndarray) -> Surface:
     """The surface at the height h along lines, by h and its derivatives u, v, uu, uv, vv (m, 6)."""
     h, up = jet[:, 0, None, None], lines.ups[:, None]
@@ -154,15 +127,11 @@ def _neighbours(values: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _components(on: np.ndarray, joined: Sequence[np.ndarray], fewest: int) -> np.ndarray:
     """Numbers (nu, nv) of what hangs together by the joined neighbours along u (nu - 1, nv) and v (nu, nv - 1)."""
-    number = np.arange(on.size).reshape(on.shape)
-    pairs = [np.stack(_neighbours(number, axis))[:, joined[axis]] for axis in (0, 1)]
-    first, second = np.concatenate(pairs, axis=1)
-    graph = sparse.coo_matrix((np.ones(len(first)), (first, second)), shape=(on.size,) * 2)
-    _, of = connected_components(graph, directed=False)
-    large = np.flatnonzero(np.bincount(of[on.ravel()]) >= fewest)
-    numbers = np.searchsorted(large, of)
-    numbers[~np.isin(of, large)] = 0
-    return numbers.reshape(on.shape)
+    bridged = np.zeros((2 * on.shape[0] - 1, 2 * on.shape[1] - 1), dtype=bool)  # points, and between them what joins
+    bridged[::2, ::2], bridged[1::2, ::2], bridged[::2, 1::2] = on, *joined
+    of = ndimage.label(bridged)[0][::2, ::2]
+    large = np.flatnonzero(np.bincount(of[on]) >= fewest)
+    return np.where(np.isin(of, large), np.searchsorted(large, of), 0)
 
 
 def density(convex: Array, blunt: float = 0.08, densest: float = 3.3) -> Array:
@@ -244,8 +213,7 @@ class MeshChart(Chart):
         return np.clip(place, 0, self._present.shape[axis] - 1)
 
     def surface(self, u: Array, v: Array) -> Surface:
-        """Of the distance field where the four points of the raster around lie on it and not on its rim's edge, of
-        quadrics elsewhere."""
+        """Of the field where the four raster points around lie on it and not on its rim's edge, else quadrics."""
         followed, height = self._around(u, v, self._followed)
         jet = np.zeros((len(u), 6))
         jet[followed], found = self._jets(self._projection.lines(u[followed], v[followed]), height[followed])

@@ -14,36 +14,28 @@ from casadi_contact.contact.cells.patches import lay_cells, patch_charts
 from casadi_contact.contact.cells.quadrature import Quadrature, cell_moments
 from casadi_contact.contact.cells.source import cell_source
 from casadi_contact.contact.compiled_foundation import CompiledFoundation
-from casadi_contact.contact.foundation_source import C_FOLDER
 from casadi_contact.contact.model import PatchLoads
 from casadi_contact.contact.pressure_law import law_of
 from casadi_contact.core.conventions import Array, batched
 from casadi_contact.geometry.distance_field import in_single_precision
 from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface
-from casadi_contact.networks.kernel.source import c_text
 from casadi_contact.scenes.scene import Scene
 
 
 class CellFoundation(CompiledFoundation):
     """Elastic foundation whose depth is interpolated by cubics over cells of the fixed surface.
 
-    Several spots of contact, of any form, in each patch. Raises ValueError for a scene of another shape than
-    `CELL_SHAPES`.
+    Several spots of contact, of any form, in each patch. Raises ValueError for a scene of no shape of `CELL_SHAPES`.
     """
 
-    lanes = 8
+    lanes, moments_header = 8, "cells_pressures.h"
 
     def __init__(self, scene: Scene, cells: Cells = Cells(1.2, 0.75), *, compiled: bool = True) -> None:  # noqa: B008
         super().__init__(scene, compiled=compiled)
         if min(cells.u_mm, cells.v_mm) <= 0.0 or min(cells.along_u, cells.along_v) < 1:
             raise ValueError(f"{cells}, expected sizes above 0 mm and at least 1 sub-point along each")
-        self.cells = cells
+        self.cells, self.resolution = cells, str(cells)
         self.patches = cell_patches(scene, cells)
-
-    @property
-    def resolution(self) -> str:
-        """Size of the cells, and sub-points of each."""
-        return str(self.cells)
 
     @batched
     def part_wrenches(self, poses: Array) -> Array:
@@ -59,15 +51,6 @@ class CellFoundation(CompiledFoundation):
     def _parts(self) -> CellFoundation:
         scene = self.scene.by_parts
         return self if scene is self.scene else CellFoundation(scene, self.cells, compiled=self._compiled)
-
-    def _patch_source(self) -> str:
-        return self._code[0]
-
-    def _patch_data(self) -> bytes:
-        return self._code[1]
-
-    def _moments_source(self) -> str:
-        return c_text("cells_pressures.h", C_FOLDER)
 
     def _moments_by_twist(self, R: Array, t: Array) -> tuple[Array, Array]:
         found = [[cell_moments(patch, *pose) for patch in self.patches] for pose in zip(R, t, strict=True)]
@@ -89,8 +72,7 @@ def cell_patches(
 ) -> list[Quadrature]:
     """The scene's patches in cells of this size.
 
-    charts: its `patch_charts`, if they are at hand. fade_share: of the scene's boundary load, ∫p dA below which a
-    patch's loads fade out.
+    charts: its `patch_charts`, if at hand. fade_share: of the scene's boundary load, ∫p dA below which loads fade out.
     """
     law = law_of(scene.material)
     body = scene.surfaces()[0]  # one body faces every patch

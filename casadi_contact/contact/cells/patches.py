@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from casadi_contact.contact.cells.basis import Cells, middles
-from casadi_contact.contact.cells.charts import Chart, CupChart, MeshChart, PlaneChart
+from casadi_contact.contact.cells.charts import Chart, MeshChart, PlaneChart
 from casadi_contact.core.conventions import Array
 from casadi_contact.scenes.scene import Scene
 
@@ -37,8 +37,7 @@ def lay_lines(
     """Lines from `low` to `high` [mm], about `size_mm` apart where the density is 1: two cells at least, each of which
     is then cut into so many.
 
-    densities (m,) lie at equal steps between the ends. A Gaussian with a standard deviation of `gradual` cells smooths
-    them.
+    densities (m,) lie at equal steps between the ends; a Gaussian of `gradual` cells (σ) smooths them.
     """
     x = np.linspace(low, high, len(densities))
     smooth = gaussian_filter1d(densities, gradual * size_mm / (x[1] - x[0]), mode="nearest")
@@ -49,7 +48,7 @@ def lay_lines(
     return Lines(place(lines), place(lines, 1) / cut, place(lines[:-1, None] + middles(parts) / cut).ravel())
 
 
-CELL_SHAPES = ("mesh", "ball_in_cup", "sphere_on_plane", "cylinder_on_plane", "punch_on_plane")
+CELL_SHAPES = ("mesh", "sphere_on_plane", "cylinder_on_plane", "punch_on_plane")
 
 BOXES = 8  # that the kernel tests together
 
@@ -80,8 +79,6 @@ def patch_charts(scene: Scene) -> list[Chart]:
     """The charts of a scene's patches; raises ValueError for a shape that has none."""
     if scene.shape == "mesh":
         return [MeshChart(scene, patch) for patch in scene.patch_names]
-    if scene.shape == "ball_in_cup":
-        return [CupChart(scene)]
     g = scene.geometry
     if scene.shape == "punch_on_plane":
         return [PlaneChart(g["area"] ** 0.5, g["area"] ** 0.5)]
@@ -144,8 +141,7 @@ def _lay(chart: Chart, cells: Cells, cut: int) -> CellPatch:
 
 @dataclass(frozen=True)
 class _Lattice:
-    """Cells over a whole chart: lines across u (nu + 1) and v (nv + 1); present (nu, nv, sub-points): the share of the
-    surface at each sub-point."""
+    """Cells over a whole chart: lines across u (nu + 1) and v (nv + 1); present (nu, nv, sub-points): a share."""
 
     u: Lines
     v: Lines
@@ -187,8 +183,7 @@ def _single(x: Array) -> Array:
 
 def _block(step: Array, most_mm: float = 4.0) -> tuple[int, int]:
     """Cells along the sides of a block with a diagonal of most_mm at most: those that fill its boxes, `BOXES` together,
-    best; of these the most. Large cells, which would leave more than half of the boxes empty: `BOXES` cells as close
-    together as can be."""
+    best; of these the most. Cells so large that half of the boxes were empty: `BOXES` as close together as can be."""
     sides = [(a, b) for a in range(1, 9) for b in range(1, 9)]
     across = {side: float(np.hypot(*(step * side))) for side in sides}
     within = [side for side in sides if np.prod(side) == 1 or across[side] <= most_mm]

@@ -221,8 +221,7 @@ class _Nodes:
 @dataclass(frozen=True)
 class Touch:
     """Cells (k,) that touch: corners (k, 4) among the nodes, depths as interpolated and d(force)/d(depth) at their
-    sub-points (k, sub-points), weights (m,) of the nodes' loads, these loads' total (7,), and whether the rim is
-    reached."""
+    sub-points (k, sub-points), weights (m,) of the nodes' loads, their total (7,), whether the rim is reached."""
 
     nodes: _Nodes
     cells: np.ndarray

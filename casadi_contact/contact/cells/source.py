@@ -95,8 +95,7 @@ def tangents(
 
 
 def _continued(g: Array, by: int, spacing_mm: float) -> Array:
-    """g at the nodes and `by` more to each side: there, as at the grid's outermost nodes, g is that of the nearest node
-    further in and the distance to it."""
+    """g at the nodes and `by` more to each side: from the outermost on the nearest inner one's plus the way to it."""
     outwards = [np.arange(-by, count + by) for count in g.shape]
     beyond = [np.maximum(np.maximum(1 - i, i - (count - 2)), 0) for i, count in zip(outwards, g.shape, strict=True)]
     square = sum(b.astype(float) ** 2 for b in np.ix_(*beyond))
@@ -190,8 +189,7 @@ def _sizes(patches: Sequence[Quadrature]) -> dict[str, float]:
 
 
 def _body(surface: MovingSurface, tables: bytearray, largest_mm: float | None) -> str:
-    """Definitions that ``cells_body.h`` reads; with tangents for blocks that reach as far as largest_mm from their
-    middles, if that is given."""
+    """What ``cells_body.h`` reads; with tangents for blocks that reach so far from their middles, if that is given."""
     if surface.family == HALF_SPACE:
         return "#define BODY_FIELD 0\n#define BODY_ROUND 0"
     if surface.family != MESH_FIELD:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from casadi_contact.contact.elements.loops import element_depths, gap_many, point_distances, touches_many, wrench_many
+from casadi_contact.contact.elements.loops import element_depths, gap_many, point_distances, wrench_many
 from casadi_contact.contact.foundation_source import C_FOLDER, C_LAWS, law_source
 from casadi_contact.contact.model import WrenchLoads
 from casadi_contact.contact.pressure_law import law_of, pressures
@@ -34,8 +34,7 @@ def grid_text(grid: tuple[int, int]) -> str:
 
 
 def _in_groups(elements: ElementGrid, lanes: int) -> tuple[Array, np.ndarray]:
-    """c, n and area (groups, g, 7) of the blocks' elements, and which of them there are (groups, g). The groups are a
-    multiple of `lanes`, filled up with zeros."""
+    """c, n and area (groups, g, 7) of the blocks' elements, which are there (groups, g): a multiple of `lanes`."""
     size = BLOCK_SIDE**2
     spans = itertools.pairwise(elements.blocks.tolist())
     groups = [(k, min(size, end - k)) for start, end in spans for k in range(start, end, size)]
@@ -67,8 +66,7 @@ class PatchElements(NamedTuple):
     library in C (``c/elements.h``), and what that gets besides poses.
 
     Both C and numba stay. Numba has every surface and pressure law, and needs no compiler. The C has swept arcs only,
-    with four elements in a vector: 7 against 35 µs a pose of 80×40 elements, which samples, references and
-    verification of knees wait for.
+    with four elements in a vector: 7 against 35 µs a pose of 80×40 elements, which all samples of knees wait for.
     """
 
     surface: MovingSurface
@@ -78,8 +76,7 @@ class PatchElements(NamedTuple):
 
     @classmethod
     def of(cls, surface: MovingSurface, e: ElementGrid, compiled: Material | None, lanes: int = 4) -> PatchElements:
-        """compiled: the material whose law the C has, with as many groups of elements in a vector as lanes; None for
-        numba alone."""
+        """compiled: the material whose law the C has, `lanes` groups of elements in a vector; None for numba alone."""
         bed = cls(surface, (e.centres_mm, e.normals, e.areas_mm2, e.blocks, e.block_centres_mm, e.block_extents_mm))
         if compiled is None or surface.family != SWEPT_ARCS or compiled.law not in C_LAWS:
             return bed
@@ -166,10 +163,13 @@ class ElasticFoundation(WrenchLoads):
         """True (n, patches) where contact reaches a patch's outermost elements: part of it may lie beyond them."""
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
         touched = [
-            _of_shares(partial(touches_many, s.family, s.parameters, edge), rotations, translations)
-            for (s, *_), edge in zip(self._patches, self._edges, strict=True)
+            [
+                (point_distances(s.family, s.parameters, edge, *pose) < 0.0).any()
+                for (s, *_), edge in zip(self._patches, self._edges, strict=True)
+            ]
+            for pose in zip(rotations, translations, strict=True)
         ]
-        return np.stack([of for (of,) in touched], axis=1)
+        return np.array(touched, dtype=bool).reshape(len(poses), len(self._patches))
 
     def pressure_maps(self, pose: Array) -> list[PressureMap]:
         """Pressure of every element in one pose (6,), patch by patch."""

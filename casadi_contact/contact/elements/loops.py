@@ -204,20 +204,6 @@ def gap_many(family, parameters, elements, rotations, translations):
     return gaps, slopes
 
 
-@njit(nogil=True)
-def touches_many(family, parameters, centres, rotations, translations):
-    """A tuple of one: True (n,) for the poses at which any of the points lies inside the moving body."""
-    count = len(translations)
-    touched = np.zeros(count, dtype=np.bool_)
-    for k in range(count):
-        for e in range(len(centres)):
-            qx, qy, qz = to_moving(rotations[k], translations[k], centres[e, 0], centres[e, 1], centres[e, 2])
-            if signed_distance_value(family, parameters, qx, qy, qz) < 0.0:
-                touched[k] = True
-                break
-    return (touched,)
-
-
 @njit()
 def element_depths(family, parameters, elements, R, t):
     """Depth of every element (m,) of one patch in one pose [mm], zero where it does not touch."""

@@ -98,25 +98,20 @@ class PolarFoundation(CompiledFoundation):
     rays: multiples of 4. Raises ValueError for another number, or a scene of another shape than `POLAR_SHAPES`.
     """
 
+    moments_header = "polar_pressures.h"
+
     def __init__(self, scene: Scene, rays: Rays = Rays(16, 3), *, compiled: bool = True) -> None:  # noqa: B008
         super().__init__(scene, compiled=compiled)
         if rays.count < 4 or rays.count % 4 or rays.points < 1:
             raise ValueError(f"rays = {rays}, expected a multiple of 4 rays and at least 1 point")
-        self.rays = rays
+        self.rays, self.resolution = rays, str(rays)
         self.lanes = 8 if rays.count % 8 == 0 else 4
         self.patches = smooth_patches(scene)
         self.law = law_of(scene.material)
 
     @property
-    def resolution(self) -> str:
-        """Rays of a patch, and Gauss points on each of them."""
-        return str(self.rays)
-
-    def _patch_source(self) -> str:
-        return polar_source(self.patches, self.rays)
-
-    def _moments_source(self) -> str:
-        return c_text("polar_pressures.h", C_FOLDER)
+    def _code(self) -> tuple[str, bytes]:
+        return polar_source(self.patches, self.rays), b""
 
     def _moments_by_twist(self, R: Array, t: Array) -> tuple[Array, Array]:
         found = [patch_moments(patch, self.law, self.rays, R, t) for patch in self.patches]

@@ -144,8 +144,7 @@ class Rays:
 def rays_from(patch: SmoothPatch, peak: Peak, count: int, used: np.ndarray) -> list[Lines]:
     """Rays from the peak in the poses where they are used (n,), without area in others; none if that is nowhere.
 
-    Through the torus of the peak's arc, which goes on beyond the arc's ends; where the rim may cut the contact area
-    through each ray's own.
+    Through the torus of the peak's arc, also beyond its ends; where the rim may cut the contact area each ray's own.
     """
     if len(used) and not used.any():
         return []
@@ -291,8 +290,7 @@ def _ends(patch: SmoothPatch, R: Array, t: Array, chord: _Chord) -> Array:
 def _fan(peak: Peak, ends: Array, count: int, least_chord: float) -> tuple[Array, Array, Array, Array]:
     """Start (n, 2) of a fan of rays, their directions (n, m, 2), distances (n, m) to the chord, weights of the angle.
 
-    Where `form` makes the contact area a circle the fan is a right angle over the chord: caps up to a half circle are
-    smooth functions of its rays.
+    Where `form` makes the contact area a circle it is a right angle: caps up to a half circle are smooth in its rays.
     """
     x = np.einsum("nab,neb->nea", np.linalg.inv(peak.form), ends)
     half = 0.5 * (x[:, 1] - x[:, 0])

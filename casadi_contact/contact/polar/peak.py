@@ -1,11 +1,9 @@
-"""The peak of a contact area, from which its rays run, and the point nearest to the body.
+"""The peak of a contact area, from which its rays run, and the point nearest to the body, wherever that lies.
 
-The point of a patch that is nearest to the body, and the deepest one along the rays, wherever the body lies.
-
-Minimum of the distance g over the patch, by Newton's method with a trust region (Nocedal and Wright, Numerical
-Optimization, Alg. 4.1) in coordinates that make the rim a box (`rim`): each step minimises the quadratic model of g
-within the box and the trust region, by coordinates in turn. Of a strongly tilted body g may have several minima: a few
-starts are spread over the patch.
+The nearest point is the minimum of the distance g over the patch, by Newton's method with a trust region (Nocedal and
+Wright, Numerical Optimization, Alg. 4.1) in coordinates that make the rim a box: each step minimises the quadratic
+model of g within box and trust region, by coordinates in turn. Of a strongly tilted body g may have several minima: a
+few starts are spread over the patch.
 """
 
 from __future__ import annotations
@@ -116,7 +114,7 @@ def deepest(patch: SmoothPatch, R: Array, t: Array) -> tuple[Array, Array]:
         return C[:, 0], C[:, 2] - patch.z_0
     arc = np.full(len(t), min(1, len(patch.arcs) - 1))
     for _ in patch.arcs:
-        axis = t + np.einsum("nij,nj->ni", R, _at_centre(patch, patch.arcs[arc, :2]))
+        axis = _carried(patch, R, t, patch.arcs[arc, :2])
         flat = -f.w_sign * (axis[:, :2] - [0.0, f.height])
         size = np.linalg.norm(flat, axis=1, keepdims=True)
         np.divide(flat, size, out=direction[:, :2], where=size > 0.0)
@@ -134,11 +132,12 @@ def _reaching(patch: SmoothPatch, R: Array, t: Array, direction: Array) -> Array
     seen = np.einsum("nji,nj->ni", R, direction)[:, :2]
     seen /= np.linalg.norm(seen, axis=1, keepdims=True)
     arc = patch.arcs[_arc_along(patch, seen)]
-    return np.asarray(t + np.einsum("nij,nj->ni", R, _at_centre(patch, arc[:, :2] + arc[:, 2:3] * seen)))
+    return _carried(patch, R, t, arc[:, :2] + arc[:, 2:3] * seen)
 
 
-def _at_centre(patch: SmoothPatch, xy: Array) -> Array:
-    return np.column_stack([xy, np.full(len(xy), patch.centre_z)])
+def _carried(patch: SmoothPatch, R: Array, t: Array, xy: Array) -> Array:
+    """Points (n, 3) of the plane of the moving tube's centres, from x and y (n, 2) in the moving frame."""
+    return np.asarray(t + np.einsum("nij,nj->ni", R[..., :2], xy) + R[..., 2] * patch.centre_z)
 
 
 def _arc_along(patch: SmoothPatch, direction: Array) -> np.ndarray:
@@ -204,8 +203,7 @@ def chord_form(patch: SmoothPatch, local: LocalDepth) -> Array:
 
 
 def _chord_ends(patch: SmoothPatch, local: LocalDepth, axis: int) -> Array:
-    """Estimated (u, v) (2, 2, n), within the rim, where a chord along u (0) or v (1) through a contact area begins and
-    ends."""
+    """Estimated (u, v) (2, 2, n), within the rim, of the ends of a chord along u (0) or v (1) through contact."""
     depth, slope, k = np.maximum(local.depth, 0.0), local.gradient[:, axis], local.curvature[:, axis, axis]
     ends = np.tile(np.stack([local.u, local.v]), (2, 1, 1))
     for end, sign in zip(ends, (-1.0, 1.0), strict=True):

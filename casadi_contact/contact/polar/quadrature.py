@@ -1,4 +1,4 @@
-"""Polar quadrature of an elastic foundation between smooth surfaces with one contact area of contact, in NumPy.
+"""Polar quadrature of an elastic foundation between smooth surfaces with one area of contact, in NumPy.
 
 In the chart (u, v) of the fixed surface the patch's wrench
 
@@ -55,8 +55,7 @@ def fits_closely(patch: SmoothPatch) -> bool:
 def second_peak(patch: SmoothPatch, R: Array, t: Array, m: Peak) -> tuple[Peak, np.ndarray]:
     """The peak of the second contact area in n poses, and (n,) where there is one.
 
-    Beside a whole contact area it lies on the rim. Beside one that the rim may cut it lies half the patch away, with a
-    gap between the two.
+    Beside a whole contact area it lies on the rim, beside one that the rim may cut half the patch away, past a gap.
     """
     u, v, found = m.local.u.copy(), m.local.v.copy(), np.zeros(len(t), dtype=bool)
     if fits_closely(patch):

@@ -1,4 +1,4 @@
-"""Patches between two smooth surfaces with one contact contact area: what polar quadrature integrates over.
+"""Patches between two smooth surfaces with one contact area: what polar quadrature integrates over.
 
 The fixed surface is a plane or a piece of a torus over a chart (u, v), written in *chart axes*: x along u, y the
 height, z along v. With o the distance of the tube's centre circle from the torus's axis and R the tube's radius:
@@ -105,13 +105,8 @@ def smooth_patches(scene: Scene) -> list[SmoothPatch]:
             f"scene {scene.name} has the shape {scene.shape}, which polar quadrature does not cover: expected one of "
             f"{', '.join(POLAR_SHAPES)}; others take cc.ElasticFoundation"
         )
-    found = []
-    for p, surface in enumerate(scene.surfaces()):
-        if scene.shape == "button_in_groove":
-            found.append(_facet(scene, 1.0 if p == 0 else -1.0, surface))
-        else:
-            found.append(_upright(scene, p, surface))
-    return found
+    laid = _facet if scene.shape == "button_in_groove" else _upright
+    return [laid(scene, p, surface) for p, surface in enumerate(scene.surfaces())]
 
 
 def _upright(scene: Scene, p: int, surface: MovingSurface) -> SmoothPatch:
@@ -127,9 +122,9 @@ def _upright(scene: Scene, p: int, surface: MovingSurface) -> SmoothPatch:
     return _patch(torus, rim, np.eye(3), float(scene.anchors_mm[p, 2]), surface)
 
 
-def _facet(scene: Scene, side: float, surface: MovingSurface) -> SmoothPatch:
+def _facet(scene: Scene, p: int, surface: MovingSurface) -> SmoothPatch:
     """A facet of a groove about the z axis, open towards -x: chart axes are y, -x, z of the fixed body."""
-    g = scene.geometry
+    g, side = scene.geometry, 1.0 - 2.0 * p
     slope, radius = np.deg2rad(g["facet_angle_deg"]), g["facet_radius"]
     spread, reach = np.deg2rad(g["facet_half_width_deg"]), np.deg2rad(g["groove_half_angle_deg"])
     torus = Torus(g["groove_radius"] + radius * np.cos(slope), radius, 0.0, -1.0, 1.0)

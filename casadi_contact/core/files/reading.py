@@ -18,8 +18,7 @@ MOST_TOML = MIB
 
 
 def existing_file(path: str | Path, what: str = "file", expected: str = "a file") -> Path:
-    """The path; raises FileNotFoundError where there is no regular file (a pipe would block the reader), ValueError for
-    a name that no text can hold."""
+    """The path; FileNotFoundError where there is no regular file (a pipe would block), ValueError for its name."""
     path = Path(path)
     if any("\ud800" <= letter <= "\udfff" for letter in str(path)):
         raise ValueError(f"{what} {str(path)!a} has a name that is not UTF-8: rename it")
