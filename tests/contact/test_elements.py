@@ -12,7 +12,7 @@ from casadi_contact.pictures.contact_picture import contact_pose
 from tests.support.compiler import needs_compiler
 from tests.support.meshes import scene_of, sheet_mesh, torus_mesh
 
-SCENES = ("knee", "hip", "glenohumeral", "patellofemoral", "mesh")
+SCENES = ("knee", "hip", "patellofemoral", "mesh")
 SPREAD = np.array([0.5, 0.2, 0.5, 0.02, 0.05, 0.2])
 
 

@@ -257,7 +257,8 @@ def cell_moments(quad: Quadrature, R: Array, t: Array) -> tuple[Array, Array]:
     area = p.present[touch.cells] * (areas[touch.corners] @ corner_shares(quad.cells))
     largest, by_largest = _largest(quad, touch, area)
     value = np.concatenate([[(area * in_contact).sum()], touch.weights @ pressed, [largest]])
-    slope = np.vstack([_sum(area * in_contact_slope, by_depth), pressed.T @ by_node, by_largest])
+    by_area = np.einsum("kr,kra->a", area * in_contact_slope, by_depth)
+    slope = np.vstack([by_area, pressed.T @ by_node, by_largest])
     fade, fade_slope = smooth_step(value[1] / quad.fade_n)
     return fade * value, fade * slope + np.outer(value, slope[1]) * fade_slope / quad.fade_n
 
@@ -275,8 +276,4 @@ def _largest(quad: Quadrature, touch: Touch, area: Array) -> tuple[float, Array]
         return 0.0, np.zeros(6)
     mean = (weight * share).sum() / total
     by_s = full / total * slope * ((power + 1.0) * weight - power * area * share ** (power - 1) * mean)
-    return full * quad.law[2] * mean, _sum(by_s, by_depth)
-
-
-def _sum(weight: Array, by_depth: Array) -> Array:
-    return np.einsum("kr,kra->a", weight, by_depth)
+    return full * quad.law[2] * mean, np.einsum("kr,kra->a", by_s, by_depth)

@@ -124,10 +124,7 @@ def ray_hits(
     _, gradient, across, along, _, kappa_2 = field(q - step[..., None] * m)
     kappa_1 = kappa_1 if at_start else np.full_like(kappa_1, 1.0 / patch.tube_radius)
 
-    def to_chart(vector: Array) -> Array:
-        return np.asarray(np.einsum("...ij,...j->...i", R, vector))
-
-    G, G_start, across, along = (to_chart(vector) for vector in (gradient, start, across, along))
+    G, G_start, across, along = (np.einsum("...ij,...j->...i", R, w) for w in (gradient, start, across, along))
     x = c - step[..., None] * N
     return RayHits(c, N, length, g, step * length, x, G, G_start, across, along, kappa_1, kappa_2, number)
 
