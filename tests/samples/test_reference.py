@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from casadi_contact.contact.continuity import leaps, unstable_equilibria
+from casadi_contact.contact.continuity import Motion, leaps
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.settle import settle
 from casadi_contact.core.conventions import rotation
@@ -153,4 +153,5 @@ def test_frames_that_settle_in_another_place_than_their_neighbours_are_followed_
     assert found.converged.all()
     assert not leaps(poses).any()
     np.testing.assert_allclose(model(poses)[:, :2], np.column_stack(list(loads.values())), atol=1e-2)
-    assert not unstable_equilibria(model, ("tx", "ty"), ("Fx", "Fy"), poses).any()
+    motion = Motion(model, ("tx", "ty"), loads, np.full(count, 1e-3), found.converged[0])
+    assert not motion.unstable(poses).any()
