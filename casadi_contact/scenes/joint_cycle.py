@@ -23,7 +23,7 @@ from casadi_contact.core.conventions import POSE_NAMES, Array, possible_loads
 from casadi_contact.core.files.reading import short
 from casadi_contact.core.quantities import quantity
 from casadi_contact.scenes.columns import TextColumns, check_reach, checked_curves, write_columns
-from casadi_contact.scenes.load_cycle import OverTime
+from casadi_contact.scenes.load_cycle import OverTime, check_centre
 from casadi_contact.scenes.opensim import UNITS
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.checks import fail, number, numbers, table_of
@@ -53,6 +53,7 @@ class JointCycle(OverTime):
         if not self.loads:
             raise ValueError(f"cycle {self.name} has no load, expected those that hold the pose")
         check_reach(f"cycle {self.name}", {**self.pose, **self.centres})
+        check_centre(self.name, self.estimation_targets())
 
     def measured_pose(self) -> Mapping[str, Array]:
         """The measured pose parameters."""

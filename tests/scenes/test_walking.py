@@ -1,5 +1,7 @@
 """Measured cycles and the built-in reference motion."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -65,3 +67,19 @@ def test_the_mean_cycle_is_that_of_the_measured_cycles():
         measured = read_cycle(shared_file(f"data/jw/og{k}_loads.csv"))
         off = np.interp(mean.percent, measured.percent, measured.fy_med) - mean.fy_med
         assert np.sqrt(np.mean(off**2)) < 150.0
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        (lambda c: {"cop_ml_mm": 0.1 * c.cop_ml_mm}, "unit cm"),
+        (lambda c: {"cop_ml_mm": 0.001 * c.cop_ml_mm}, "unit m"),
+        (lambda c: {"cop_ml_mm": -c.cop_ml_mm}, "sign"),
+        (lambda c: {"fy_med": c.fy_lat, "fy_lat": c.fy_med}, "sides"),
+    ],
+)
+def test_a_centre_of_pressure_that_contradicts_the_forces_is_refused(changed, said):
+    cycle = reference_cycle()
+    with pytest.raises(ValueError, match=said):
+        replace(cycle, **changed(cycle))
+    assert replace(cycle, cop_ml_mm=cycle.cop_ml_mm + 8.0).cop_ml_mm.max() > 8.0, "another origin is allowed"
