@@ -28,8 +28,8 @@ _PULL_N = 1e-9
 class WrenchModel(Protocol):
     """The model that samples are evaluated on.
 
-    Optional: gaps(poses) and at_edge(poses), both (n, patches); for patches in several parts also
-    part_wrenches(poses) (n, parts, 6) and part_gaps(poses) (n, parts).
+    Optional: gaps(poses) and at_edge(poses), both (n, patches), and edge_share(poses) (n,); for patches in several
+    parts also part_wrenches(poses) (n, parts, 6) and part_gaps(poses) (n, parts).
     """
 
     def wrenches(self, poses: Array) -> Array:
@@ -114,9 +114,9 @@ def draw_chunk(
 ) -> DrawnChunk:
     """Settle, lift off (D4, D5), evaluate and check the samples of one chunk."""
     drawn, scene = _settled(settle_model, chunk, settings), settle_model.scene
-    if hasattr(teacher, "at_edge") and len(drawn.poses):  # first: ten times faster than loads and gaps
-        edge = np.asarray(teacher.at_edge(drawn.poses).any(axis=1))
-        drawn.drop(np.where(edge, "contact reaches the edge of the elements", ""))
+    if len(drawn.poses):
+        beyond = edge_share(teacher, drawn.poses) > settings.most_edge_share
+        drawn.drop(np.where(beyond, "load at the edge of the elements", ""))
     wrenches, gaps = (of(teacher, drawn.poses, len(scene.parts)) for of in (part_wrenches, part_gaps))
     lifted = {"D4": [chunk.lifted], "D5": list(range(len(scene.first_parts)))}.get(DOMAINS[chunk.domain - 1], [])
     touching = np.logical_or.reduceat((wrenches != 0.0).any(axis=2), scene.first_parts, axis=1)[:, lifted].any(axis=1)
@@ -164,6 +164,13 @@ def _raised(model: ContactModel, poses: Array, settings: SamplingSettings) -> Ar
     rng = np.random.default_rng([settings.seed, DOMAINS.index("D5")])
     gaps = rng.uniform(0.0, settings.liftoff_mm, (len(poses) * steps, len(scene.normal_loads)))
     return lift_each(model, np.repeat(poses, steps, axis=0), gaps).reshape(len(poses), steps, 6)
+
+
+def edge_share(teacher: WrenchModel, poses: Array) -> Array:
+    """Share of the load (n,) at the elements' edges: the model's edge_share, else 1 where contact is at_edge."""
+    if hasattr(teacher, "edge_share"):
+        return np.asarray(teacher.edge_share(poses))
+    return teacher.at_edge(poses).any(axis=1).astype(float) if hasattr(teacher, "at_edge") else np.zeros(len(poses))
 
 
 def part_wrenches(teacher: WrenchModel, poses: Array, parts: int) -> Array:

@@ -6,8 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-import numpy as np
-
 from casadi_contact import __version__
 from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.contact.choice import foundation
@@ -36,9 +34,9 @@ class WithinElements:
         """Those of the cells (n, patches, 6)."""
         return self.model.wrenches(poses)
 
-    def at_edge(self, poses: Array) -> np.ndarray:
-        """True (n, patches) where contact reaches the outermost elements."""
-        return self.elements.at_edge(poses)
+    def edge_share(self, poses: Array) -> Array:
+        """Share of the load (n,) at the edges of the elements."""
+        return self.elements.edge_share(poses)
 
     def __getattr__(self, name: str) -> Any:
         """All else is that of the cells: gaps, part_wrenches, part_gaps, record."""

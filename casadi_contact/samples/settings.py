@@ -22,7 +22,8 @@ _RANGES: dict[str, tuple[float, float]] = {
     **{"seed": (0, 2**63 - 1), "frames": (2, 10_000), "liftoff_steps": (1, 1000), "chunk_size": (1, 100_000)},
     **{"scale": (1e-6, MOST_SAMPLES), "liftoff_mm": (1e-3, 1e3), "settle_tolerance_n": (1e-9, 1e6)},
     **dict.fromkeys(("d1_fraction", "d1_offset", "d2_fraction", "d2_offset", "d3_fraction"), (0.0, 1e3)),
-    **{"most_dropped": (0.0, 1.0), "test_fraction": (0.0, 0.5), "validation_fraction": (0.0, 0.5)},
+    **{"most_dropped": (0.0, 1.0), "most_edge_share": (0.0, 1.0)},
+    **{"test_fraction": (0.0, 0.5), "validation_fraction": (0.0, 0.5)},
 }
 
 
@@ -87,6 +88,7 @@ class SamplingSettings:
     the envelopes to D1, likewise D2; d3_fraction expands the extremes; d3_minimum_widths: least width of D3 in an
     input [mm, rad or N]; fixed_offsets: an input's offset in D1 and in D2 [mm, rad or N], whatever its curves (ry is
     known from a single curve: 1.1° and 3.4°); settle_tolerance_n: largest force error of a static analysis;
+    most_edge_share: of a sample's load, at the edges of the elements; poses with more of it become no samples;
     most_dropped: share of a domain's plan that may become no samples; inputs: sample-point inputs, the scene's if
     empty; reach: ranges (low, high) of all inputs [mm, rad, N] of the plan `reach` (see `domains`).
     """
@@ -109,6 +111,7 @@ class SamplingSettings:
     settle_grid: tuple[int, int] = (40, 30)
     teacher_grid: tuple[int, int] = (80, 40)
     settle_tolerance_n: float = 1e-3
+    most_edge_share: float = 0.2
     chunk_size: int = 500
     most_dropped: float = 0.3
     inputs: tuple[str, ...] = ()

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 import casadi_contact as cc
 from casadi_contact.contact.cells.basis import Cells
+from casadi_contact.contact.elements.foundation import pressed_elements
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.scenes.scene import Scene
 from tests.support.ready_poses import CASES, at, in_cup, pole, walking
@@ -128,7 +129,19 @@ def test_root_loads_are_continuous_through_liftoff_with_their_slopes():
 def test_contact_at_the_edge_of_the_elements_is_seen():
     scene = cc.load_scene("sphere_on_plane")
     poses = np.vstack([at(29.9), at(29.9, tx=11.9), at(30.1, tx=12.0), at(29.9, tz=-11.95)])
-    assert cc.ElasticFoundation(scene).at_edge(poses)[:, 0].tolist() == [False, True, False, True]
+    model = cc.ElasticFoundation(scene)
+    assert model.at_edge(poses)[:, 0].tolist() == [False, True, False, True]
+
+
+def test_the_load_at_an_edge_is_that_within_a_millimetre_of_it():
+    """Deep in a plane of ±12 mm, a ball that comes to the edge has an ever larger share of its load there."""
+    model = cc.ElasticFoundation(cc.load_scene("sphere_on_plane"), (230, 230))
+    poses = np.vstack([at(29.9, tx=x) for x in (8.0, 10.0, 12.0, 14.0, 20.0)])
+    share = model.edge_share(poses)
+    assert share[0] == share[-1] == 0.0 < share[1] < share[2] < 0.99 < share[3]
+    points, forces = pressed_elements(model, poses[2])
+    assert share[2] == pytest.approx(forces[points[:, 0] > 12.0 - 1.05].sum() / forces.sum(), rel=0.02)
+    np.testing.assert_allclose(model.edge_wrenches(poses)[3], model.wrenches(poses)[3], atol=1e-9)
 
 
 def test_a_users_own_callable_is_a_contact_model():
@@ -174,7 +187,7 @@ def test_a_deep_cup_gives_the_integral_over_its_cap(hip):
     area = 2.0 * np.pi * cup**2
     integral = quad(lambda t: depth(t) * np.cos(t) * np.sin(t), 0.0, 1.0, limit=200, points=[np.arccos(0.4 / e)])[0]
     want = area * modulus / material.thickness * integral
-    got = cc.ElasticFoundation(hip.scene, (240, 240))(in_cup(hip.scene, e * pole(hip.scene)))[0, :3]
+    got = cc.ElasticFoundation(hip.scene, (230, 230))(in_cup(hip.scene, e * pole(hip.scene)))[0, :3]
     np.testing.assert_allclose(np.linalg.norm(got), want, rtol=1e-3)
 
 

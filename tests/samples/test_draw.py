@@ -107,7 +107,7 @@ def test_samples_whose_contact_reaches_the_edge_are_dropped_and_no_others(sample
     np.testing.assert_array_equal(kept.dropped.poses, samples.poses[edge])
     counts = {f"D{k}": int((edge & (samples.domain == k)).sum()) for k in range(1, 8)}
     assert kept.provenance["dropped"] == {
-        domain: {"contact reaches the edge of the elements": count} for domain, count in counts.items() if count
+        domain: {"load at the edge of the elements": count} for domain, count in counts.items() if count
     }
 
 

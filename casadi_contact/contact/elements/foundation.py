@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from casadi_contact.contact.elements.loops import element_depths, gap_many, point_distances, wrench_many
 from casadi_contact.contact.foundation_source import C_FOLDER, C_LAWS, law_source
@@ -19,13 +20,15 @@ from casadi_contact.core.compiler import CompilerError, shared_library
 from casadi_contact.core.conventions import Array, as_poses, batched, rotation, twist_to_pose_gradient
 from casadi_contact.core.threads import call_in_shares, in_shares
 from casadi_contact.geometry.creases import beside_creases, creases
-from casadi_contact.geometry.elements import BLOCK_SIDE, ElementGrid
+from casadi_contact.geometry.elements import BLOCK_SIDE, ElementGrid, scattered_elements
 from casadi_contact.geometry.moving_surface import SWEPT_ARCS, MovingSurface
 from casadi_contact.networks.kernel.source import c_text
 from casadi_contact.scenes.material import Material
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.checks import grid_size
 from casadi_contact.scenes.shapes.mesh_bodies import body_mesh, field_spacing
+
+EDGE_MM = 1.0  # from the outermost elements
 
 
 def grid_text(grid: tuple[int, int]) -> str:
@@ -171,6 +174,21 @@ class ElasticFoundation(WrenchLoads):
         ]
         return np.array(touched, dtype=bool).reshape(len(poses), len(self._patches))
 
+    @batched
+    def edge_wrenches(self, poses: Array) -> Array:
+        """What of the patches' wrenches (n, patches, 6) elements carry that are outermost, or within 1 mm of those: as
+        much may lie beyond them."""
+        return self._evaluate(self._edge_patches, poses, derivatives=False)[0]
+
+    @batched
+    def edge_share(self, poses: Array) -> Array:
+        """Share (n,) of the patches' forces, by size, that `edge_wrenches` hold; 0 out of contact."""
+        edge, whole = (
+            np.linalg.norm(wrenches[..., :3], axis=2).sum(axis=1)
+            for wrenches in (self.edge_wrenches(poses), self.wrenches(poses))
+        )
+        return np.asarray(np.divide(edge, whole, where=whole > 0.0, out=np.zeros(len(poses))))
+
     def pressure_maps(self, pose: Array) -> list[PressureMap]:
         """Pressure of every element in one pose (6,), patch by patch."""
         (position,) = as_poses([pose])
@@ -201,6 +219,16 @@ class ElasticFoundation(WrenchLoads):
         R, t = rotation(pose[3:]), pose[:3].copy()
         for surface, elements, *_ in self._patches:
             yield elements, element_depths(surface.family, surface.parameters, elements, R, t)
+
+    @cached_property
+    def _edge_patches(self) -> list[PatchElements]:
+        """The patches' beds, of elements at an edge alone."""
+        beds = []
+        for (surface, elements, *_), edge in zip(self._patches, self._edges, strict=True):
+            near = cKDTree(edge).query(elements[0])[0] <= EDGE_MM if len(edge) else np.zeros(len(elements[0]), bool)
+            at_edge = scattered_elements(*(values[near] for values in elements[:3]), np.zeros(int(near.sum()), bool))
+            beds.append(PatchElements.of(surface, at_edge, None))
+        return beds
 
     @cached_property
     def _parts(self) -> list[PatchElements]:
