@@ -225,8 +225,9 @@ class ElasticFoundation(WrenchLoads):
         """The patches' beds, of elements at an edge alone."""
         beds = []
         for (surface, elements, *_), edge in zip(self._patches, self._edges, strict=True):
-            near = cKDTree(edge).query(elements[0])[0] <= EDGE_MM if len(edge) else np.zeros(len(elements[0]), bool)
-            at_edge = scattered_elements(*(values[near] for values in elements[:3]), np.zeros(int(near.sum()), bool))
+            centres, normals, areas = elements[:3]
+            near = cKDTree(edge).query(centres)[0] <= EDGE_MM if len(edge) else np.zeros(len(centres), dtype=bool)
+            at_edge = scattered_elements(centres[near], normals[near], areas[near], near[near])
             beds.append(PatchElements.of(surface, at_edge, None))
         return beds
 
