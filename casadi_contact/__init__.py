@@ -35,6 +35,7 @@ __all__ = [
     "load_assembly",
     "load_scene",
     "load_surrogate",
+    "opensim",
     "refine",
     "relax",
     "sensitive_directions",
@@ -70,6 +71,7 @@ if TYPE_CHECKING:
     from casadi_contact.optimisation.settled_function import settled_function
     from casadi_contact.optimisation.static_equilibrium import StaticEquilibrium
     from casadi_contact.optimisation.verification import verify
+    from casadi_contact.scenes import opensim
     from casadi_contact.scenes.loading import load_scene
     from casadi_contact.scenes.scene import Scene
     from casadi_contact.surrogate.load import load_surrogate
@@ -102,6 +104,7 @@ else:
         "load_assembly": "optimisation.assembly.file",
         "load_scene": "scenes.loading",
         "load_surrogate": "surrogate.load",
+        "opensim": "scenes.opensim",
         "refine": "workflow.refine",
         "relax": "contact.relax",
         "sensitive_directions": "contact.model_checks",
@@ -116,7 +119,8 @@ else:
 
         if name not in _HOME:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        globals()[name] = value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+        module = import_module(f"{__name__}.{_HOME[name]}")
+        globals()[name] = value = getattr(module, name, module)  # opensim is a module itself
         return value
 
     def __dir__() -> list[str]:

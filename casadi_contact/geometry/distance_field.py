@@ -17,14 +17,19 @@ at both ends and so between them. The elastic foundation skips elements by this 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import hashlib
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import astuple, dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy import ndimage
 
 from casadi_contact.core.compilation import njit
+from casadi_contact.core.compiler import cache_folder
 from casadi_contact.core.conventions import Array
+from casadi_contact.core.files.writing import replacing
 from casadi_contact.geometry.smooth_surface import SmoothSurface
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 
@@ -66,6 +71,46 @@ class DistanceField:
         """Distances (n,) [mm] and gradients (n, 3) at points (n, 3)."""
         values = field_distances(self.parameters, np.ascontiguousarray(points_mm, dtype=float))
         return values[:, 0], values[:, 1:]
+
+
+def kept_field(
+    mesh: TriangleMesh,
+    spacing_mm: float,
+    surface: Callable[[], SmoothSurface],
+    *,
+    least_bytes: int = 4_000_000,
+    most_bytes: int = 4_000_000_000,
+) -> DistanceField:
+    """`build_field`, kept in the cache folder, since a fine one takes half a minute. What is not whole is made again.
+
+    A file holds the SHA-256 of the numbers behind it; its name is that of mesh, spacing and this room's code.
+    least_bytes: of a field that is kept; most_bytes: of all that are kept, the latest.
+    """
+    digest = hashlib.sha256(repr((spacing_mm, mesh.dropped)).encode())
+    for array in (mesh.vertices_mm, mesh.faces, mesh.slivers):
+        digest.update(np.ascontiguousarray(array).data)
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    folder = cache_folder()
+    path = folder / f"field-{digest.hexdigest()[:32]}.bin"
+    with suppress(OSError, ValueError):
+        numbers = np.fromfile(path)
+        if hashlib.sha256(numbers[4:].data).digest() == numbers[:4].tobytes():
+            rms, largest, dropped, edges = numbers[4:8]
+            return DistanceField(numbers[8:], FieldFit(rms, largest, int(dropped), int(edges)))
+    field = build_field(mesh, spacing_mm, surface())
+    if field.parameters.nbytes >= least_bytes:
+        numbers = np.concatenate([astuple(field.fit), field.parameters])
+        with suppress(OSError):
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            with replacing(path) as beside, beside.open("wb") as file:
+                file.write(hashlib.sha256(numbers.data).digest())
+                numbers.tofile(file)
+            latest = sorted(folder.glob("field-*.bin"), key=lambda each: -each.stat().st_mtime)
+            sizes = np.cumsum([each.stat().st_size for each in latest])
+            for each in np.array(latest)[sizes > most_bytes]:
+                each.unlink()
+    return field
 
 
 def build_field(

@@ -236,7 +236,7 @@ def _angles(low: float, high: float) -> np.ndarray:
 
 
 _TURNS = {"rx": "Ab-/adduction", "ry": "Axial rotation", "rz": "Flexion"}
-_RIGHT_HANDED = {"rx": ("−", "+"), "ry": ("−", "+"), "rz": ("flexed", "extended")}
+_RIGHT_HANDED = {"rx": ("−", "+"), "ry": ("−", "+"), "rz": ("flexed", "hyperextended")}
 _EYE_SHARES = (0.62, 0.75, 0.25)  # towards the viewer of the map, its top, its right: where the eye is at first
 _DISTANCE = 4.4  # of the eye, in half extents of the fixed surface
 _LIFT = 0.06  # of what the eye looks at above the surface's middle, in distances
@@ -244,7 +244,7 @@ _LIFT = 0.06  # of what the eye looks at above the surface's middle, in distance
 
 def map_view(model: ElasticFoundation, points_mm: Array) -> dict[str, Any]:
     """Directions to the right, up and towards the viewer of the pressure map of fixed points (m, 3), with their names,
-    the points' bounds along them [mm], and the first eye.
+    the points' bounds along them [mm], the axes that sections lie across and their signs, and the first eye.
 
     A surface that is pressed from above or below is shown with anterior up, any other with superior up.
     """
@@ -259,14 +259,16 @@ def map_view(model: ElasticFoundation, points_mm: Array) -> dict[str, Any]:
     axes = np.stack([right, up, toward])
     bounds = np.stack([(points_mm @ axes.T).min(axis=0), (points_mm @ axes.T).max(axis=0)], 1)
     distance = _DISTANCE * 0.5 * float(np.linalg.norm(np.ptp(points_mm, axis=0)))
-    positive = up if up[np.abs(up).argmax()] > 0.0 else -up
+    planes = {}
+    for across, way in (("up", up), ("right", right)):
+        sign = 1 if way[np.abs(way).argmax()] > 0.0 else -1
+        planes[across] = [direction_formula(sign * way), sign]
     return {
         "right": right.tolist(),
         "up": up.tolist(),
         "toward": toward.tolist(),
         "names": {way: name(direction) for way, direction in ways.items()},
-        "alongName": direction_formula(positive),
-        "alongSign": 1 if positive is up else -1,
+        "planes": planes,
         "eye": (eye / np.linalg.norm(eye)).tolist(),
         "bounds": bounds.tolist(),
         "target": (bounds.mean(axis=1) @ axes + _LIFT * distance * toward).tolist(),

@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from casadi_contact.geometry.distance_field import build_field
+from casadi_contact.geometry.distance_field import build_field, kept_field
 from casadi_contact.geometry.mesh import checked_mesh
 from casadi_contact.geometry.smooth_surface import SmoothSurface
 from casadi_contact.geometry.triangle_mesh import RayCaster
@@ -143,6 +143,25 @@ def test_a_fine_field_is_exact_at_a_thin_shell_and_beside_it():
         beside = [field(radius * away)[0] - abs(radius - 10.5) + 0.5 for radius in (7.5, 8.5, 9.0, 12.0, 13.0)]
         assert np.abs(beside).max() < 5e-3
     assert off[0.17] < 2e-3 < 8e-3 < off[0.4]
+
+
+def test_a_field_is_made_once_and_again_where_its_file_is_damaged(tmp_path, monkeypatch):
+    monkeypatch.setenv("CASADI_CONTACT_CACHE", str(tmp_path / "cache"))
+    mesh, asked = checked_mesh("t", *TETRAHEDRON), []
+
+    def surface():
+        asked.append(mesh)
+        return SmoothSurface(mesh)
+
+    first = kept_field(mesh, 1.0, surface, least_bytes=0)
+    (file,) = (tmp_path / "cache").iterdir()
+    for damage, made in ((lambda content: content, 1), (lambda content: content[:-8], 2), (lambda _: b"", 3)):
+        file.write_bytes(damage(file.read_bytes()))
+        again = kept_field(mesh, 1.0, surface, least_bytes=0)
+        np.testing.assert_array_equal(again.parameters, first.parameters)
+        assert (again.fit, len(asked)) == (first.fit, made)
+    kept_field(mesh, 1.4, surface, least_bytes=0, most_bytes=file.stat().st_size)
+    assert [each != file for each in file.parent.iterdir()] == [True], "the latest alone has room"
 
 
 def test_triangles_that_are_halved_stay_joined_and_keep_their_area():

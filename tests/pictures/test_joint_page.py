@@ -185,6 +185,16 @@ def test_loads_that_pull_are_not_settled_and_the_page_says_so(knee):
     knee.tab.fill("#target-Fy_med", "300")
     knee.tab.click("#settle button")
     assert "no equilibrium" in knee.tab.inner_text("#settled")
+    knee.go(knee.poses[0].tolist())
+    assert knee.tab.inner_text("#settled") == "", "it was of another pose"
+    knee.ask("joint.settle(Array.from(joint.state.contact).slice(0, 2))")
+    assert "outside" not in knee.tab.inner_text("#settled")
+
+
+def test_the_page_is_as_wide_as_a_phone(knee):
+    knee.tab.set_viewport_size({"width": 420, "height": 800})
+    assert knee.ask("document.documentElement.scrollWidth") == 420
+    knee.tab.set_viewport_size({"width": 1280, "height": 800})
 
 
 def test_the_scrubber_plays_stops_and_is_at_the_frame_that_a_button_leads_to(knee):
@@ -209,6 +219,7 @@ def test_the_map_paints_the_area_in_contact(knee):
       const drawn = map.canvas.getContext("2d").getImageData(0, 0, map.canvas.width, map.canvas.height).data;
       return drawn.filter((value, i) => i % 4 === 2 && value !== bare[i]).length / (one - origin) ** 2;
     }"""
+    knee.tab.set_viewport_size({"width": 1920, "height": 1000})
     area = knee.contact.summary(np.array(knee.ask("joint.pose"))[None]).area_mm2.sum()
     assert knee.ask(code) == pytest.approx(area, rel=0.2)
 

@@ -5,7 +5,7 @@ export function readable(value) {
   if (!Number.isFinite(value)) return "–";
   const size = Math.abs(value);
   const digits = size >= 100 ? 0 : size >= 10 ? 1 : size >= 1 ? 2 : 3;
-  const text = value.toFixed(digits);
+  const text = size < 1e6 ? value.toFixed(digits) : value.toExponential(1);
   return Number(text) === 0 ? "0" : text.replace("-", "−");
 }
 

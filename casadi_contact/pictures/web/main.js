@@ -5,7 +5,7 @@ import { readable, say } from "./format.js";
 import { loadModels, unpack } from "./kernel.js";
 import { dot } from "./linear.js";
 import { PressureMap } from "./map.js";
-import { LoadsPanel } from "./panel.js";
+import { LEARNED, LoadsPanel } from "./panel.js";
 import { csvOf, download, optiOf, stoOf } from "./save.js";
 import { Bodies } from "./scene.js";
 import { Section } from "./section.js";
@@ -57,7 +57,7 @@ class Page {
     if (gl) this.bodies = new Bodies(gl, content, surfaces, behind, moving);
     else byId("scene").parentElement.append(trouble("The bodies are not drawn: got no WebGL 2, expected a browser that allows it; the numbers hold all the same, and another browser, or hardware acceleration in this one's settings, draws them."));
     this.map = new PressureMap(byId("map"), content, surfaces);
-    this.section = new Section(byId("section"), content, surfaces, behind, moving);
+    this.sections = ["up", "right"].map((across) => new Section(byId(`section-${across}`), content, across, surfaces, behind, moving));
     const curves = content.sensitive.map((name) => {
       const k = content.loads.findIndex((load) => load.name === name);
       return { name, values: this.frameLoads.map((row) => row[k]) };
@@ -78,6 +78,7 @@ class Page {
   go(pose, frame = null) {
     this.pose = Array.from(pose);
     this.frame = frame;
+    byId("settled").textContent = ""; // of the pose before
     this.state = evaluated(this.models, this.content, this.pose);
     this.later ??= requestAnimationFrame(() => {
       this.later = null;
@@ -92,21 +93,18 @@ class Page {
     this.bodies?.show(this.pose, pressures, largest);
     this.moveSliders(this.pose);
     this.map.draw(pressures, largest, contacts, this.trail);
-    const at = this.planeAt(contacts);
-    this.section.draw(this.pose, at);
-    say(byId("cut"), `section at ${this.content.view.alongName} = ${readable(this.content.view.alongSign * at)} mm, through the centre of pressure`);
+    const { centre } = contacts.reduce((most, each) => (each.force > most.force ? each : most));
+    for (const section of this.sections) {
+      const [name, sign] = this.content.view.planes[section.across];
+      const at = dot(this.content.view[section.across], centre ?? this.content.view.target);
+      section.draw(this.pose, at);
+      say(byId(`cut-${section.across}`), `section at ${name} = ${readable(sign * at)} mm`);
+    }
     const figures = contacts.map(({ area, peak }, patch) =>
       `${this.content.patches[patch].title}: ${area > 0 ? `peak ${readable(peak)} MPa, ${readable(area)} mm²` : "no contact"}`);
     say(byId("figures"), figures.join("\n"));
     this.panel.draw(this.state);
     this.timeline.draw(this.frame !== null);
-  }
-
-  /** Where the section lies along the map's upward direction: at the centre of all pressure, or in the middle. */
-  planeAt(contacts) {
-    const total = contacts.reduce((sum, { force }) => sum + force, 0);
-    if (!(total > 0)) return dot(this.content.view.up, this.content.view.target);
-    return contacts.reduce((sum, { force, centre }) => sum + (centre ? force * dot(this.content.view.up, centre) : 0), 0) / total;
   }
 
   settle(wanted) {
@@ -116,7 +114,7 @@ class Page {
     if (found.converged) this.wanted = wanted; // what the saved Python asks for can be met
     this.go(found.pose);
     byId("settled").textContent = found.converged
-      ? `settled in ${found.steps} steps`
+      ? `settled in ${found.steps} steps${this.state.validity < LEARNED ? ", outside what was learned" : ""}`
       : `no equilibrium near here: off by ${readable(found.misfit)} N`;
   }
 
@@ -148,8 +146,7 @@ function giveUp(error) {
 
 async function begin() {
   const arrays = await unpack(content.arrays, byId("arrays").textContent);
-  const library = new TextDecoder().decode(arrays.library);
-  document.head.append(Object.assign(document.createElement("script"), { textContent: library }));
+  document.head.append(Object.assign(document.createElement("script"), { textContent: new TextDecoder().decode(arrays.library) }));
   const triangles = (name) => ({
     points: arrays[`${name}_points`],
     normals: arrays[`${name}_normals`],

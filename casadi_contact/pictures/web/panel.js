@@ -3,7 +3,7 @@
 import { readable, say } from "./format.js";
 
 const VALID = 0.9;
-const LEARNED = 0.5;
+export const LEARNED = 0.5;
 
 export class LoadsPanel {
   constructor(content, hasSurrogate) {

@@ -25,14 +25,17 @@ export function cut({ points, corners }, heightOf, height, axes) {
 }
 
 export class Section {
-  constructor(canvas, content, fixed, behind, moving) {
-    Object.assign(this, { canvas, view: content.view, moving });
-    this.fixed = [...fixed, behind].map((part) => ({ part, of: heights(this.view.up, part.points) }));
+  /** across: the map's direction that the plane is normal to, "up" or "right". */
+  constructor(canvas, { view }, across, fixed, behind, moving) {
+    const [along, names] = across === "up" ? [0, ["left", "right"]] : [1, ["bottom", "top"]];
+    Object.assign(this, { canvas, view, across, moving, bounds: [view.bounds[along], view.bounds[2]], names });
+    this.fixed = [...fixed, behind].map((part) => ({ part, of: heights(view[across], part.points) }));
   }
 
-  /** The plane across the patches at `at` [mm] along the map's upward direction. */
+  /** The plane at `at` [mm] along its normal. */
   draw(pose, at) {
-    const { right, up, toward } = this.view;
+    const { [this.across]: up, toward } = this.view;
+    const right = this.view[this.across === "up" ? "right" : "up"];
     const { context, width, height } = cleared(this.canvas);
     const place = this.placed(width, height);
     const R = rotation(pose);
@@ -49,11 +52,11 @@ export class Section {
     context.strokeStyle = ACCENT;
     for (const ends of moved) line(context, ends.map(place));
     context.restore();
-    write(context, FAINT, [[this.view.names.left, "left", 10, 14], [this.view.names.right, "right", width - 10, 14]]);
+    write(context, FAINT, this.names.map((way, i) => [this.view.names[way], i ? "right" : "left", i ? width - 10 : 10, 14]));
   }
 
   placed(width, height) {
-    const [[left, end], , [low, high]] = this.view.bounds;
+    const [[left, end], [low, high]] = this.bounds;
     const factor = Math.min((width - 40) / (end - left), (height - 36) / (high - low + 4 * MARGIN_MM));
     return ([x, y]) => [0.5 * width + factor * (x - 0.5 * (left + end)), 0.56 * height - factor * (y - 0.5 * (low + high))];
   }

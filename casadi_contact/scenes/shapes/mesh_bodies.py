@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.geometry.distance_field import DistanceField, build_field
+from casadi_contact.geometry.distance_field import DistanceField, kept_field
 from casadi_contact.geometry.elements import Cells
 from casadi_contact.geometry.mesh import FILE_AXES, Placement, file_digest, load_mesh
 from casadi_contact.geometry.mesh_checks import Box
@@ -53,7 +53,7 @@ def body_mesh(geometry: Geometry, body: str) -> TriangleMesh:
 
 def body_field(geometry: Geometry, body: str) -> DistanceField:
     """The signed distance from the body's smooth surface, in the body's own frame; its `fit` says how good it is."""
-    return _field(body_mesh(geometry, body), field_spacing(geometry, body), body_surface(geometry, body))
+    return _field(body_mesh(geometry, body), field_spacing(geometry, body))
 
 
 def field_spacing(geometry: Geometry, body: str) -> float:
@@ -161,7 +161,12 @@ def _mesh(source: _Source) -> TriangleMesh:
     return mesh.part(outer)
 
 
-_surface, _field = lru_cache(maxsize=4)(SmoothSurface), lru_cache(maxsize=4)(build_field)
+_surface = lru_cache(maxsize=4)(SmoothSurface)
+
+
+@lru_cache(maxsize=4)
+def _field(mesh: TriangleMesh, spacing_mm: float) -> DistanceField:
+    return kept_field(mesh, spacing_mm, partial(_surface, mesh))
 
 
 def patch_mesh(geometry: Geometry, patch: str, *, reaching: bool = False) -> TriangleMesh:
