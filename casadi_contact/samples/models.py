@@ -58,7 +58,19 @@ def foundations(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel,
     return model, WithinElements(model, ElasticFoundation(scene, settings.teacher_grid))
 
 
-MODELS: dict[str, ModelPair] = {"elements": elastic_foundations, "foundation": foundations}
+def finite_elements(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
+    """The scene's `cc.FiniteElements`, likewise."""
+    from casadi_contact.contact.finite_elements.model import FiniteElements  # needs the extra `fem`
+
+    model = FiniteElements(scene)
+    return model, model
+
+
+MODELS: dict[str, ModelPair] = {
+    "elements": elastic_foundations,
+    "foundation": foundations,
+    "finite-elements": finite_elements,
+}
 
 
 class DrawnModel(ContactModel, WrenchModel, Protocol):

@@ -161,18 +161,18 @@ def _shape_functions(element: Element, order: int) -> tuple[Array, Array, Array]
 
 def _compliance(stiffness: csr_matrix, pressed: csr_matrix, cuts: np.ndarray) -> Array:
     """Pᵀ·K⁻¹·P for a symmetric K that is tridiagonal in blocks between the cuts: with K = L·Lᵀ, the sum over the
-    blocks of L⁻¹P of YᵀY."""
+    blocks of L⁻¹P of YᵀY. Columns of P come in the order of the rows that they press: later ones are zero in Y."""
     total = np.zeros((pressed.shape[1],) * 2)
     factor = solved = np.empty((0, 0))
     before = slice(0, 0)
     for start, end in itertools.pairwise(cuts):
-        here = slice(start, end)
-        diagonal, right = stiffness[here, here].toarray(), pressed[here].toarray()
+        here, count = slice(start, end), int(pressed[:end].indices.max()) + 1
+        diagonal, right = stiffness[here, here].toarray(), pressed[here, :count].toarray()
         if len(factor):
             beside = solve_triangular(factor, stiffness[before, here].toarray(), lower=True, check_finite=False)
             diagonal -= beside.T @ beside
-            right -= beside.T @ solved
+            right[:, : solved.shape[1]] -= beside.T @ solved
         factor = cholesky(diagonal, lower=True, check_finite=False)
         solved, before = solve_triangular(factor, right, lower=True, check_finite=False), here
-        total += solved.T @ solved
+        total[:count, :count] += solved.T @ solved
     return total

@@ -55,23 +55,14 @@ class ElasticBody:
         everywhere = np.zeros(len(z), dtype=bool)  # no node counts as an edge: gaps alone are asked for
         of_parts = [(layer.points_mm, layer.normals, layer.areas_mm2, everywhere, part.z_mm) for part in parts]
         self.part_elements = [PatchElements.of(surface, scattered_elements(*of_part), None) for of_part in of_parts]
-        self._last = np.zeros(len(z), dtype=bool)
 
     def press(self, R: Array, t: Array, reach_mm: float) -> Pressed:
-        """The forces in one pose; the search starts from the nodes that were in contact in the pose before."""
+        """The forces in one pose; nodes farther than reach from the moving body are left out."""
         surface, layer = self.surface, self.layer
         overlaps, by_twist = overlap_many(
             surface.family, surface.parameters, layer.points_mm, layer.normals, R, t, reach_mm
         )
-        near = np.flatnonzero(overlaps > -np.inf)
-        d, C = overlaps[near], layer.compliance[np.ix_(near, near)]
-        overlapping = d > 0.0
-        active = np.zeros(0, dtype=int)
-        if overlapping.any():
-            start = self._last[near] if self._last[near].any() else overlapping
-            active = near[active_set(C, d, start)]
-        self._last[:] = False
-        self._last[active] = True
+        active = np.flatnonzero(active_set(layer.compliance, overlaps))
         if not len(active):
             return Pressed(active, np.zeros(0), np.zeros(0), np.zeros((0, 6)))
         solution = _solved(layer.compliance, active, np.column_stack([overlaps[active], by_twist[active]]))
@@ -84,22 +75,28 @@ def _solved(compliance: Array, active: np.ndarray, right: Array) -> Array:
     return np.asarray(cho_solve(factor, right, check_finite=False))
 
 
-def active_set(compliance: Array, overlaps: Array, start: np.ndarray, most_steps: int = 40) -> np.ndarray:
-    """True (m,) where f > 0 in the solution of f ≥ 0, C·f ≥ d, fᵀ(C·f - d) = 0.
+def active_set(compliance: Array, overlaps: Array, most_steps: int = 40) -> np.ndarray:
+    """True (m,) where f > 0 in the solution of f ≥ 0, C·f ≥ d, fᵀ(C·f - d) = 0; d = -∞ far from the moving body.
 
     Primal-dual active set: with A given, f_A = C_AA⁻¹·d_A; the next A holds those of A with f > 0 and all others with
-    C·f < d. Where this does not end, non-negative least squares of ½|Lᵀf - L⁻¹d|², C = L·Lᵀ, has the same solution.
+    C·f < d. Hertz's contact ends where d is half of its largest, that of a layer farther out: A starts from 0.3.
+    Where this does not end, non-negative least squares of ½|Lᵀf - L⁻¹d|², C = L·Lᵀ, has the same solution.
     """
-    active = start
+    active = overlaps > 0.3 * max(overlaps.max(initial=0.0), 0.0)
+    if not active.any():
+        return active
     for _ in range(most_steps):
-        forces = np.zeros(len(overlaps))
-        forces[active] = _solved(compliance, np.flatnonzero(active), overlaps[active])
-        following = np.where(active, forces > 0.0, compliance[:, active] @ forces[active] < overlaps)
+        nodes = np.flatnonzero(active)
+        rows, forces = compliance[nodes], _solved(compliance, nodes, overlaps[nodes])
+        following = forces @ rows < overlaps
+        following[nodes] = forces > 0.0
         if (following == active).all():
             return active
         active = following
-    upper = cholesky(compliance)
-    return nnls(upper, np.linalg.solve(upper.T, overlaps))[0] > 0.0
+    near = np.flatnonzero(overlaps > -np.inf)
+    upper, active = cholesky(compliance[np.ix_(near, near)]), np.zeros(len(overlaps), dtype=bool)
+    active[near] = nnls(upper, np.linalg.solve(upper.T, overlaps[near]))[0] > 0.0
+    return active
 
 
 class FiniteElements(WrenchLoads):
