@@ -21,7 +21,7 @@ from casadi_contact.contact.symbolic import SymbolicContact, check_parameters, m
 from casadi_contact.core.compiler import CompilerError, shared_library, warn_once
 from casadi_contact.core.conventions import Array, batched, rotation, twist_to_pose_gradient, wrench_names
 from casadi_contact.core.threads import call_in_shares
-from casadi_contact.networks.functions import as_weights, checked_batch, hessian_function, weighted_hessians
+from casadi_contact.networks.functions import as_weights, hessian_function, weighted_hessians
 from casadi_contact.networks.kernel.source import ExportedModel, c_text, external_function
 from casadi_contact.networks.names import c_name, check_name, name_of_wrenches
 from casadi_contact.scenes.loading import load_scene, ready_scenes
@@ -131,29 +131,14 @@ class CompiledFoundation(WrenchLoads, SymbolicContact, PressureOutputs):
         call_in_shares(self._pressure_library, "foundation_moments", poses, values, jacobian)
         return values, jacobian
 
-    def function(
-        self,
-        loads: Iterable[str] | None = None,
-        name: str = "contact_loads",
-        *,
-        compiled: bool = True,
-        batch: int | None = None,
-        parameters: Iterable[str] = (),
+    def _parametric(
+        self, name: str, loads: Sequence[str], outputs: Sequence[str], compiled: bool, parameters: Iterable[str]
     ) -> ca.Function:
-        """casadi.Function pose (6) -> loads (L) with first and second derivatives; batch: (6 x batch) -> (L x batch).
-
-        Works in ``map`` and in nlpsol. compiled: False for NumPy, whose second derivatives are differences.
-        parameters: some of `parameters.PARAMETERS`, a second input (m) in their order: the layer's material, and where
-        the fixed body lies in the scene's frame, which pose and loads then refer to. Raises ValueError for a load that
-        is not the scene's, for a batch that is no whole number of 1 or more, and like `check_parameters`.
-        """
-        inputs, batch = check_parameters(parameters, self.scene.material), checked_batch(batch)
-        if not inputs:
-            return super().function(loads, name, compiled=compiled, batch=batch)
+        inputs = check_parameters(parameters, self.scene.material)
+        asked = ("loads", "roots") if "roots" in outputs else ("loads",)
         names = wrench_names(self.patch_names)
-        of_patches = self._function(name_of_wrenches(check_name(name)), names, ("loads",), compiled, None)
-        function = parametric_function(name, inputs, self.scene.material, self._rows(loads), of_patches)
-        return function if batch is None else function.map(batch)
+        of_patches = self._function(name_of_wrenches(check_name(name)), names, asked, compiled, None)
+        return parametric_function(name, inputs, self.scene, self._rows(loads), of_patches, outputs)
 
     def _export_name(self) -> str:
         """Of the scene: knee_foundation; with the scene's digest unless it is a ready-made one as it comes."""

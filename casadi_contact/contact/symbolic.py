@@ -25,6 +25,7 @@ from casadi_contact.networks.frames import relative_pose, rotation
 from casadi_contact.networks.functions import ContactFunctions
 from casadi_contact.networks.names import check_name
 from casadi_contact.scenes.material import Material
+from casadi_contact.scenes.scene import Scene
 
 Output = tuple[str, int, Callable[[Array], tuple[Array, Array]]]  # name, rows m, poses -> (n, m), (n, m, 6)
 _KEPT: list[ca.Callback] = []  # CasADi does not keep the Python side of a callback alive
@@ -185,12 +186,18 @@ def check_parameters(parameters: Iterable[str], material: Material) -> tuple[str
 
 
 def parametric_function(
-    name: str, parameters: Sequence[str], material: Material, selection: Array, wrenches: Callable[[ca.MX], ca.MX]
+    name: str,
+    parameters: Sequence[str],
+    scene: Scene,
+    selection: Array,
+    of_patches: ca.Function,
+    outputs: Sequence[str],
 ) -> ca.Function:
-    """Function pose (6), parameters (m) -> loads (L).
+    """Function pose (6), parameters (m) -> outputs, some of "loads" (L) and "roots" (P).
 
-    selection (L, P, 6) picks loads from wrenches(pose) -> (6·P), those of the scene's own material in the fixed body's
-    frame, patch after patch.
+    selection (L, P, 6) picks loads. of_patches: pose (6) -> wrenches (6·P), patch after patch, and for roots signed
+    root loads (P), those of the scene's own material in the fixed body's frame. In contact a root load is that of the
+    normal load N in the scene's frame, s·√(N/N'); out of contact it tells of the gap, which no material changes.
     """
     pose, given = ca.MX.sym("pose", 6), ca.MX.sym("parameters", len(parameters))
     value = dict(zip(parameters, ca.vertsplit(given), strict=True))
@@ -198,12 +205,23 @@ def parametric_function(
     place = ca.vertcat(*(value.get(key, ca.MX(0.0)) for key in PLACEMENT))
     turn, shift = rotation(place[3:]), place[:3]
     met = relative_pose((shift, turn), (pose[:3], rotation(pose[3:]))) if placed else pose
-    found = ca.reshape(wrenches(met), 6, selection.shape[1])
+    own = of_patches.call([met])
+    there = found = ca.reshape(own[0], 6, selection.shape[1])
     if placed:
         force = turn @ found[:3, :]
         found = ca.vertcat(force, turn @ found[3:, :] + ca.skew(shift) @ force)
-    loads = _stiffness_ratio(value, material) * (ca.DM(selection.reshape(len(selection), -1)) @ ca.vec(found))
-    return ca.Function(name, [pose, given], [loads], ["pose", "parameters"], ["loads"])
+    ratio = _stiffness_ratio(value, scene.material)
+    made = {"loads": ratio * (ca.DM(selection.reshape(len(selection), -1)) @ ca.vec(found))}
+    if "roots" in outputs:
+        roots = []
+        for patch, (s, normal) in enumerate(zip(ca.vertsplit(own[1]), scene.normal_loads, strict=True)):
+            grown = ratio
+            if placed and normal.index is not None:
+                before, after = (ca.if_else(s > 0.0, of[normal.index, patch], 1.0) for of in (there, found))
+                grown = ratio * after / before
+            roots.append(s * ca.sqrt(ca.if_else(s > 0.0, grown, 1.0)))
+        made["roots"] = ca.vertcat(*roots)
+    return ca.Function(name, [pose, given], [made[key] for key in outputs], ["pose", "parameters"], list(outputs))
 
 
 def _stiffness_ratio(value: dict[str, ca.MX], material: Material) -> ca.MX:

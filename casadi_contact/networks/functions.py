@@ -38,6 +38,29 @@ class ContactFunctions(ABC):
     ) -> ca.Function:
         """casadi.Function pose (6) -> outputs, some of "loads" and "roots"; batch: number of poses, checked."""
 
+    def _parametric(
+        self, name: str, loads: Sequence[str], outputs: Sequence[str], compiled: bool, parameters: Iterable[str]
+    ) -> ca.Function:
+        """casadi.Function pose (6), parameters (m) -> outputs; ValueError for a model that has no parameters."""
+        raise ValueError(f"{self!r} takes no parameters, expected a foundation (cc.foundation)")
+
+    def _made(
+        self,
+        name: str,
+        loads: Iterable[str] | None,
+        outputs: Sequence[str],
+        compiled: bool,
+        batch: int | None,
+        parameters: Iterable[str],
+    ) -> ca.Function:
+        names, frames = self.check_loads(loads), checked_batch(batch)
+        if "roots" in outputs:
+            self.check_roots()
+        if not parameters:
+            return self._function(name, names if "loads" in outputs else (), outputs, compiled, frames)
+        function = self._parametric(name, names, outputs, compiled, parameters)
+        return function if frames is None else function.map(frames)
+
     def function(
         self,
         loads: Iterable[str] | None = None,
@@ -45,6 +68,7 @@ class ContactFunctions(ABC):
         *,
         compiled: bool = True,
         batch: int | None = None,
+        parameters: Iterable[str] = (),
     ) -> ca.Function:
         """casadi.Function pose (6) -> loads (L) with derivatives; batch: (6 x batch) -> (L x batch), in one call.
 
@@ -53,16 +77,22 @@ class ContactFunctions(ABC):
         and kept in the user's cache folder; where that fails, one warning and the slower form. A kernel has no third
         derivatives, and no file carries it (the library lies in the cache).
         A function of several poses at once has the name ``name_of_frames``.
-        Raises ValueError for an unknown load and for a batch that is no whole number of 1 or more.
+        parameters: of a foundation some of `contact.symbolic.PARAMETERS`, a second input (m) in their order: the
+        layer's material, and where the fixed body lies in the scene's frame, which pose and loads then refer to.
+        Raises ValueError for an unknown load or parameter and for a batch that is no whole number of 1 or more.
         """
-        return self._function(name, self.check_loads(loads), ("loads",), compiled, checked_batch(batch))
+        return self._made(name, loads, ("loads",), compiled, batch, parameters)
 
     def root_function(
-        self, name: str = "contact_roots", *, compiled: bool = True, batch: int | None = None
+        self,
+        name: str = "contact_roots",
+        *,
+        compiled: bool = True,
+        batch: int | None = None,
+        parameters: Iterable[str] = (),
     ) -> ca.Function:
         """casadi.Function pose (6) -> signed root load of every patch (P); the rest as for `function`."""
-        self.check_roots()
-        return self._function(name, (), ("roots",), compiled, checked_batch(batch))
+        return self._made(name, None, ("roots",), compiled, batch, parameters)
 
     def load_and_root_function(
         self,
@@ -71,11 +101,10 @@ class ContactFunctions(ABC):
         *,
         compiled: bool = True,
         batch: int | None = None,
+        parameters: Iterable[str] = (),
     ) -> ca.Function:
-        """casadi.Function pose (6) -> loads (L), roots (P): both for the price of the loads."""
-        names = self.check_loads(loads)
-        self.check_roots()
-        return self._function(name, names, ("loads", "roots"), compiled, checked_batch(batch))
+        """casadi.Function pose (6) -> loads (L), roots (P): both for the price of the loads; as `function`."""
+        return self._made(name, loads, ("loads", "roots"), compiled, batch, parameters)
 
 
 def _empty(name: str, like: ca.MX) -> ca.MX:

@@ -47,7 +47,9 @@ class ContactFrames:
     model: a surrogate, a foundation, or any other contact model, which is called back (`contact.symbolic`).
     locked: pose parameters that do not move, by name: a number, (n,) values or an expression (1, n); all others are
     free, but for those that the scene locks or ties. loads: the named loads that are needed, all if left out. compiled:
-    as for the model's `function`. variable: makes q from its shape, ``MX.sym`` if left out.
+    as for the model's `function`. parameters: of a foundation's material and placement (`contact.symbolic.PARAMETERS`)
+    by name, given likewise; starts are those of the scene's own. variable: makes q from its shape, ``MX.sym`` if left
+    out.
     """
 
     def __init__(
@@ -58,6 +60,7 @@ class ContactFrames:
         locked: Mapping[str, Any] | None = None,
         loads: Iterable[str] | None = None,
         compiled: bool = True,
+        parameters: Mapping[str, Any] | None = None,
         variable: Callable[[int, int], ca.MX] | None = None,
     ) -> None:
         model, space = symbolic(model), model.scene.pose_space
@@ -76,11 +79,16 @@ class ContactFrames:
         self.pose = given  # `PoseSpace.project` as an expression
         if not space.unconstrained:
             self.pose = ca.mtimes(ca.sparsify(ca.DM(space.matrix)), given) + ca.repmat(ca.DM(space.offset), 1, frames)
-        function = model.load_and_root_function(self.load_names, compiled=compiled, batch=frames)
-        self.loads, self.roots = function(self.pose)
+        parameters = parameters or {}
+        function = model.load_and_root_function(self.load_names, compiled=compiled, batch=frames, parameters=parameters)
+        rows = [self._row(*each) for each in parameters.items()]
+        self.loads, self.roots = function.call([self.pose, ca.vertcat(*rows)] if rows else [self.pose])
         self._errors: dict[str, ca.MX] = {}  # of every target that was asked for: what is carried less what was asked
         low, high = (np.tile(bound[self.columns] / self._scales, frames) for bound in pose_bounds(model))
         self.lower, self.upper = low, high
+
+    def __getstate__(self) -> Any:
+        raise TypeError("CasADi's expressions do not pickle: pickle the contact model and poses, and build this anew")
 
     def load(self, name: str) -> ca.MX:
         """A named load (1, n) [N, N·mm]; ValueError for one that was not asked for."""

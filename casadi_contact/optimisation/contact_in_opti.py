@@ -38,8 +38,11 @@ class ContactInOpti(ContactFrames):
         locked: Mapping[str, Any] | None = None,
         loads: Iterable[str] | None = None,
         compiled: bool = True,
+        parameters: Mapping[str, Any] | None = None,
     ) -> None:
-        super().__init__(model, frames, locked=locked, loads=loads, compiled=compiled, variable=opti.variable)
+        super().__init__(
+            model, frames, locked=locked, loads=loads, compiled=compiled, parameters=parameters, variable=opti.variable
+        )
         self._opti, (low, high) = opti, learned_range(self.model)
         for name, value in self._locked.items():
             at = pose_index(name)
@@ -61,6 +64,12 @@ class ContactInOpti(ContactFrames):
         self._opti.subject_to(ca.vec(self.misfit(targets)) / 100.0 == 0.0)
         if not any(isinstance(value, ca.MX) for value in (*targets.values(), *self._locked.values())):
             self.begin(targets)
+
+    def keep(self, least_n: float = 2.5) -> None:
+        """Hold every patch in contact, with a normal load of at least least_n [N], as constraints: a balance that
+        reserve actuators can close may otherwise end, solved, without contact."""
+        root = np.sqrt(least_n / self._scene.reference_load)
+        self._opti.subject_to(ca.vec(self.roots) >= root)
 
     def begin(self, targets: Mapping[str, ArrayLike] | None = None, poses: ArrayLike | None = None) -> None:
         """Set the start: poses (n, 6) or (6,), or the middle of the learned range, settled as `start_poses` does."""

@@ -69,9 +69,13 @@ def knee():
 
 @pytest.mark.parametrize("compiled", [pytest.param(True, marks=needs_compiler), False])
 def test_a_material_given_as_inputs_gives_the_loads_of_the_scene_with_that_material(knee, compiled):
-    f = knee.function(parameters=MATERIAL, compiled=compiled)
+    f = knee.load_and_root_function(parameters=MATERIAL, compiled=compiled)
     other = cc.PolarFoundation(cc.load_scene("knee", **MATERIAL), knee.rays, compiled=False)
-    np.testing.assert_allclose(np.array(f(KNEE, list(MATERIAL.values())))[:, 0], other(np.array(KNEE)), rtol=1e-9)
+    for pose in (np.array(KNEE), np.array(KNEE) + 5.0 * np.eye(6)[1]):
+        for got, expected in zip(
+            f(pose, list(MATERIAL.values())), (other(pose), other.root_loads(pose)[0]), strict=True
+        ):
+            np.testing.assert_allclose(np.array(got)[:, 0], expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize("wrong", [{"youngs_modulus": 0.0}, {"youngs_modulus": -5.0}, {"thickness": 0.0},
@@ -93,8 +97,8 @@ def moved(pose, place):
 
 def test_moving_both_bodies_together_moves_the_loads_with_them(knee):
     place = np.array([3.0, -2.0, 5.0, 0.2, -0.1, 0.3])
-    f = knee.function(parameters=PLACEMENT, compiled=False)
-    loads = np.array(f(moved(KNEE, place), place))[:, 0]
+    f = knee.load_and_root_function(parameters=PLACEMENT, compiled=False)
+    loads, roots = (np.array(part)[:, 0] for part in f(moved(KNEE, place), place))
     got = dict(zip(knee.load_names, loads, strict=True))
     total = knee.wrenches(np.array([KNEE]))[0].sum(axis=0)
     force = rotation(place[3:]) @ total[:3]
@@ -102,13 +106,15 @@ def test_moving_both_bodies_together_moves_the_loads_with_them(knee):
     np.testing.assert_allclose([got["Fx"], got["Fz"]], force[[0, 2]], atol=1e-7)
     assert got["Fy_med"] + got["Fy_lat"] == pytest.approx(force[1], rel=1e-9)
     np.testing.assert_allclose([got["Tx"], got["Ty"], got["Tz"]], torque, atol=1e-5)
+    np.testing.assert_allclose(-knee.scene.reference_load * roots**2, [got["Fy_med"], got["Fy_lat"]], rtol=1e-9)
 
 
 @needs_compiler
-def test_first_and_second_derivatives_by_all_inputs_are_those_of_the_loads(knee):
+@pytest.mark.parametrize("roots", [False, True])
+def test_first_and_second_derivatives_by_all_inputs_are_those_of_the_loads(knee, roots):
     """Against differences; an angle and Poisson's ratio are of another size than the rest."""
     names = [*MATERIAL, *PLACEMENT]
-    f = knee.function(["Fy_med", "Tx"], parameters=names)
+    f = knee.root_function(parameters=names) if roots else knee.function(["Fy_med", "Tx"], parameters=names)
     x, q = ca.MX.sym("x", 6), ca.MX.sym("q", len(names))
     both, total = ca.vertcat(x, q), ca.dot(ca.DM([1.0, 0.05]), f(x, q))
     gradient = ca.Function("gradient", [both], [ca.gradient(total, both)])

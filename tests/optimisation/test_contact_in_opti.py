@@ -1,5 +1,6 @@
 """A contact in the user's own Opti or NLP: wanted loads are found from far away, and misfits are what they say."""
 
+import pickle
 from functools import partial
 
 import casadi as ca
@@ -154,6 +155,22 @@ def test_loads_may_be_the_user_s_own_variables(knee):
     assert solution.value(ca.sum1(pull)) == pytest.approx(700.0)
 
 
+@pytest.mark.parametrize("kept", [False, True])
+def test_a_balance_with_a_reserve_ends_without_contact_unless_it_is_kept(knee, kept):
+    """A body of 829 N above the knee, held by contact and, dearly, by a reserve; it begins clear of contact."""
+    opti = ca.Opti()
+    contact, reserve = cc.ContactInOpti(opti, knee, locked=LOCKED), opti.variable()
+    contact.begin_at(contact.start_poses(FORCES) + 3.0 * np.eye(6)[1])
+    opti.subject_to(reserve / 100.0 - (contact.load("Fy_med") + contact.load("Fy_lat")) / 100.0 == 8.29)
+    opti.minimize(ca.sumsqr(reserve / 100.0) + 1e-3 * ca.sumsqr(contact.q[[0, 2], :]))
+    if kept:
+        contact.keep()
+    opti.solver("ipopt", contact.options())
+    solution = opti.solve()
+    assert solution.value(reserve) == pytest.approx(0.0 if kept else 829.0, abs=5.0)
+    assert ("there is no contact" in contact.report(solution)) != kept
+
+
 def test_near_the_solution_a_misfit_is_the_error_in_newtons(knee, planar):
     """Of one side, of a total that one parameter sets, of shear, and of a torque over 25 mm."""
     for model, locked, off in ((knee, LOCKED, {"Fy_med": -1.0, "Fx": -3.0, "Tz": -50.0}), (planar, {}, {"Fy": -0.6})):
@@ -247,3 +264,41 @@ def test_a_pose_that_newton_s_method_does_not_find_is_no_number(knee):
     assert np.isnan(np.ravel(settled([-600.0, -400.0, 3.0, 1.0], start + 3.0 * np.eye(6)[1]))).any()
     with pytest.raises(ValueError, match="as many"):
         cc.settled_function(knee, ("ty",))
+
+
+@needs_compiler
+def test_material_and_placement_may_be_parameters_and_poses_follow_them():
+    """The solution is that of a scene with this material, turned with the bodies; its slope is that of differences."""
+    names, stiff = ("youngs_modulus", "fixed_ty", "fixed_rx"), np.array([800.0, 2.0, 0.05])
+    model = cc.PolarFoundation(cc.load_scene("knee"), cc.Rays(8, 2))
+    opti = ca.Opti()
+    p = opti.parameter(3)
+    contact = cc.ContactInOpti(
+        opti,
+        model,
+        2,
+        locked=LOCKED | {"tx": 0.0, "tz": 0.0},
+        parameters=dict(zip(names, ca.vertsplit(p), strict=True)),
+    )
+    contact.carry(FORCES)
+    opti.solver("ipopt", contact.options())
+    opti.set_value(p, stiff)
+    poses = contact.poses(opti.solve())
+    f = model.function(tuple(FORCES), parameters=names)
+    for pose in poses:
+        np.testing.assert_allclose(np.array(f(pose, stiff))[:, 0], list(FORCES.values()), atol=1e-3)
+    settled = cc.settled_function(model, targets=tuple(FORCES), parameters=names)
+    np.testing.assert_allclose(np.array(settled(list(FORCES.values()), poses[0], stiff))[:, 0], poses[0], atol=1e-6)
+    of = ca.MX.sym("p", 3)
+    slope = ca.Function("slope", [of], [ca.jacobian(settled(list(FORCES.values()), poses[0], of), of)])(stiff)
+    moves = np.diag([1.0, 1e-3, 1e-4])
+    ends = [
+        settled(list(FORCES.values()), poses[0], stiff + m) - settled(list(FORCES.values()), poses[0], stiff - m)
+        for m in moves
+    ]
+    differences = np.hstack([np.array(end) for end in ends]) / (2.0 * np.diag(moves))
+    np.testing.assert_allclose(np.array(slope), differences, rtol=1e-3, atol=1e-7)
+    with pytest.raises(ValueError, match="foundation"):
+        cc.ContactFrames(cc.load_surrogate("knee"), parameters={"youngs_modulus": 500.0})
+    with pytest.raises(TypeError, match="pickle"):
+        pickle.dumps(contact)
