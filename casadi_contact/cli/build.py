@@ -27,12 +27,13 @@ from casadi_contact.cli.options import (
     say,
     say_shipped,
 )
-from casadi_contact.cli.tables import evaluation_tables, read_result
+from casadi_contact.cli.tables import evaluation_tables, front_table, read_result
 from casadi_contact.core.files.writing import folder_lock
 from casadi_contact.core.terminal import progress_bars
 from casadi_contact.core.workers import cluster_workers
 from casadi_contact.surrogate.fitness import fitness
 from casadi_contact.workflow import samples as sampling
+from casadi_contact.workflow.benchmark.front_file import FILE_NAME, read_front
 from casadi_contact.workflow.project import Project, project_surrogates
 from casadi_contact.workflow.tolerance import scene_to_tolerance, train_to_tolerance
 
@@ -196,6 +197,8 @@ def _evaluate(project: Project) -> None:
     path = pipeline.evaluate(project)
     for table in evaluation_tables(read_result(path, "evaluation")):
         console.print(table)
+    if (front := project.folder / FILE_NAME).is_file():
+        console.print(front_table(read_front(front)))
     say(f"evaluation in {path}")
 
 

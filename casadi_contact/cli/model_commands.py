@@ -157,14 +157,21 @@ def choose(
     preset: PresetName = DEFAULT_PRESET,
     out: Out = None,
 ) -> None:
-    """Name the cheapest model of the chart that meets a tolerance.
+    """Name the cheapest measured model that meets a tolerance.
 
-    Where nothing has been built in the folder, the answer comes from the chart shipped for the scene.
+    Where nothing has been built in the folder, the answer comes from the chart shipped for the scene, or from measuring
+    elements and foundation now.
     """
     names = None if loads is None else [name.strip() for name in loads.split(",")]
-    choice = choose_model(
-        scene, force_tolerance_n=force_tol, torque_tolerance_nmm=torque_tol, loads=names, preset=preset, folder=out
-    )
+    wanted = {"force_tolerance_n": force_tol, "torque_tolerance_nmm": torque_tol}
+    with progress_bars(console) as update:
+        tell = partial(update, "measuring", 0, 1)
+        choice = choose_model(scene, **wanted, loads=names, preset=preset, folder=out, tell=tell)
     console.print(choice_table(choice))
     say(choice.measured)
     say(f"in Python: {choice.python}")
+    if not isinstance(choice.path, Path):
+        options = (
+            f"--{name} {value:g}" for name, value in (("force-tol", force_tol), ("torque-tol", torque_tol)) if value
+        )
+        say(f"a network of just this accuracy, which may be faster: casadi-contact build {scene} {' '.join(options)}")

@@ -22,11 +22,12 @@ from casadi_contact.export.fmu import export_fmu
 from casadi_contact.pictures.charts import draw_charts
 from casadi_contact.pictures.contact_picture import contact_pose
 from casadi_contact.pictures.surrogate_page import surrogate_page
-from casadi_contact.samples.models import DrawnModel, teacher_of
+from casadi_contact.samples.models import DrawnModel, model_name_of, teacher_of
 from casadi_contact.samples.samples import read_samples
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import calibrate as calibrated
+from casadi_contact.workflow.benchmark.candidates import refuse_without_elements, train_sizes
 from casadi_contact.workflow.benchmark.evaluate import evaluate as evaluate_models
 from casadi_contact.workflow.benchmark.front_file import FILE_NAME, read_front, shipped_front
 from casadi_contact.workflow.benchmark.measure import Peers, measure_project
@@ -35,7 +36,6 @@ from casadi_contact.workflow.project import (
     available_poses,
     available_surrogates,
     exclusive,
-    has_motion,
     project_surrogates,
     read_motion,
 )
@@ -99,9 +99,15 @@ def calibrate(project: Project, update: Update | None = None) -> list[Path]:
 
 @exclusive
 def evaluate(project: Project) -> Path:
-    """Write ``evaluation.json`` (Tables 2 to 4) and ``evaluation.csv`` (the domain errors); return the first's path."""
-    motion = read_motion(project).motion if has_motion(project) else None
-    content = evaluate_models(project_surrogates(project), project.samples(), motion)
+    """Write ``evaluation.json`` (Tables 2 and 3) and its rows as ``evaluation.csv``; return the first's path.
+
+    Where the samples are of the library's models, also measure ``speed_accuracy.csv`` (Table 4), which `cc.choose`
+    reads.
+    """
+    samples = project.samples()
+    content = evaluate_models(project_surrogates(project), samples)
+    if model_name_of(samples) is not None:
+        measure_project(project)
     path = project.folder / "evaluation.json"
     rows = [
         {"model": model, "domain": domain, "load": load, **{kind: error[kind] for kind in ("rms", "max", "mean")}}
@@ -176,6 +182,10 @@ def chart(
     tell: Callable[[str], None] | None = None,
     executor: Executor | None = None,
 ) -> list[Path]:
-    """Measure the project's chart (`benchmark.measure_project`) and draw it; return all paths, the table's first."""
-    path = measure_project(project, peers=peers, update=update, tell=tell, executor=executor)
+    """Train the sizes of the project's chart, measure them beside all else and draw it; return all paths, the table's
+    first. Raises FileNotFoundError without samples, ValueError for samples of a table."""
+    refuse_without_elements(project)
+    read_motion(project)  # refuses samples of a table, before an hour of training
+    train_sizes(project, update=update, executor=executor)
+    path = measure_project(project, peers=peers, tell=tell)
     return [path, *draw_charts(read_front(path), project.folder)]

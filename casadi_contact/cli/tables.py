@@ -11,6 +11,7 @@ from rich.table import Table
 from casadi_contact.core.files.reading import MOST_TEXT, checked_size
 from casadi_contact.core.quantities import FORCE, TORQUE, of_kind, quantity, three_digits
 from casadi_contact.workflow.benchmark.choose import Choice
+from casadi_contact.workflow.benchmark.front_file import Front
 
 _COMMANDS = {"kernel speed": "speed", "evaluation": "evaluate"}
 
@@ -66,7 +67,7 @@ def choice_table(choice: Choice) -> Table:
 
 
 def evaluation_tables(content: dict[str, Any]) -> list[Table]:
-    """The paper's Tables 2, 3 and 4 from an ``evaluation.json``."""
+    """The paper's Tables 2 and 3 from an ``evaluation.json``."""
     loads = content["loads"]
     others = {None: "the samples", "foundation": "cc.foundation"}
     teacher = others.get(content["teacher"], f"EF {content['teacher']}")
@@ -86,24 +87,22 @@ def evaluation_tables(content: dict[str, Any]) -> list[Table]:
                 table.add_row(model, domain, str(content["test_samples"][domain]), *cells)
             table.add_section()
         tables.append(table)
-    if "walking" not in content:
-        return tables
-    walking = content["walking"]
-    table = Table(
-        title=f"Speed and accuracy on {walking['poses']} unseen poses of its motion inside D1 [EF15 Table 4], against "
-        f"EF {walking['converged']}"
-    )
-    table.add_column("model")
-    units = {quantity(load).kind.name: quantity(load).unit for load in loads}
-    kinds = [kind for kind in next(iter(walking["models"].values()))["converged"] if kind in units]
-    against_fine = [f"against EF {walking['fine']}: {kinds[0]}", *kinds[1:]]
-    for column in ("time (µs)", "low-high", *(f"RMS {kind} ({units[kind]})" for kind in kinds), *against_fine):
-        table.add_column(column, justify="right")
-    for model, row in walking["models"].items():
-        timing = row["timing"]
-        span = f"{timing['low_us']:.1f}-{timing['high_us']:.1f}"
-        time = f"{timing['median_us']:.1f}"
-        cells = [f"{row[against][kind]:.3g}" for against in ("converged", "fine") for kind in kinds]
-        table.add_row(model, time, span, *cells)
-    tables.append(table)
     return tables
+
+
+def front_table(front: Front) -> Table:
+    """Speed and accuracy of a measured front [EF15 Table 4]."""
+    header = front.header
+    table = Table(
+        title=f"Speed and accuracy on {header['walking_poses']} unseen poses of its motion inside D1 [EF15 Table 4], "
+        f"against {header['reference']}"
+    )
+    kinds = [kind for kind in (FORCE, TORQUE) if of_kind(front.loads, kind)]
+    table.add_column("model")
+    for column in ("time [µs]", "low-high", *(f"RMS {kind.name} [{kind.unit}]" for kind in kinds)):
+        table.add_column(column, justify="right")
+    for point in front.models:
+        if (time := point.value) is not None:
+            errors = (f"{point.rms(kind):.3g}" for kind in kinds)
+            table.add_row(point.name, f"{time.median_us:.3g}", f"{time.low_us:.3g}-{time.high_us:.3g}", *errors)
+    return table

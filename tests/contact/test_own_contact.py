@@ -9,6 +9,7 @@ from casadi_contact.cli import pipeline
 from casadi_contact.cli.tables import evaluation_tables, read_result
 from casadi_contact.workflow.benchmark.kernel_speed import speed
 from casadi_contact.workflow.presets import PRESETS, Effort, Preset
+from casadi_contact.workflow.project import read_motion
 from tests.support import own_contact
 from tests.support.own_contact import table_rows, write_csv
 
@@ -71,7 +72,7 @@ def test_a_table_is_trained_evaluated_and_transcribed(scene_file, tmp_path):
     with pytest.raises(ValueError, match="compares with elastic foundations, and scene socket has no geometry for one"):
         pipeline.chart(project)
     with pytest.raises(ValueError, match="made from a table, which has no motion"):
-        pipeline.read_motion(project)
+        read_motion(project)
     assert pipeline.take_table(project, table).provenance["table"] == str(table)
     command = cc.load_surrogate(project.surrogate_path("patch")).record["command"]
     assert command == f"casadi-contact build {scene_file} --preset small --table {table} --out {project.folder}"

@@ -28,7 +28,7 @@ from casadi_contact.workflow.benchmark.kernel_speed import lagrangian_hessian
 from casadi_contact.workflow.benchmark.timing import Stopwatch, time_batch, time_mapped, time_single_calls
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
 from casadi_contact.workflow.presets import ChartEffort, Effort
-from casadi_contact.workflow.project import Project, exclusive, project_surrogates, shipped_surrogates
+from casadi_contact.workflow.project import Project, exclusive, shipped_surrogates, trained_surrogates
 
 EF_FAMILY, FOUNDATION_FAMILY = "EF", "foundation"
 MX_SUFFIX = " (CasADi MX)"  # follows name and family of a function that is also shown in another form
@@ -183,14 +183,15 @@ def train_sizes(
 
 
 def charted_surrogates(project: Project) -> Iterator[tuple[str, Surrogate]]:
-    """Name on the chart, surrogate: those shipped for the scene, the preset's own, the sized ones on disk."""
+    """Name on the chart, surrogate: those shipped for the scene, the project's own, the sized ones on disk."""
     yield from shipped_surrogates(project.scene).items()
-    for structure, surrogate in project_surrogates(project).items():
-        yield own_name(project, structure), surrogate
+    for structure, surrogate in trained_surrogates(project).items():
+        yield own_name(structure), surrogate
     for sized in chart_surrogates(project.preset.chart, project.scene):
-        yield sized.name, load_surrogate(sized_path(project, sized))
+        if (found := on_disk(project, sized_path(project, sized))) is not None:
+            yield sized.name, found
 
 
-def own_name(project: Project, structure: str) -> str:
-    """Name on the chart of the surrogate that `casadi-contact train` makes: "patch standard"."""
-    return f"{structure} {project.preset_name}"
+def own_name(structure: str) -> str:
+    """Name on the chart of the surrogate that lies in the project's folder."""
+    return f"own {structure}"

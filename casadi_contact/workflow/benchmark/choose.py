@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,6 +25,7 @@ from casadi_contact.workflow.benchmark.candidates import (
     sized_path,
 )
 from casadi_contact.workflow.benchmark.front_file import FILE_NAME, Front, Point, read_front, shipped_front
+from casadi_contact.workflow.benchmark.measure import measure_project
 from casadi_contact.workflow.project import Project
 
 # How a foundation of a resolution is made, by a word in it.
@@ -69,22 +70,23 @@ def choose(
     loads: Sequence[str] | None = None,
     preset: str = "quick",
     folder: Path | None = None,
+    tell: Callable[[str], None] | None = None,
 ) -> Choice:
     """The cheapest model on the measured front whose RMS error meets the tolerances for these loads; of models whose
     times differ by less than 3 % (the scatter from run to run), the most accurate.
 
-    scene, preset, folder: as in `casadi-contact chart`, whose ``speed_accuracy.csv`` is read; where nothing has been
-    built, the front that comes with the library for this scene. loads: a name or names, all of the scene's if None.
-    For some loads only, the time of a surrogate is its measured time multiplied by the share of its networks that
-    these loads need.
+    scene, preset, folder: as in `casadi-contact build` or `chart`, whose ``speed_accuracy.csv`` is read; where nothing
+    has been built, the front that comes with the library for this scene. Without either, elements, the foundation (of a
+    scene that can be written as one) and the surrogates at hand are measured now (tell: called with what is next).
+    loads: a name or names, all of the scene's if None. For some loads only, the time of a surrogate is its measured
+    time multiplied by the share of its networks that these loads need.
 
-    Raises FileNotFoundError where nothing has been measured; ValueError for a scene without elements, a tolerance that
-    is missing or not above 0, an unknown load, a file of another scene, and where nothing meets the tolerance (naming
-    the nearest).
+    Raises ValueError for a scene without elements, a tolerance that is missing or not above 0, an unknown load, a file
+    of another scene, and where nothing meets the tolerance (naming the nearest).
     """
     project = Project.open(scene, preset, folder)
     refuse_without_elements(project)
-    path, front = _front(project)
+    path, front = _front(project, tell)
     names, tolerance = _checked_request(front, loads, force_tolerance_n, torque_tolerance_nmm)
     model, better = cheapest(within_tolerance(project, front, tolerance, names), tolerance)
     file = surrogate_file(project, model.name)
@@ -100,19 +102,17 @@ def choose(
     )
 
 
-def _front(project: Project) -> tuple[Path, Front]:
-    """The project's measured front, or the shipped one of its scene where nothing has been built."""
+def _front(project: Project, tell: Callable[[str], None] | None) -> tuple[Path, Front]:
+    """The project's measured front, the shipped one of its scene where nothing has been built, or one measured now."""
     path = project.folder / FILE_NAME
-    if path.is_file():
-        front = read_front(path)
-        if front.header["scene_digest"] != project.scene.digest:
-            raise ValueError(f"{path} is of another scene or an earlier version: run {project.command('chart')}")
-        return path, front
-    shipped = None if project.has_results else shipped_front(project.scene)
-    if shipped is None:
-        command = project.command("chart")
-        raise FileNotFoundError(f"{path} does not exist, so nothing has been measured: run {command} first")
-    return shipped
+    if not path.is_file():
+        if not project.has_results and (shipped := shipped_front(project.scene)) is not None:
+            return shipped
+        measure_project(project, tell=tell)
+    front = read_front(path)
+    if front.header["scene_digest"] != project.scene.digest:
+        raise ValueError(f"{path} is of another scene or an earlier version: run {project.command('chart')}")
+    return path, front
 
 
 def _checked_request(
@@ -190,7 +190,7 @@ def surrogate_file(project: Project, name: str) -> Path | str | None:
     base = name.removesuffix(MX_SUFFIX)
     if base in ready_surrogates():
         return base
-    paths = [project.surrogate_path(structure) for structure in STRUCTURES if own_name(project, structure) == base]
+    paths = [project.surrogate_path(structure) for structure in STRUCTURES if own_name(structure) == base]
     paths += [sized_path(project, s) for s in chart_surrogates(project.preset.chart, project.scene) if s.name == base]
     return next((path for path in paths if on_disk(project, path) is not None), None)
 

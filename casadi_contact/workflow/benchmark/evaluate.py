@@ -1,10 +1,9 @@
-"""The paper's tables for a scene: domain errors, and speed and accuracy on unseen walking (Tables 2 to 4)."""
+"""Errors by domain on held-back samples [EF15 Tables 2, 3], and the unseen walking that speed and accuracy are stated
+on [EF15 Table 4]."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import asdict
-from functools import partial
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,14 +13,12 @@ from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.settle import settle
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.machine import machine_record
-from casadi_contact.core.workers import one_thread
 from casadi_contact.samples.models import model_name_of, settings_of
 from casadi_contact.samples.reference import ReferenceMotion
-from casadi_contact.samples.samples import DOMAINS, TEST, LoadModel, Samples, domain_errors, load_errors, rms_by_kind
+from casadi_contact.samples.samples import DOMAINS, TEST, LoadModel, Samples, domain_errors
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.workflow.benchmark.timing import compare, time_batch, time_single_calls
 
 
 def unseen_walking(model: ContactModel, motion: ReferenceMotion, count: int = 5, seed: int = 51) -> Array:
@@ -45,73 +42,28 @@ def unseen_walking(model: ContactModel, motion: ReferenceMotion, count: int = 5,
     return poses[report.converged]
 
 
-FURTHER_GRIDS = ((20, 15), (160, 80))  # timed beside the scene's own, so that the EF's speed and accuracy make a curve
-
-
 def converged_elements(scene: Scene) -> tuple[int, int]:
     """Elements per side of the EF that errors on walking are measured against: twice the teacher's."""
     along, across = scene.grids["teacher"]
     return 2 * along, 2 * across
 
 
-def evaluate_walking(surrogates: Mapping[str, Surrogate], poses: Array) -> dict[str, Any]:
-    """Errors of EF grids and surrogates against the fine and the converged EF, and their time per pose, in one run.
+def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples) -> dict[str, Any]:
+    """What `cli.tables.evaluation_tables` shows, as plain JSON data: errors of each surrogate on the held-back samples.
 
-    All on one core: EF as one batch of poses (its cheapest form), surrogates by single buffered calls of their
-    compiled kernel.
-    """
-    scene = next(iter(surrogates.values())).scene
-    converged_grid = converged_elements(scene)
-    converged = ElasticFoundation(scene, converged_grid)(poses)
-    grids = sorted({*FURTHER_GRIDS, *(scene.grids[g] for g in ("coarse", "fine", "teacher"))})
-    foundations = {f"EF {grid_text(grid)}": ElasticFoundation(scene, grid) for grid in grids}
-    fine = foundations[f"EF {grid_text(scene.grids['fine'])}"](poses)
-    measurements: dict[str, Callable[[], float]] = {}
-    for name, foundation in foundations.items():
-        measurements[name] = partial(time_batch, foundation, poses)
-    for name, surrogate in surrogates.items():
-        measurements[name] = partial(time_single_calls, surrogate.function(compiled=True), poses)
-    with one_thread():
-        timings = compare(measurements)
-    rows: dict[str, Any] = {}
-    models: dict[str, LoadModel] = {**foundations, **surrogates}
-    for name, model in models.items():
-        names, loads = model.load_names, model(poses)
-        columns = [scene.load_names.index(load) for load in names]
-        errors = load_errors(names, loads, converged[:, columns])
-        rows[name] = {
-            "timing": asdict(timings[name]),
-            "converged": rms_by_kind(errors),
-            "fine": rms_by_kind(load_errors(names, loads, fine[:, columns])),
-            "loads": errors,
-        }
-    return {
-        "poses": len(poses),
-        "fine": grid_text(scene.grids["fine"]),
-        "converged": grid_text(converged_grid),
-        "models": rows,
-    }
-
-
-def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples, motion: ReferenceMotion | None) -> dict[str, Any]:
-    """Everything `report.evaluation_tables` shows, as plain JSON data.
-
-    Domain errors of each surrogate and of the EF's fine and coarse grids on the held-back samples, against what these
-    were drawn from ("teacher": the EF's grid, or another model's name); the walking sequence as in `evaluate_walking`.
-    Without a motion, and for samples of a user's own contact model, from which an EF of the scene differs by more than
-    the surrogates do, the domain errors of the surrogates alone.
+    Also of the EF's fine and coarse grids, unless the samples are of a user's own contact model, from which an EF of
+    the scene differs by more than the surrogates do. teacher: what they were drawn from, the EF's grid or a name.
     """
     scene = samples.scene
-    models: dict[str, LoadModel] = {}
     drawn_from = model_name_of(samples)
-    compared = motion is not None and scene.layer is not None and drawn_from is not None
-    for grid in (scene.grids["coarse"], scene.grids["fine"]) if compared else ():
-        models[f"EF {grid_text(grid)}"] = ElasticFoundation(scene, grid)
+    compared = scene.layer is not None and drawn_from is not None
+    grids = (scene.grids["coarse"], scene.grids["fine"]) if compared else ()
+    models: dict[str, LoadModel] = {f"EF {grid_text(grid)}": ElasticFoundation(scene, grid) for grid in grids}
     models |= surrogates
     test = samples.select(role=TEST)
-    content = {
+    return {
         "format": "casadi_contact evaluation",
-        "format_version": 1,
+        "format_version": 2,
         "scene": scene.name,
         "scene_digest": scene.digest,
         "machine": machine_record(),
@@ -120,7 +72,3 @@ def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples, motion: Refe
         "test_samples": {d: int((test.domain == k).sum()) for k, d in enumerate(DOMAINS, start=1)},
         "domain_errors": {name: domain_errors(model, samples) for name, model in models.items()},
     }
-    if compared and motion is not None:
-        walking = unseen_walking(ElasticFoundation(scene, scene.grids["settle"]), motion)
-        content["walking"] = evaluate_walking(surrogates, walking)
-    return content

@@ -4,35 +4,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
-from casadi_contact.core.conventions import Array, Update
+from casadi_contact.core.conventions import Array
 from casadi_contact.core.machine import machine_record
 from casadi_contact.core.workers import one_thread
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import Samples, load_errors
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.surrogate.load import STRUCTURES
 from casadi_contact.workflow.benchmark.candidates import (
     Candidate,
     charted_surrogates,
     own_name,
     refuse_without_elements,
     surrogate_candidates,
-    train_sizes,
     untrained_candidates,
 )
 from casadi_contact.workflow.benchmark.evaluate import converged_elements, unseen_walking
 from casadi_contact.workflow.benchmark.front_file import FILE_NAME, Front, Point, write_front
 from casadi_contact.workflow.benchmark.timing import compare
-from casadi_contact.workflow.project import (
-    Project,
-    project_surrogates,
-    read_motion,
-)
+from casadi_contact.workflow.project import Project, built_in_motion, read_motion
 
 # A slow model is timed on fewer poses, so that one measurement takes about this long at most.
 _MEASUREMENT_S = 0.3
@@ -46,35 +41,26 @@ Peers = Callable[[Samples, ReferenceMotion, float], Iterable[Candidate]]
 """Samples, the motion they lie around, and 10⁹ floating-point operations for each -> models of other methods."""
 
 
-def measure_project(
-    project: Project,
-    *,
-    peers: Peers | None = None,
-    update: Update | None = None,
-    tell: Tell | None = None,
-    executor: Executor | None = None,
-) -> Path:
-    """Train what is missing of the chart's sizes, measure everything, write ``speed_accuracy.csv``; return its path.
+def measure_project(project: Project, *, peers: Peers | None = None, tell: Tell | None = None) -> Path:
+    """Measure what needs no training, the surrogates at hand (see `charted_surrogates`) and peers; write
+    ``speed_accuracy.csv`` and return its path.
 
-    peers: gives models of other methods, fitted to the project's samples and motion, to measure as well. tell:
-    called with what is measured next. Raises FileNotFoundError without samples or without the preset's own
-    surrogates, ValueError for a scene without elements or samples of a table.
+    peers: gives models of other methods, fitted to the project's samples and motion. tell: called with what is measured
+    next. Where nothing has been built, poses are those of the built-in cycles. Raises ValueError for a scene without
+    elements or samples of a table.
     """
-    # Before an hour of training, not after it:
     refuse_without_elements(project)
-    project.samples()
-    motion = read_motion(project).motion
-    own = project_surrogates(project)
-    train_sizes(project, update=update, executor=executor)
-    candidates = list(untrained_candidates(project.scene))
+    scene = project.scene
+    motion = read_motion(project).motion if project.has_results else built_in_motion(scene)
+    candidates = list(untrained_candidates(scene))
+    own = [own_name(structure) for structure in STRUCTURES]
     for name, surrogate in charted_surrogates(project):
-        graph = name in (own_name(project, structure) for structure in own)
-        candidates += surrogate_candidates(name, surrogate, graph=graph)
+        candidates += surrogate_candidates(name, surrogate, graph=name in own)
     if peers is not None:
         candidates += peers(project.samples(), motion, project.preset.chart.peer_gflop)
-    walking = unseen_walking(ElasticFoundation(project.scene, project.scene.grids["settle"]), motion)
+    walking = unseen_walking(ElasticFoundation(scene, scene.grids["settle"]), motion)
     path = project.folder / FILE_NAME
-    front = measure(candidates, project.scene, walking, tell)
+    front = measure(candidates, scene, walking, tell)
     write_front(path, Front({**front.header, "preset": project.preset_name}, front.points))
     return path
 

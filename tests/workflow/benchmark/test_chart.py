@@ -24,6 +24,7 @@ from casadi_contact.workflow.benchmark.evaluate import unseen_walking
 from casadi_contact.workflow.benchmark.front_file import Point, read_front
 from casadi_contact.workflow.benchmark.measure import measure, measure_project
 from casadi_contact.workflow.presets import PRESETS, ChartEffort, Effort, Preset
+from casadi_contact.workflow.project import read_motion
 
 TINY = Preset(
     sampling_scale=0.005,
@@ -50,7 +51,8 @@ def project(tmp_path_factory):
         made = pipeline.Project.open(folder / "knee.toml", "tiny", folder / "out")
         sampling.sample(made, executor=here)
         pipeline.train(made, executor=here)
-        measure_project(made, executor=here)
+        train_sizes(made, executor=here)
+        measure_project(made)
         yield made
 
 
@@ -73,7 +75,7 @@ def test_sizes_of_other_tolerances_or_samples_are_trained_anew_and_kept_after_th
 @pytest.fixture(scope="module")
 def walking(project):
     """The unseen walking poses and the converged EF's loads there, made anew."""
-    poses = unseen_walking(ElasticFoundation(project.scene, (40, 20)), pipeline.read_motion(project).motion)
+    poses = unseen_walking(ElasticFoundation(project.scene, (40, 20)), read_motion(project).motion)
     return poses, ElasticFoundation(project.scene, (160, 80))(poses)
 
 
@@ -84,7 +86,7 @@ def measured(project):
 
 def test_everything_planned_is_measured(project, measured):
     names = [point.name for point in measured.points]
-    assert names[-4:] == ["patch tiny", "patch tiny (CasADi MX)", "patch 4-4", "two_stage 4"]
+    assert names[-4:] == ["own patch", "own patch (CasADi MX)", "patch 4-4", "two_stage 4"]
     assert {"EF 20×15", "EF 15×20", "EF 40×30", "EF 80×40"} <= set(names)
     for point in measured.points:
         assert not point.failure
@@ -146,7 +148,7 @@ def test_a_candidate_that_fails_stays_in_the_table(project):
 
     broken.load_names = ("Fy_med",)
     candidates = [Candidate(Point("none", "A", failure="did not fit")), Candidate(Point("broken", "B"), broken)]
-    poses = pipeline.read_motion(project).motion.poses[0][:10]
+    poses = read_motion(project).motion.poses[0][:10]
     assert [p.failure for p in measure(candidates, project.scene, poses).points] == ["did not fit", "out of luck"]
 
 

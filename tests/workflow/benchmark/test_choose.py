@@ -2,12 +2,15 @@
 
 import shlex
 import shutil
+from functools import partial
 
 import numpy as np
 import pytest
 
 import casadi_contact as cc
 from casadi_contact.cli import main as cli
+from casadi_contact.contact.polar.foundation import RayChoice
+from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.quantities import FORCE, quantity
 from casadi_contact.scenes.tolerance import Tolerance
 from casadi_contact.workflow.benchmark.choose import Offer, cheapest, within_tolerance
@@ -120,26 +123,36 @@ def test_what_cannot_be_chosen_is_said_in_one_line(arguments, said, folder):
     assert "\n" not in str(caught.value)
 
 
-def test_without_measurements_or_on_another_scene_it_says_what_to_run(folder, tmp_path):
-    with pytest.raises(FileNotFoundError, match="run casadi-contact chart sphere_on_plane --preset quick --out"):
-        cc.choose("sphere_on_plane", force_tolerance_n=1.0, torque_tolerance_nmm=1.0, folder=tmp_path / "empty")
+def test_without_measurements_it_measures_the_foundation_and_elements_of_the_scene(tmp_path, monkeypatch):
+    monkeypatch.setattr("casadi_contact.contact.choice.POLAR_LADDER", (Rays(8, 2),))
+    few = partial(RayChoice, poses=64, elements=(160, 80), poses_on_elements=16)
+    monkeypatch.setattr("casadi_contact.contact.polar.foundation.RayChoice", few)
+    monkeypatch.setattr("casadi_contact.workflow.benchmark.measure.built_in_motion", lambda scene: None)
+    poses = np.array([[0.0, 29.9, 0.0, 0.0, 0.0, 0.0], [0.0, 29.8, 0.0, 0.0, 0.0, 0.0]])
+    monkeypatch.setattr("casadi_contact.workflow.benchmark.measure.unseen_walking", lambda *_: poses)
+    (tmp_path / "ball.toml").write_text(cc.load_scene("sphere_on_plane", teacher=(80, 40)).to_toml())
+    wanted, told = {"force_tolerance_n": 1.0, "torque_tolerance_nmm": 50.0}, []
+    choice = cc.choose(tmp_path / "ball.toml", **wanted, folder=tmp_path / "out", tell=told.append)
+    assert any(name.startswith("foundation") for name in told)
+    assert cc.choose(tmp_path / "ball.toml", **wanted, folder=tmp_path / "out") == choice, "from the file"
+
+
+def test_measurements_of_another_scene_are_refused(folder):
     (folder / "other.toml").write_text(cc.load_scene("knee", settle=(40, 20)).to_toml())
     with pytest.raises(ValueError, match="another scene"):
         cc.choose(folder / "other.toml", force_tolerance_n=1.0, torque_tolerance_nmm=1.0, folder=folder)
 
 
 def test_a_command_that_is_named_as_the_cure_finds_the_same_scene_and_folder(tmp_path, monkeypatch, capsys):
-    """choose names chart, chart names sample: each as it has to be typed, here of a scene file in another folder."""
+    """chart names sample, as it has to be typed, here of a scene file in another folder."""
     (tmp_path / "my scenes").mkdir()
     (tmp_path / "my scenes" / "ball.toml").write_text(cc.load_scene("sphere_on_plane").to_toml())
     (tmp_path / "work").mkdir()
     monkeypatch.chdir(tmp_path / "work")
-    words = shlex.split("casadi-contact choose '../my scenes/ball.toml' --force-tol 1 --torque-tol 9 --out out")
-    for cure in ("chart", "sample"):
-        monkeypatch.setattr("sys.argv", words)
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        said = f"{ended.value.code} {capsys.readouterr().err}"
-        assert "Traceback" not in said
-        words = shlex.split(said.partition(": run ")[2].partition(" first")[0])
-        assert words == ["casadi-contact", cure, "../my scenes/ball.toml", "--preset", "quick", "--out", "out"]
+    monkeypatch.setattr("sys.argv", shlex.split("casadi-contact chart '../my scenes/ball.toml' --out out"))
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    said = f"{ended.value.code} {capsys.readouterr().err}"
+    assert "Traceback" not in said
+    words = shlex.split(said.partition(": run ")[2].partition(" first")[0])
+    assert words == ["casadi-contact", "sample", "../my scenes/ball.toml", "--preset", "quick", "--out", "out"]

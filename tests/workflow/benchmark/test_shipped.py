@@ -82,7 +82,7 @@ def test_a_folder_with_samples_speaks_for_itself_and_another_scene_has_nothing_s
     project.samples_path.write_bytes(b"begun")
     with pytest.raises(FileNotFoundError, match=r"run casadi-contact train knee --preset quick --out .* first"):
         available_surrogates(project)
-    with pytest.raises(FileNotFoundError, match="run casadi-contact chart knee"):
+    with pytest.raises(ValueError, match="damaged"):
         cc.choose("knee", force_tolerance_n=1.0, torque_tolerance_nmm=50.0, folder=tmp_path)
 
 
