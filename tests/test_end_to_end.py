@@ -10,7 +10,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.cli import pipeline
-from casadi_contact.cli.tables import evaluation_tables, read_result
+from casadi_contact.cli.tables import evaluation_tables, read_evaluation
 from casadi_contact.surrogate.fitness import fitness
 from casadi_contact.workflow import samples as sampling
 from casadi_contact.workflow.benchmark.front_file import read_front
@@ -63,7 +63,7 @@ def test_the_report_gives_every_surrogate_s_verdict_on_one_page(project):
 
 
 def test_the_surrogate_learned_its_elastic_foundation(project):
-    content = read_result(project.folder / "evaluation.json", "evaluation")
+    content = read_evaluation(project.folder / "evaluation.json")
     patch = content["domain_errors"]["patch"]
     assert patch["D1"]["Fy_med"]["rms"] < 30.0
     assert patch["D5"]["Fy_med"]["max"] == 0.0
@@ -115,7 +115,7 @@ def test_samples_of_another_scene_are_refused(project, tmp_path):
     with pytest.raises(ValueError, match="holds samples of another scene"):
         pipeline.train(other)
     (other.folder / "evaluation.json").write_text('{"a": 1}')
-    with pytest.raises(ValueError, match="is not a file of evaluation"):
-        read_result(other.folder / "evaluation.json", "evaluation")
+    with pytest.raises(ValueError, match="is not a file of casadi-contact evaluate"):
+        read_evaluation(other.folder / "evaluation.json")
     with pytest.raises(FileNotFoundError, match=r"run casadi-contact build knee --preset quick --out .* first"):
         project_surrogates(pipeline.Project.open("knee", "quick", tmp_path / "empty"))

@@ -27,7 +27,7 @@ from casadi_contact.cli.options import (
     say,
     say_shipped,
 )
-from casadi_contact.cli.tables import evaluation_tables, front_table, read_result
+from casadi_contact.cli.tables import evaluation_tables, front_table, read_evaluation
 from casadi_contact.core.files.writing import folder_lock
 from casadi_contact.core.terminal import progress_bars
 from casadi_contact.core.workers import cluster_workers
@@ -195,7 +195,7 @@ def _train(project: Project, executor: Executor | None, structure: str | None = 
 
 def _evaluate(project: Project) -> None:
     path = pipeline.evaluate(project)
-    for table in evaluation_tables(read_result(path, "evaluation")):
+    for table in evaluation_tables(read_evaluation(path)):
         console.print(table)
     if (front := project.folder / FILE_NAME).is_file():
         console.print(front_table(read_front(front)))

@@ -23,7 +23,7 @@ from casadi_contact.cli.options import (
     say,
     say_shipped,
 )
-from casadi_contact.cli.tables import choice_table, kernel_speed_tables, read_result
+from casadi_contact.cli.tables import choice_table, front_table
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.files.writing import writable_folder, write_text
 from casadi_contact.core.terminal import numbers, progress_bars
@@ -42,7 +42,8 @@ from casadi_contact.scenes.pose_file import read_poses
 from casadi_contact.surrogate.fitness import fitness
 from casadi_contact.surrogate.load import load_surrogate
 from casadi_contact.workflow.benchmark.choose import choose as choose_model
-from casadi_contact.workflow.benchmark.kernel_speed import speed as time_kernels
+from casadi_contact.workflow.benchmark.front_file import read_front
+from casadi_contact.workflow.benchmark.measure import measure_project
 from casadi_contact.workflow.project import Project
 
 
@@ -137,15 +138,15 @@ def chart(
 
 
 def speed(scene: SceneOrSurrogate, preset: PresetName = DEFAULT_PRESET, out: Out = None) -> None:
-    """Time compiled kernels against CasADi graphs and elastic foundations.
+    """Measure surrogates (compiled, and as CasADi graphs), foundation and elements: the chart, without training.
 
     Where nothing has been built in the folder, the shipped surrogates of the scene are timed.
     """
     project = Project.open(scene, preset, out)
     say_shipped(project, "timing")
-    path = time_kernels(project)
-    for table in kernel_speed_tables(read_result(path, "kernel speed")):
-        console.print(table)
+    with progress_bars(console) as update:
+        path = measure_project(project, tell=partial(update, "measuring", 0, 1))
+    console.print(front_table(read_front(path)))
     say(f"times in {path}")
 
 

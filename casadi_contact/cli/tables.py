@@ -1,4 +1,4 @@
-"""Tables for the terminal, from result files: evaluation, kernel speed, and the choice of a model."""
+"""Tables for the terminal, from result files: evaluation, speed and accuracy, and the choice of a model."""
 
 from __future__ import annotations
 
@@ -11,41 +11,19 @@ from rich.table import Table
 from casadi_contact.core.files.reading import MOST_TEXT, checked_size
 from casadi_contact.core.quantities import FORCE, TORQUE, of_kind, quantity, three_digits
 from casadi_contact.workflow.benchmark.choose import Choice
-from casadi_contact.workflow.benchmark.front_file import Front
-
-_COMMANDS = {"kernel speed": "speed", "evaluation": "evaluate"}
+from casadi_contact.workflow.benchmark.front_file import TIMES, Front
 
 
-def read_result(path: str | Path, kind: str) -> dict[str, Any]:
-    """The content of a ``kernel_speed.json`` ("kernel speed") or an ``evaluation.json`` ("evaluation"), whose
-    ``format`` is "casadi_contact KIND"; ValueError if it is something else."""
+def read_evaluation(path: str | Path) -> dict[str, Any]:
+    """The content of an ``evaluation.json``; ValueError if it is something else."""
     checked_size(Path(path), MOST_TEXT)
     try:
         content = json.loads(Path(path).read_text("utf-8"))
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"{path} is not a file of {kind} ({error})") from None
-    if not isinstance(content, dict) or content.get("format") != f"casadi_contact {kind}":
-        raise ValueError(f"{path} is not a file of {kind}, expected one written by casadi-contact {_COMMANDS[kind]}")
-    return content
-
-
-def kernel_speed_tables(content: dict[str, Any]) -> list[Table]:
-    """One table per surrogate: median, lowest and highest time per pose, and as a multiple of the kernel's."""
-    tables = []
-    for structure, found in content["surrogates"].items():
-        caption = "one core, all loads, single buffered calls; EF in one batch"
-        table = Table(title=f"Compiled kernel of {structure}", caption=caption)
-        table.add_column("what")
-        for column in ("time per pose (µs)", "low-high", "times the kernel's"):
-            table.add_column(column, justify="right")
-        times = found["microseconds"]
-        for what, timing in times.items():
-            kind = what.partition(",")[0]
-            kernel = times.get(f"{kind}, kernel", times["value, kernel"])["median_us"]
-            span = f"{timing['low_us']:.2f}-{timing['high_us']:.2f}"
-            table.add_row(what, f"{timing['median_us']:.2f}", span, f"{timing['median_us'] / kernel:.2f}")
-        tables.append(table)
-    return tables
+        if content["format"] != "casadi_contact evaluation":
+            raise ValueError(f"its format is {content['format']!r}")
+    except (ValueError, RecursionError, KeyError, TypeError) as error:
+        raise ValueError(f"{path} is not a file of casadi-contact evaluate ({error!r})") from None
+    return content  # type: ignore[no-any-return]
 
 
 def choice_table(choice: Choice) -> Table:
@@ -91,18 +69,16 @@ def evaluation_tables(content: dict[str, Any]) -> list[Table]:
 
 
 def front_table(front: Front) -> Table:
-    """Speed and accuracy of a measured front [EF15 Table 4]."""
+    """Times and errors of a measured front [EF15 Table 4]."""
     header = front.header
-    table = Table(
-        title=f"Speed and accuracy on {header['walking_poses']} unseen poses of its motion inside D1 [EF15 Table 4], "
-        f"against {header['reference']}"
-    )
+    title = f"Speed and accuracy on {header['walking_poses']} unseen poses of its motion [EF15 Table 4]"
+    table = Table(title=f"{title}, against {header['reference']}; medians per pose, lowest to highest")
     kinds = [kind for kind in (FORCE, TORQUE) if of_kind(front.loads, kind)]
     table.add_column("model")
-    for column in ("time [µs]", "low-high", *(f"RMS {kind.name} [{kind.unit}]" for kind in kinds)):
+    for column in (*(f"{what} [µs]" for what in ("loads", *TIMES[1:])), *(f"{k.name} [{k.unit}]" for k in kinds)):
         table.add_column(column, justify="right")
     for point in front.models:
-        if (time := point.value) is not None:
-            errors = (f"{point.rms(kind):.3g}" for kind in kinds)
-            table.add_row(point.name, f"{time.median_us:.3g}", f"{time.low_us:.3g}-{time.high_us:.3g}", *errors)
+        times = (getattr(point, what) for what in TIMES)
+        cells = ("" if t is None else f"{t.median_us:.3g} ({t.low_us:.3g}-{t.high_us:.3g})" for t in times)
+        table.add_row(point.name, *cells, *(f"{point.rms(kind):.3g}" for kind in kinds))
     return table

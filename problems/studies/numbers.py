@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from casadi_contact.cli.tables import read_result
 from casadi_contact.contact.elements.foundation import grid_text
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.surrogate.load import load_surrogate
@@ -21,17 +20,16 @@ _PACKAGES = ("casadi_contact", "casadi", "numpy", "scipy", "numba", "torch")
 
 def headline(data: Path) -> str:
     """Numbers of the knee for the README, with the command that measured each, and the machine."""
-    speed = read_result(data / "kernel_speed.json", "kernel speed")
-    times = {k: v["low_us"] for k, v in speed["surrogates"]["patch"]["microseconds"].items()}
     solutions = read_front(data / "solve_time.csv").models
     whole = {point.name: 1e-3 * point.value.median_us for point in solutions if point.value is not None}
-    kernel = ", ".join(number(times[f"{what}, kernel"]) for what in ("value", "Jacobian", "Hessian"))
     scene = load_scene("knee")
     shipped = shipped_front(scene)
     if shipped is None:
         raise ValueError(f"no front of knee is shipped: run {FRONT} first")
     front, grid = shipped[1], f"EF {grid_text(scene.grids['fine'])}"
     (knee,) = (point for point in front.models if point.name == "knee")
+    (elements,) = (point for point in front.models if point.name == grid)
+    kernel = ", ".join(number(t.low_us) for t in (knee.value, knee.jacobian, knee.hessian) if t is not None)
     quickest = min((name for name in whole if name.startswith("foundation")), key=lambda name: whole[name])
     rows = [
         [
@@ -45,19 +43,19 @@ def headline(data: Path) -> str:
             f"`{FRONT}`",
         ],
         [
-            "time per pose of loads, Jacobian, Hessian of `knee`, compiled (lowest of 15)",
+            "time per pose of loads, Jacobian, Hessian of `knee`, compiled (lowest of 7)",
             f"{kernel} µs",
-            "`casadi-contact speed knee`",
+            f"`{FRONT}`",
         ],
         _fastest_untrained(front, knee),
         [
             f"time per pose of {grid} (elastic foundation, that many elements a side), divided by that of `knee`",
-            number(times[grid] / times["value, kernel"]),
-            "`casadi-contact speed knee`",
+            number(elements.value.median_us / knee.value.median_us),  # type: ignore[union-attr]
+            f"`{FRONT}`",
         ],
     ]
     numbers = table(["what", "measured", "command"], rows, texts=["command"])
-    return f"{numbers}\n\n{machine(speed['machine'])}"
+    return f"{numbers}\n\n{machine(front.header)}"
 
 
 def _fastest_untrained(front: Front, knee: Point) -> list[str]:

@@ -1,11 +1,11 @@
 """Write the pages of results from result files: ``python -m problems.studies.pages``.
 
 The folder of result files holds, as far as measured: speed_accuracy.csv (``python -m
-problems.studies.shipped_front``), chart-SCENE.csv (``casadi-contact chart``), kernel_speed.json
-(``casadi-contact speed``), solve_time.csv and stability.json (``python -m problems.studies.solve_time`` and
-``.stability``), and summaries of the problems in pose_estimation/ and muscle_contact/. Every number of a page stands in
-one of these files, or in the records of the shipped surrogates. paper.json holds the numbers of [EF15]; the page beside
-them, ../paper.md, is written by hand but for its numbers, as the README is.
+problems.studies.shipped_front``), chart-SCENE.csv (``casadi-contact chart``), solve_time.csv and stability.json
+(``python -m problems.studies.solve_time`` and ``.stability``), and summaries of the problems in pose_estimation/ and
+muscle_contact/. Every number of a page stands in one of these files, or in the records of the shipped surrogates.
+paper.json holds the numbers of [EF15]; the page beside them, ../paper.md, is written by hand but for its numbers, as
+the README is.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from typing import Annotated, Any
 
 import typer
 
-from casadi_contact.cli.tables import read_result
 from casadi_contact.core.files.writing import replacing, writable_folder
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.knee import SIDES
@@ -70,7 +69,6 @@ def pages(data: Path) -> dict[str, str]:
     sections: list[str] = []
     for name, write in (
         ("speed_accuracy.csv", _shipped_section),
-        ("kernel_speed.json", _kernel_speed_section),
         ("solve_time.csv", _solve_time_section),
     ):
         if (data / name).is_file():
@@ -98,9 +96,8 @@ def _shipped_section(path: Path) -> list[str]:
         f"the time per pose on {header['threads']} thread, compiled kernels. EF n×m is the elastic foundation on n×m "
         f"elements a side. Command: `{FRONT}`."
     )
-    points = [point for point in front.models if "CasADi MX" not in point.name]
     picture = f"![Time per pose against error on unseen poses]({path.stem}.png)"
-    return ["## Speed and accuracy of the knee", intro, machine(header), picture, _front_table(points)]
+    return ["## Speed and accuracy of the knee", intro, machine(header), picture, _front_table(front.models)]
 
 
 def _chart_section(path: Path) -> list[str]:
@@ -165,25 +162,6 @@ def _solve_time_section(path: Path) -> list[str]:
     columns = ["model", "time a frame [ms]", "force [N]", "torque [N·mm]", "remark"]
     picture = "![Time of the whole solution against error](solve_time.png)"
     return ["## Time of a whole solution", intro, machine(header), picture, table(columns, rows)]
-
-
-def _kernel_speed_section(path: Path) -> list[str]:
-    content = read_result(path, "kernel speed")
-    parts = [
-        "## Kernel speed",
-        "Time per pose of all loads on one core: the CasADi graph and the compiled C kernel in single buffered calls, "
-        "as an optimiser makes them. *Call alone* is a compiled function that computes nothing. Command: "
-        "`casadi-contact speed knee`.",
-        machine(content["machine"]),
-    ]
-    for structure, found in content["surrogates"].items():
-        times, rows = found["microseconds"], []
-        for what, timing in times.items():
-            kernel = times.get(f"{what.partition(',')[0]}, kernel", times["value, kernel"])["low_us"]
-            rows.append([what, number(timing["median_us"]), number(timing["low_us"] / kernel)])
-        columns = ["what", "median [µs]", "lowest, in multiples of the kernel's"]
-        parts += [f"### {structure}", table(columns, rows)]
-    return parts
 
 
 def _pose_section(summaries: Sequence[Mapping[str, Any]]) -> list[str]:

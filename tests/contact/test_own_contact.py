@@ -6,8 +6,9 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.cli import pipeline
-from casadi_contact.cli.tables import evaluation_tables, read_result
-from casadi_contact.workflow.benchmark.kernel_speed import speed
+from casadi_contact.cli.tables import evaluation_tables, read_evaluation
+from casadi_contact.workflow.benchmark.front_file import read_front
+from casadi_contact.workflow.benchmark.measure import measure_project
 from casadi_contact.workflow.presets import PRESETS, Effort, Preset
 from casadi_contact.workflow.project import read_motion
 from tests.support import own_contact
@@ -37,7 +38,7 @@ def check_surrogate(project):
     np.testing.assert_allclose(function(poses[0]).full().ravel(), surrogate(poses[:1])[0], rtol=1e-10, atol=1e-9)
     inside = np.hstack([own_contact.CENTRE_MM + 0.38 * directions, np.zeros((50, 3))])
     assert not surrogate(inside).any()
-    content = read_result(project.folder / "evaluation.json", "evaluation")
+    content = read_evaluation(project.folder / "evaluation.json")
     assert content["domain_errors"]["patch"]["D1"]["Fy"]["rms"] < 15.0
     assert len(evaluation_tables(content)) == 2
     assert "no picture: " in (project.folder / "report.html").read_text("utf-8"), "there is no geometry to draw"
@@ -68,7 +69,7 @@ def test_a_table_is_trained_evaluated_and_transcribed(scene_file, tmp_path):
     samples = project.samples()
     assert samples.counts()["D1"] == {"train": 960, "validation": 120, "test": 120}
     check_surrogate(project)
-    assert speed(project).is_file()  # on poses of the table
+    assert read_front(measure_project(project)).models[0].value.low_us > 0.0, "on poses of the table"
     with pytest.raises(ValueError, match="compares with elastic foundations, and scene socket has no geometry for one"):
         pipeline.chart(project)
     with pytest.raises(ValueError, match="made from a table, which has no motion"):

@@ -9,7 +9,7 @@ import pytest
 from casadi_contact.networks.activations import ACTIVATIONS, Activation, activation_of
 from casadi_contact.networks.network import Network
 from casadi_contact.scenes.loading import load_scene
-from casadi_contact.workflow.benchmark.kernel_speed import lagrangian_hessian
+from casadi_contact.workflow.benchmark.timing import lagrangian_hessian
 from tests.support.agreement import close
 from tests.support.compiler import needs_compiler
 from tests.support.random_surrogates import random_poses, random_surrogate

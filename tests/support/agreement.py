@@ -9,7 +9,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from casadi_contact.workflow.benchmark.kernel_speed import lagrangian_hessian
+from casadi_contact.workflow.benchmark.timing import lagrangian_hessian
 
 ROUNDING = (1e-10, 1e-9, 1e-8)  # of values, first and second derivatives, relative to the usual size of that output
 

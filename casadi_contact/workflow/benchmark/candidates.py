@@ -24,8 +24,13 @@ from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.load import STRUCTURES, load_surrogate
 from casadi_contact.surrogate.sample_rows import samples_record
 from casadi_contact.workflow.benchmark.front_file import Point
-from casadi_contact.workflow.benchmark.kernel_speed import lagrangian_hessian
-from casadi_contact.workflow.benchmark.timing import Stopwatch, time_batch, time_mapped, time_single_calls
+from casadi_contact.workflow.benchmark.timing import (
+    Stopwatch,
+    lagrangian_hessian,
+    time_batch,
+    time_mapped,
+    time_single_calls,
+)
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
 from casadi_contact.workflow.presets import ChartEffort, Effort
 from casadi_contact.workflow.project import Project, exclusive, shipped_surrogates, trained_surrogates

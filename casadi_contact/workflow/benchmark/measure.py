@@ -15,23 +15,23 @@ from casadi_contact.core.workers import one_thread
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import Samples, load_errors
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.surrogate.load import STRUCTURES
+from casadi_contact.surrogate.load import STRUCTURES, ready_surrogates
 from casadi_contact.workflow.benchmark.candidates import (
     Candidate,
     charted_surrogates,
     own_name,
-    refuse_without_elements,
     surrogate_candidates,
     untrained_candidates,
 )
 from casadi_contact.workflow.benchmark.evaluate import converged_elements, unseen_walking
 from casadi_contact.workflow.benchmark.front_file import FILE_NAME, Front, Point, write_front
 from casadi_contact.workflow.benchmark.timing import compare
-from casadi_contact.workflow.project import Project, built_in_motion, read_motion
+from casadi_contact.workflow.project import Project, available_poses, built_in_motion, has_motion, read_motion
 
 # A slow model is timed on fewer poses, so that one measurement takes about this long at most.
 _MEASUREMENT_S = 0.3
 _FIRST_LOOK = 8
+_POSES = 505
 
 # What a peer may fail with; a model that fails stays in the table and says why.
 _FAILURES = (ValueError, ArithmeticError, RuntimeError, MemoryError)
@@ -42,42 +42,46 @@ Peers = Callable[[Samples, ReferenceMotion, float], Iterable[Candidate]]
 
 
 def measure_project(project: Project, *, peers: Peers | None = None, tell: Tell | None = None) -> Path:
-    """Measure what needs no training, the surrogates at hand (see `charted_surrogates`) and peers; write
+    """Measure the surrogates at hand (see `charted_surrogates`), what needs no training, and peers; write
     ``speed_accuracy.csv`` and return its path.
 
     peers: gives models of other methods, fitted to the project's samples and motion. tell: called with what is measured
-    next. Where nothing has been built, poses are those of the built-in cycles. Raises ValueError for a scene without
-    elements or samples of a table.
+    next. Where nothing has been built, poses are those of the built-in cycles. Without elements to compare with, in
+    scenes without geometry and of a table of samples, only times are measured.
     """
-    refuse_without_elements(project)
-    scene = project.scene
-    motion = read_motion(project).motion if project.has_results else built_in_motion(scene)
-    candidates = list(untrained_candidates(scene))
-    own = [own_name(structure) for structure in STRUCTURES]
+    scene, candidates = project.scene, list[Candidate]()
+    compared = scene.layer is not None and (not project.has_results or has_motion(project))
+    shown_as_graph = [*ready_surrogates(), *map(own_name, STRUCTURES)]
+    if compared:
+        motion = read_motion(project).motion if project.has_results else built_in_motion(scene)
+        poses = unseen_walking(ElasticFoundation(scene, scene.grids["settle"]), motion)
+        candidates += untrained_candidates(scene)
+    else:
+        poses = available_poses(project)[:_POSES]
     for name, surrogate in charted_surrogates(project):
-        candidates += surrogate_candidates(name, surrogate, graph=name in own)
+        candidates += surrogate_candidates(name, surrogate, graph=name in shown_as_graph)
     if peers is not None:
         candidates += peers(project.samples(), motion, project.preset.chart.peer_gflop)
-    walking = unseen_walking(ElasticFoundation(scene, scene.grids["settle"]), motion)
     path = project.folder / FILE_NAME
-    front = measure(candidates, scene, walking, tell)
+    front = measure(candidates, scene, poses, tell, compared=compared)
     write_front(path, Front({**front.header, "preset": project.preset_name}, front.points))
     return path
 
 
-def measure(candidates: Iterable[Candidate], scene: Scene, walking: Array, tell: Tell | None = None) -> Front:
+def measure(
+    candidates: Iterable[Candidate], scene: Scene, poses: Array, tell: Tell | None = None, *, compared: bool = True
+) -> Front:
     """Errors and times of all candidates, the times in turn within one run on one thread.
 
-    Errors are on the walking poses (n, 6), against the converged EF. A candidate that fails becomes a point that says
-    why.
-
-    Raises ValueError for two candidates of one name.
+    Errors are on the poses (n, 6) of walking, against the converged EF, if compared. A candidate that fails becomes a
+    point that says why. Raises ValueError for two candidates of one name.
     """
     tell = tell or (lambda what: None)
-    candidates = list(candidates)
-    tell("converged EF")
-    converged_grid = converged_elements(scene)
-    converged = ElasticFoundation(scene, converged_grid)(walking)
+    candidates, grid, converged = list(candidates), "none", None
+    if compared:
+        tell("converged EF")
+        grid = f"EF {grid_text(converged_elements(scene))}"
+        converged = ElasticFoundation(scene, converged_elements(scene))(poses)
     points: dict[str, Point] = {}
     measurements: dict[tuple[str, str], Callable[[], float]] = {}
     with one_thread():
@@ -87,9 +91,9 @@ def measure(candidates: Iterable[Candidate], scene: Scene, walking: Array, tell:
             if name in points:
                 raise ValueError(f"two candidates are called {name!r}, expected names that differ")
             try:
-                points[name] = _with_errors(candidate, scene, walking, converged)
+                points[name] = _with_errors(candidate, scene, poses, converged)
                 if not points[name].failure:
-                    measurements |= _measurements(candidate, walking)
+                    measurements |= _measurements(candidate, poses)
             except _FAILURES as error:
                 points[name] = replace(candidate.point, failure=" ".join(str(error).split()))
         tell("times")
@@ -99,8 +103,8 @@ def measure(candidates: Iterable[Candidate], scene: Scene, walking: Array, tell:
         "scene": scene.name,
         "scene_digest": scene.digest,
         "loads": " ".join(scene.load_names),
-        "walking_poses": str(len(walking)),
-        "reference": f"EF {grid_text(converged_grid)}",
+        "walking_poses": str(len(poses)),
+        "reference": grid,
         "threads": "1",
         **machine_record(),
     }
@@ -118,11 +122,13 @@ def _measurements(candidate: Candidate, poses: Array) -> dict[tuple[str, str], C
     return found
 
 
-def _with_errors(candidate: Candidate, scene: Scene, walking: Array, converged: Array) -> Point:
-    """The candidate's row with its errors, without times."""
+def _with_errors(candidate: Candidate, scene: Scene, walking: Array, converged: Array | None) -> Point:
+    """The candidate's row with its errors, if there is something to compare with, without times."""
     model, point = candidate.model, candidate.point
     if model is None:
         return replace(point, failure=point.failure or "no model")
+    if converged is None:
+        return point
     columns = [scene.load_names.index(load) for load in model.load_names]
     errors = load_errors(model.load_names, model(walking), converged[:, columns])
     if not all(math.isfinite(error["rms"]) for error in errors.values()):

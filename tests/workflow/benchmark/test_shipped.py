@@ -9,12 +9,9 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.cli import pipeline
-from casadi_contact.cli.tables import read_result
 from casadi_contact.samples.samples import load_errors, rms_by_kind
-from casadi_contact.workflow.benchmark import kernel_speed as speed_module
 from casadi_contact.workflow.benchmark.evaluate import unseen_walking
 from casadi_contact.workflow.benchmark.front_file import read_front, shipped_front
-from casadi_contact.workflow.benchmark.timing import Timing
 from casadi_contact.workflow.project import Project, available_surrogates, built_in_motion
 from problems.studies import shipped_front as measuring
 from tests.support.own_contact import SCENE as SOCKET
@@ -84,20 +81,6 @@ def test_a_folder_with_samples_speaks_for_itself_and_another_scene_has_nothing_s
         available_surrogates(project)
     with pytest.raises(ValueError, match="damaged"):
         cc.choose("knee", force_tolerance_n=1.0, torque_tolerance_nmm=50.0, folder=tmp_path)
-
-
-def test_speed_times_the_shipped_surrogates_on_poses_of_the_built_in_cycles(project, motion, monkeypatch):
-    timed = {}
-
-    def timed_speed(surrogate, poses):
-        timed[surrogate.structure] = surrogate.scene.digest, len(poses)
-        return {"value, kernel": Timing(1.0, 1.0, 1.0)}
-
-    monkeypatch.setattr(speed_module, "kernel_speed", timed_speed)
-    monkeypatch.setattr(speed_module, "available_poses", lambda project: motion.poses.reshape(-1, 6))
-    content = read_result(speed_module.speed(project), "kernel speed")
-    assert timed == dict.fromkeys(("patch", "two_stage"), (project.scene.digest, 505))
-    assert set(content["surrogates"]) == set(timed)
 
 
 def test_measuring_again_writes_a_file_of_its_own(tmp_path, monkeypatch):
