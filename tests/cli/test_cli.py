@@ -79,7 +79,6 @@ def test_every_command_shows_examples_that_it_accepts(monkeypatch):
         ("build knee --cycles none.csv", "none.csv"),
         ("build none.toml", "none.toml"),
         ("export hip", "build hip"),
-        ("speed hip", "build hip"),
         ("evaluate knee", "samples.h5"),
         ("nothing", "nothing"),
         ("build", "scene"),
