@@ -93,11 +93,8 @@ class CompiledFoundation(WrenchLoads, SymbolicContact, PressureOutputs):
 
     @batched
     def hessian(self, poses: Array, weights: ArrayLike, loads: Iterable[str] | None = None) -> Array:
-        """Second derivatives by the pose (n, 6, 6) of Σ weights·loads, weights (L,) or (n, L); (6, 6) for a pose (6,).
-        loads: by name, all if left out.
-
-        Raises ValueError for weights of another shape and for an unknown load.
-        """
+        """Second derivatives by the pose (n, 6, 6) of Σ weights·loads, weights (L,) or (n, L), loads by name (all if
+        left out); (6, 6) for a pose (6,). Raises ValueError for weights of another shape and for an unknown load."""
         names = self.check_loads(loads)
         columns = np.eye(len(self.load_names))[[self.load_names.index(name) for name in names]]
         of_all = as_weights(weights, len(poses), names) @ columns  # other loads have no weight
@@ -191,10 +188,8 @@ class CompiledFoundation(WrenchLoads, SymbolicContact, PressureOutputs):
         return kernel_source(self.scene, loads, len(self.patch_names), self._code[0], self.lanes)
 
     def _kernel(self, loads: Sequence[str], more: str = "") -> Path | None:
-        """The compiled kernel of these loads and of root loads, for CasADi and for arrays, and more C with it.
-
-        None, with one warning, where there is no compiler.
-        """
+        """The compiled kernel of these loads and of root loads, for CasADi and for arrays, and more C with it; None,
+        with one warning, where there is no compiler."""
         if not self._compiled:
             return None
         if (key := (tuple(loads), more)) not in self._kernels:

@@ -39,9 +39,7 @@ CUP_SHAPE = "ball_in_cup"
 @dataclass(frozen=True)
 class Cup:
     """Radii [mm], centre (3,) [mm] and unit vector (3,) to the deepest point; half_angle [rad] from there to the rim.
-
-    The ball's centre is the origin of the moving body.
-    """
+    The ball's centre is the origin of the moving body."""
 
     ball_radius: float
     radius: float
@@ -262,8 +260,7 @@ def cup_source(cup: Cup, points: int) -> str:
 class CupFoundation(CompiledFoundation):
     """Elastic foundation of a ball in a cup with its rim, integrated over one angle: nothing of it is a grid.
 
-    points: on whole circles about the deepest point and on those that the rim cuts, a multiple of 4. Raises ValueError
-    for another number, or a scene of another shape than `CUP_SHAPE`.
+    points: on whole circles about the deepest point and on those that the rim cuts, a multiple of 4 (else ValueError).
     """
 
     moments_header = "cup_pressures.h"

@@ -113,10 +113,8 @@ class PressureOutputs(ABC):
         return PressureSummary(area, mean, largest, deepest, values[..., 3:6])
 
     def pressure_function(self, names: Iterable[str] | None = None, name: str = "contact_pressures") -> ca.Function:
-        """casadi.Function pose (6) -> the named outputs (m), with its Jacobian; Hessians are differences of it.
-
-        Raises ValueError for an unknown name.
-        """
+        """casadi.Function pose (6) -> the named outputs (m), with its Jacobian; Hessians are differences of it. Raises
+        ValueError for an unknown name."""
         chosen = self._checked(names)
         return contact_callback(name, [("pressures", len(chosen), lambda poses: self.pressures(poses, chosen))])
 

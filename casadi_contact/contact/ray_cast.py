@@ -41,10 +41,8 @@ class RayCastFoundation(CallableModel):
         return f"RayCastFoundation({self.scene.name}, {sum(len(a) for _, _, a in self._patches)} triangles)"
 
     def summary(self, poses: Array) -> PressureSummary:
-        """Areas, pressures, centres of pressure and penetrations of each patch at poses (n, 6).
-
-        The mean counts each triangle in contact once, whatever its area, as JAM's does.
-        """
+        """Areas, pressures, centres of pressure and penetrations of each patch at poses (n, 6); the mean counts each
+        triangle in contact once, whatever its area, as JAM's does."""
         poses = as_poses(poses)
         pressed = (
             (n, p, self._patches[p][0], self._patches[p][2], depths, pressures(*self._law, depths))

@@ -186,10 +186,8 @@ def copied_library(library: Path, name: str) -> Path:
 
 
 def portable_library(folder: Path, sources: Sequence[str], library: str) -> Path:
-    """Compile C files of a folder into a library for any processor of this kind, or as $CASADI_CONTACT_CFLAGS says.
-
-    Raises CompilerError without a compiler, or where it refuses.
-    """
+    """Compile C files of a folder into a library for any processor of this kind, or as $CASADI_CONTACT_CFLAGS says;
+    raises CompilerError without a compiler, or where it refuses."""
     run_compiler([*compiler_command(), *FLAGS, *_words_of(CFLAGS_VARIABLE), "-o", library, *sources, "-lm"], folder)
     return folder / library
 

@@ -56,10 +56,7 @@ def pose_index(name: str) -> int:
 
 
 def as_poses(poses: ArrayLike) -> Array:
-    """Poses as a contiguous float64 array (n, 6).
-
-    Raises ValueError for a wrong shape, text, complex numbers, NaN or infinity.
-    """
+    """Poses as a contiguous float64 array (n, 6); ValueError for another shape and what is not finite and real."""
     poses = named_poses(poses)
     try:
         is_complex = np.iscomplexobj(poses)
@@ -141,10 +138,8 @@ def pose_text(pose: ArrayLike, patch_names: Sequence[str] = ()) -> str:
 
 
 def batched(method: _Method) -> _Method:
-    """Let a method of poses (n, 6) take one pose (6,) as well: its arrays then come without their first axis.
-
-    The method gets poses checked by `as_poses`, and returns an array (n, ...) or a tuple of such.
-    """
+    """Let a method of poses (n, 6), here checked by `as_poses`, take one pose (6,) as well: the array, or tuple of
+    such, that it returns then comes without its first axis."""
 
     @wraps(method)
     def for_one_or_many(self: Any, poses: Any, *arguments: Any, **keywords: Any) -> Any:
@@ -160,10 +155,7 @@ def batched(method: _Method) -> _Method:
 
 
 def rotation(angles: ArrayLike) -> Array:
-    """R = Rx(rx)·Ry(ry)·Rz(rz) for angles (..., 3) in rad; returns (..., 3, 3).
-
-    A point q of the moving body lies at t + R·q in the fixed frame.
-    """
+    """R = Rx(rx)·Ry(ry)·Rz(rz) (..., 3, 3) for angles (..., 3) [rad]: a point q of the moving body lies at t + R·q."""
     angles = np.asarray(angles, dtype=np.float64)
     sx, sy, sz = np.moveaxis(np.sin(angles), -1, 0)
     cx, cy, cz = np.moveaxis(np.cos(angles), -1, 0)

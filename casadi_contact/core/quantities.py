@@ -112,10 +112,8 @@ def three_digits(value: float) -> str:
 
 
 def newton_scales(names: Sequence[str], lever_mm: float) -> NDArray[np.float64]:
-    """What loads (n,) are divided by to be compared in N: 1 for a force, the lever for a torque.
-
-    Raises ValueError for a quantity of another kind, which no lever makes a force.
-    """
+    """What loads (n,) are divided by to be compared in N: 1 for a force, the lever for a torque; raises ValueError for
+    another kind, which no lever makes a force."""
     scales = {FORCE: 1.0, TORQUE: lever_mm}
     for name in names:
         if quantity(name).kind not in scales:

@@ -76,10 +76,8 @@ def call_in_shares(
     *arrays: np.ndarray | None,
     constants: Sequence[np.ndarray] = (),
 ) -> None:
-    """Call function(n, poses, *arrays, *constants) of a library on shares of the rows (see `in_shares`).
-
-    Every array has a row for each pose; None is passed on as 0. Constants are passed on whole.
-    """
+    """Call function(n, poses, *arrays, *constants) of a library on shares of the rows (see `in_shares`): every array
+    has a row for each pose (None is passed on as 0), constants are passed on whole."""
     entry = getattr(loaded(library), function)
     whole = [constant.ctypes.data_as(ctypes.c_void_p) for constant in constants]
 

@@ -46,10 +46,9 @@ def one_thread() -> Iterator[None]:
 def worker_pool(executor: Executor | None = None) -> Iterator[Executor]:
     """The caller's executor, left open, or one process of our own per core that this process may use.
 
-    Our own processes are started afresh, not forked (a fork of a process whose threads hold locks is unsafe), and
-    do not run the user's script again, which so needs no ``if __name__ == "__main__"``. They end at once where the
-    block is left by an exception, Ctrl-C included, and when this process is killed. Raises ChildProcessError in one
-    line where a worker was killed.
+    Our own processes are started afresh, not forked (unsafe where threads hold locks), and do not run the user's
+    script again, which so needs no ``if __name__ == "__main__"``. They end at once where the block is left by an
+    exception, and when this process is killed. Raises ChildProcessError where a worker was killed.
     """
     try:
         if executor is not None:
@@ -103,12 +102,8 @@ def cluster_workers(scheduler: str | None, *, patience_s: float = 10.0) -> Itera
 
     scheduler: its address ("tcp://host:8786"), or the scheduler file (JSON) that it wrote. patience_s: for it and its
     first worker to answer. The workers need the same casadi_contact, and for training the same folder of results under
-    the same path. Dask sends Python objects: connect only to a scheduler that you trust. Work of a worker that dies is
-    done again by another one.
-
-    Raises ImportError without the extra ``cluster``, ConnectionError where no scheduler answers, one has other
-    versions, or it was lost: what is finished is kept, and the same command goes on from there; ChildProcessError where
-    one task ended too many workers.
+    the same path. Dask sends Python objects: connect only to a scheduler that you trust. Another worker does again what
+    one that died was doing; what is finished is kept where the scheduler is lost (ConnectionError).
     """
     if scheduler is None:
         yield None

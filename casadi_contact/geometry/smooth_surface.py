@@ -92,10 +92,8 @@ class SmoothSurface:
         return np.where(edge & beside, rounded, distance)
 
     def _side(self, points: Array, flat: Array, far: np.ndarray) -> Array:
-        """Numbers (n,) with the sign of the distance at points far from the mesh.
-
-        Pseudonormals give wrong signs at folded triangles and self-intersections: of a closed mesh by winding numbers.
-        """
+        """Numbers (n,) with the sign of the distance at points far from the mesh: of a closed one by winding numbers,
+        since pseudonormals give wrong signs at folded triangles and self-intersections."""
         if len(self.mesh.boundary_edges):
             return flat
         side = flat.copy()

@@ -23,10 +23,8 @@ from casadi_contact.networks.network import Network
 
 @dataclass(frozen=True)
 class Output:
-    """value (m), jacobian (m x 6), second (m x 36: row k holds the stacked columns of d² value_k / dpose²).
-
-    Derivatives above the order asked for are empty.
-    """
+    """value (m), jacobian (m x 6), second (m x 36: row k holds the stacked columns of d² value_k / dpose²); derivatives
+    above the order asked for are empty."""
 
     value: ca.MX
     jacobian: ca.MX = field(default_factory=ca.MX)
@@ -63,10 +61,8 @@ def nan_if_not_finite(pose: ca.MX, expressions: Expressions) -> Expressions:
 
 @dataclass(frozen=True)
 class NetworkValue:
-    """y (1 x 1), its gradient (1 x m) and Hessian (m x m) up to the order asked for; others are empty.
-
-    Derivatives are taken along m tangents; input_gradient (1 x k) is the one with respect to the k inputs.
-    """
+    """y (1 x 1), its gradient (1 x m) and Hessian (m x m) along m tangents up to the order asked for, others empty;
+    input_gradient (1 x k): with respect to the k inputs."""
 
     value: ca.MX
     gradient: ca.MX = field(default_factory=ca.MX)
@@ -81,12 +77,8 @@ def _constant(array: np.ndarray) -> ca.MX:
 def network_values(
     network: Network, x: ca.MX, order: int = 0, tangent: ca.MX | None = None, outputs: Sequence[int] = (0,)
 ) -> list[NetworkValue]:
-    """These outputs of a network for a column x of k inputs, with derivatives up to order 0, 1 or 2 along a tangent
-    T (k x m); the hidden neurons are evaluated once.
-
-    Without a tangent, with respect to x itself. With it, dy/dx·T and Tᵀ·d²y/dx²·T: m columns pass through the
-    network instead of k.
-    """
+    """These outputs of a network for a column x of k inputs, with derivatives up to order 0, 1 or 2: with respect to x,
+    or along a tangent T (k x m), dy/dx·T and Tᵀ·d²y/dx²·T, of which m columns pass through the network instead of k."""
     # Input and output scales are folded into the first and last weights; the shift stays, for the digits' sake.
     weights = [np.asarray(w, dtype=float) for w in network.weights]
     weights[0] = weights[0] / np.asarray(network.input_scale)

@@ -7,7 +7,6 @@ from scipy.spatial.transform import Rotation
 
 import casadi_contact as cc
 from casadi_contact.contact.model import NamedLoads
-from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.contact.symbolic import symbolic
 from casadi_contact.core.conventions import rotation
 from tests.support.compiler import needs_compiler
@@ -64,7 +63,7 @@ MATERIAL = {"youngs_modulus": 800.0, "poissons_ratio": 0.4, "thickness": 6.0}
 
 @pytest.fixture(scope="module")
 def knee():
-    return cc.PolarFoundation(cc.load_scene("knee"), Rays(12, 3))
+    return cc.PolarFoundation(cc.load_scene("knee"))
 
 
 @pytest.mark.parametrize("compiled", [pytest.param(True, marks=needs_compiler), False])

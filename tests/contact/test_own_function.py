@@ -94,7 +94,7 @@ def test_torques_that_do_not_belong_to_their_forces_are_refused_with_the_cure(jo
 
 @pytest.mark.parametrize(("moving", "said"), [(False, ""), (True, "about the moving body's origin")])
 def test_torques_about_the_wrong_one_of_two_origins_some_mm_apart_are_found(moving, said):
-    model, (poses, targets) = cc.PolarFoundation(KNEE), walking(8)
+    model, (poses, targets) = cc.PolarFoundation(KNEE, compiled=False), walking(8)
     poses, _ = cc.settle(model, poses, ("ty", "rx"), targets)
     told = wrong_torques_about(model, poses, [0.0, 27.2, 0.0], moving)
     assert (told.startswith(said), bool(told)) == (True, moving)
@@ -104,7 +104,7 @@ def test_torques_about_the_wrong_one_of_two_origins_some_mm_apart_are_found(movi
 @pytest.mark.parametrize("off_mm", [0.0, 0.05, 3.0])
 def test_torques_of_a_cup_about_its_centre_or_near_it_are_not_taken_for_those_of_the_ball(name, off_mm):
     """Within the rim and cut by it; the ball's centre lies up to 6 mm from the cup's."""
-    model = cc.CupFoundation(cc.load_scene(name))
+    model = cc.CupFoundation(cc.load_scene(name), compiled=False)
     for place in PLACES[name][:2]:
         origin = np.add(model.scene.geometry["cup_centre"], [off_mm, 0.0, 0.0])
         assert wrong_torques_about(model, placed(model.scene, [place]), origin, False) == ""

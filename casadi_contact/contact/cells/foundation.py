@@ -70,10 +70,8 @@ class CellFoundation(CompiledFoundation):
 def cell_patches(
     scene: Scene, cells: Cells, charts: Sequence[Chart] = (), *, fade_share: float = 0.2
 ) -> list[Quadrature]:
-    """The scene's patches in cells of this size.
-
-    charts: its `patch_charts`, if at hand. fade_share: of the scene's boundary load, ∫p dA below which loads fade out.
-    """
+    """The scene's patches in cells of this size; charts: its `patch_charts`, if at hand; fade_share: of the scene's
+    boundary load, ∫p dA below which loads fade out."""
     law = law_of(scene.material)
     body = scene.surfaces()[0]  # one body faces every patch
     if body.family == MESH_FIELD:  # as its kernel stores it

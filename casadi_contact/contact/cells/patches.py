@@ -34,11 +34,8 @@ class Lines:
 def lay_lines(
     low: float, high: float, size_mm: float, densities: Array, parts: int, cut: int = 1, gradual: float = 2.5
 ) -> Lines:
-    """Lines from `low` to `high` [mm], about `size_mm` apart where the density is 1: two cells at least, each of which
-    is then cut into so many.
-
-    densities (m,) lie at equal steps between the ends; a Gaussian of `gradual` cells (σ) smooths them.
-    """
+    """Lines from `low` to `high` [mm], about `size_mm` apart where the density is 1: two cells at least, each then cut
+    into so many. densities (m,) lie at equal steps between the ends; a Gaussian of `gradual` cells (σ) smooths them."""
     x = np.linspace(low, high, len(densities))
     smooth = gaussian_filter1d(densities, gradual * size_mm / (x[1] - x[0]), mode="nearest")
     number = cumulative_trapezoid(smooth / size_mm, x, initial=0.0)

@@ -112,8 +112,7 @@ class ElasticFoundation(WrenchLoads):
     """A bed of independent springs on the fixed body, pressed by the rigid moving body.
 
     The wrench of a patch on the fixed body is Σ -p(d_i)·A_i·(n_i, c_i × n_i) over its elements, with d_i the depth
-    along the element's normal. Poses run side by side on threads. Each method takes poses (n, 6), or one pose
-    (6,): its arrays then come without their first axis.
+    along the element's normal. Each method takes poses (n, 6), side by side on threads, or one pose (6,).
 
     grid: elements per patch (nx, nz), the scene's fine grid if left out. compiled: False for numba's loops in any
     case; they are slower, and their loads the same to rounding.
@@ -285,8 +284,7 @@ def share_at_sharp_edges(model: ElasticFoundation, poses: Array) -> Array:
     """Share (n,) of the pressing force Σ p·A, over all patches, on elements nearer to a crease of the moving mesh than
     the nodes of its distance field lie from each other.
 
-    There the field rounds the edge off (`geometry.distance_field`), for elements and cells alike. 0 out of contact, and
-    for moving bodies without creases, as for those that are no meshes.
+    There the field rounds the edge off, for elements and cells alike. 0 out of contact and for bodies without creases.
     """
     poses = as_poses(poses)
     share = np.zeros(len(poses))

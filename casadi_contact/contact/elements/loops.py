@@ -60,10 +60,8 @@ def tangent_at(family, parameters, R, t, centres, extents, b):
 
 @njit(inline="always")
 def block_bound(family, tangent, extents, b):
-    """Least g that any point of block b (half extents) can have: by its tangent at the centre, where g is convex.
-
-    For a mesh by its tangent and curvature if these say that the block lies outside, else by its slope.
-    """
+    """Least g that any point of block b (half extents) can have: by its tangent at the centre, where g is convex; for a
+    mesh by its tangent and curvature if these say that the block lies outside, else by its slope."""
     g, gx, gy, gz, curvature = tangent
     bound = g - abs(gx) * extents[b, 0] - abs(gy) * extents[b, 1] - abs(gz) * extents[b, 2]
     if family == MESH_FIELD:
