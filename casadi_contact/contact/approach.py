@@ -104,19 +104,25 @@ def first_crossing(
 
 
 def press_until(
-    force_at: Callable[[Array], Array], target_n: Array, depth_mm: float, rounds: int = 6, most_change: float = 3.0
+    force_of: Callable[[Array], Array],
+    touching: Array,
+    along: Array,
+    target_n: Array,
+    depth_mm: float,
+    rounds: int = 6,
+    most_change: float = 3.0,
 ) -> tuple[Array, Array]:
-    """Depths (n,) [mm] at which force_at(depths) (n,) [N] is about the target force, and the force at them.
+    """Poses (n, 6) moved along directions (n, 3) until force_of(poses) (n,) [N] is about the target, and that force.
 
     Contact forces grow about as the square of the depth: d ← d·√(F*/F), at most by the factor most_change.
     """
-    depth = before = np.full(len(target_n), depth_mm)
-    force = np.zeros(len(target_n))
+    poses, force, depth = touching, np.zeros(len(target_n)), np.full(len(target_n), depth_mm)
     for _ in range(rounds):
-        before, force = depth, force_at(depth)
+        poses = touching + np.pad(depth[:, None] * along, ((0, 0), (0, 3)))
+        force = force_of(poses)
         ratio = np.sqrt(target_n / np.maximum(force, target_n / most_change**4))
         depth = depth * np.clip(ratio, 1.0 / most_change, most_change)
-    return before, force
+    return poses, force
 
 
 def touching_start(model: ContactModel) -> Array:

@@ -315,11 +315,9 @@ def _pressed_poses(model: CupFoundation, range_n: tuple[float, float], count: in
     beside = np.cos(around)[:, None] * first + np.sin(around)[:, None] * np.cross(cup.pole, first)
     along = np.cos(tilt)[:, None] * cup.pole + np.sin(tilt)[:, None] * beside
 
-    def at(depth_mm: Array) -> Array:
-        centres = cup.centre + (cup.radius - cup.ball_radius + depth_mm)[:, None] * along
-        return np.column_stack([centres, np.zeros((count, 3))])
+    touching = np.pad(cup.centre + (cup.radius - cup.ball_radius) * along, ((0, 0), (0, 3)))
 
-    def force_at(depth_mm: Array) -> Array:
-        return np.linalg.norm(model.wrenches(at(depth_mm))[:, 0, :3], axis=1)
+    def force_of(poses: Array) -> Array:
+        return np.linalg.norm(model.wrenches(poses)[:, 0, :3], axis=1)
 
-    return at(press_until(force_at, np.geomspace(*range_n, count), 0.01, most_change=30.0)[0])
+    return press_until(force_of, touching, along, np.geomspace(*range_n, count), 0.01, most_change=30.0)[0]

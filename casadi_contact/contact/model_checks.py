@@ -57,7 +57,12 @@ def check_contact_model(
         return
     chosen = evenly_spaced_indices(len(touching), most_poses)
     forces_n = np.linalg.norm([target[name][chosen] for name in of_kind(list(target), FORCE)], axis=0)
-    poses = _pressed(model, touching[chosen], loading_directions(model, len(touching), target)[chosen], forces_n)
+    along = loading_directions(model, len(touching), target)[chosen]
+
+    def force_of(at: Array) -> Array:
+        return np.nan_to_num(np.linalg.norm(model.wrenches(at)[..., :3].sum(axis=1), axis=1))
+
+    poses, _ = press_until(force_of, touching[chosen], along, np.maximum(forces_n, 1.0), 0.05)
     forces = model.wrenches(poses)[..., :3]
     sizes = np.nan_to_num(np.linalg.norm(forces, axis=2))
     rows, patches = np.nonzero(sizes > 0.0)
@@ -69,18 +74,6 @@ def check_contact_model(
         if wrong := wrong_torques(poses, wrenches, jacobians):
             where = _text(model, poses[0], patches[0], forces[0])
             raise ValueError(f"the contact model's torques are {wrong}; seen at its {where}")
-
-
-def _pressed(model: ContactModel, touching: Array, along: Array, forces_n: Array) -> Array:
-    def at(depth_mm: Array) -> Array:
-        poses = touching.copy()
-        poses[:, :3] += depth_mm[:, None] * along
-        return poses
-
-    def force_at(depth_mm: Array) -> Array:
-        return np.nan_to_num(np.linalg.norm(model.wrenches(at(depth_mm))[..., :3].sum(axis=1), axis=1))
-
-    return at(press_until(force_at, np.maximum(forces_n, 1.0), 0.05)[0])
 
 
 def _text(model: ContactModel, pose: Array, patch: int, force: Array) -> str:

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import casadi_contact as cc
 from casadi_contact.contact.convergence import NotGoodEnoughError
@@ -40,10 +39,6 @@ KNEES = [  # pressed on one rim of the insert, the other condyle up to 23 mm off
     [4.407, 38.828, -6.564, 0.472, -0.44, -1.591],
     [12.75, 47.107, -7.004, -0.774, -0.504, 0.109],
 ]
-
-
-def as_poses(R, t):
-    return np.column_stack([t, Rotation.from_matrix(R).as_euler("XYZ")])
 
 
 def off_elements(fine, model, poses):
@@ -112,7 +107,7 @@ def test_condyles_of_any_arcs_agree_with_a_fine_element_grid(radii_mm, junctions
     """Several junctions in one spot, of arcs that turn flatter or rounder; in C as in NumPy."""
     scene = cc.load_scene("knee", sagittal_radii=radii_mm, sagittal_junctions_deg=junctions_deg)
     compiled, plain = (cc.PolarFoundation(scene, Rays(8, 3), compiled=c) for c in (True, False))
-    poses = as_poses(*pressed_poses(plain.patches[0], plain.law, (20.0, 2500.0), 60))
+    poses = pressed_poses(plain.patches[0], plain.law, (20.0, 2500.0), 60)
     np.testing.assert_allclose(compiled.wrenches(poses), plain.wrenches(poses), rtol=1e-7, atol=1e-4)
     force, off = off_elements(cc.ElasticFoundation(scene, (320, 160)), compiled, poses)
     assert (off[:, 0] <= 4e-3 * force[:, 0] + 0.1).all()
@@ -155,7 +150,7 @@ def test_a_spot_as_wide_as_its_dish_is_deep_has_the_force_of_elements():
     """Where a femur fits its dish closely, estimated ends of a spot lie past the upright wall of the dish's circle."""
     scene = cc.load_scene("knee", dish_sagittal_radius=43.0, dish_frontal_radius=24.0)
     model = cc.PolarFoundation(scene, Rays(16, 3), compiled=False)
-    poses = as_poses(*pressed_poses(model.patches[0], model.law, (5.0, 2500.0), 80))
+    poses = pressed_poses(model.patches[0], model.law, (5.0, 2500.0), 80)
     wanted = cc.ElasticFoundation(scene, grid=(160, 80))
     force, off = (each[:, 0] for each in off_elements(wanted, model, poses))
     share = (off / force)[(force > 20.0) & ~wanted.at_edge(poses)[:, 0]]
@@ -192,11 +187,11 @@ def one_spot_only(patch, R, t, m):
 
 @pytest.fixture(scope="module")
 def pressed():
-    """A knee of a close fit, and rotations and translations that press one spot of its medial dish within the rim."""
+    """A knee of a close fit, and poses that press one spot of its medial dish within the rim."""
     model = cc.PolarFoundation(fitting(41.0, 23.0), Rays(24, 3), compiled=False)
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(quadrature, "second_peak", one_spot_only)
-        return model, *pressed_poses(model.patches[0], model.law, (20.0, 2500.0), 240)
+        return model, pressed_poses(model.patches[0], model.law, (20.0, 2500.0), 240)
 
 
 @pytest.mark.parametrize("fit_mm", FITS_MM)
@@ -212,8 +207,7 @@ def test_a_femur_turned_in_closely_fitting_dishes_has_the_loads_of_elements(fit_
 
 
 def test_what_bears_on_the_rim_beside_a_spot_within_it_counts(pressed):
-    model, R, t = pressed
-    poses = as_poses(R, t)
+    model, poses = pressed
     fine = cc.ElasticFoundation(model.scene, (320, 160))
     force, off = (each[:, 0] for each in off_elements(fine, model, poses))
     seen = -fine.gaps(poses)[:, 0] < 1.0  # else the condyle's back lies in the dish
@@ -225,8 +219,7 @@ def test_what_bears_on_the_rim_beside_a_spot_within_it_counts(pressed):
 
 @needs_compiler
 def test_c_and_numpy_are_the_same_formulas_with_two_spots(pressed):
-    model, R, t = pressed
-    poses = as_poses(R, t)
+    model, poses = pressed
     two = poses[model.at_edge(poses)[:, 0]][:4]
     assert len(two) == 4
     compiled, turned = cc.PolarFoundation(model.scene, model.rays), on_both_ends(model.scene)
@@ -236,8 +229,8 @@ def test_c_and_numpy_are_the_same_formulas_with_two_spots(pressed):
 
 def test_elements_tell_where_rays_miss_a_spot(pressed, monkeypatch):
     """More rays see no more of a spot that none of them looks for."""
-    model, R, t = pressed
+    model, poses = pressed
     monkeypatch.setattr(quadrature, "second_peak", one_spot_only)
-    wrench = quadrature.patch_loads(model.patches[0], model.law, model.rays, R, t).wrench
+    wrench = model.wrenches(poses)[:, 0]
     with pytest.raises(NotGoodEnoughError, match=r"rays and 320×160 elements differ .* \d\d% of .*ElasticFoundation"):
-        fraction_in_disagreement(model.scene, [(R, t, wrench)], RayChoice())
+        fraction_in_disagreement(model.scene, [(poses, wrench)], RayChoice())

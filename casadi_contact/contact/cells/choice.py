@@ -171,14 +171,11 @@ class PressingPoses:
         poses = moved(np.arange(len(poses)), self.lift_mm - travel)[touching]
         away, target = away[touching], target[touching]
 
-        def at(depth_mm: Array) -> Array:
-            return np.column_stack([poses[:, :3] - depth_mm[:, None] * away, poses[:, 3:]])
+        def force_of(at: Array) -> Array:
+            return np.linalg.norm(model.wrenches(at)[:, patch, :3], axis=1)
 
-        def force_at(depth_mm: Array) -> Array:
-            return np.linalg.norm(model.wrenches(at(depth_mm))[:, patch, :3], axis=1)
-
-        depth, force = press_until(force_at, target, 0.05, self.rounds)
-        return at(depth)[(force > self.kept[0] * target) & (force < self.kept[1] * target)]
+        pressed, force = press_until(force_of, poses, -away, target, 0.05, self.rounds)
+        return pressed[(force > self.kept[0] * target) & (force < self.kept[1] * target)]
 
     def _turns_rad(self, scene: Scene) -> tuple[Array, Array]:
         """Middle (3,) and half (3,) of the angles rx, ry, rz that the body is turned by."""

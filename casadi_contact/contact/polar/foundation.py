@@ -26,7 +26,7 @@ from casadi_contact.contact.polar.quadrature import OUTWARDS, RIM_STARTS, fits_c
 from casadi_contact.contact.polar.ray_hits import fixed_point
 from casadi_contact.contact.polar.surfaces import SmoothPatch, Torus, smooth_patches, u_range
 from casadi_contact.contact.pressure_law import law_of
-from casadi_contact.core.conventions import Array, evenly_spaced_indices, load_selection
+from casadi_contact.core.conventions import Array, evenly_spaced_indices, load_selection, rotation
 from casadi_contact.networks.kernel.source import c_text
 from casadi_contact.scenes.scene import Scene
 
@@ -133,10 +133,8 @@ class RayChoice:
     most_apart: float = 0.02  # of the poses: a few of a wide draw are no reason against a model that is right elsewhere
 
 
-def pressed_poses(
-    patch: SmoothPatch, law: tuple[int, float, float], loads_n: tuple[float, float], count: int
-) -> tuple[Array, Array]:
-    """Rotations (m, 3, 3) and translations (m, 3) of the body, m <= count, that press the patch within its rim.
+def pressed_poses(patch: SmoothPatch, law: tuple[int, float, float], loads_n: tuple[float, float], count: int) -> Array:
+    """Poses (m, 6), m <= count, that press the patch within its rim.
 
     The deepest point lies anywhere on the patch, faced by any place of the moving arcs, up to 25° beyond their
     outermost junctions, turned about its normal by up to 10° and leant by up to 5°. Forces spread evenly on a
@@ -166,38 +164,40 @@ def pressed_poses(
     point = np.column_stack([arc[:, :2], np.full(count, patch.centre_z)]) + arc[:, 2:3] * out
     point += patch.tube_radius * facing
     surface = c - np.einsum("nij,nj->ni", R, point)
-    turn = patch.turn.T
+    touching = np.column_stack([surface @ patch.turn, Rotation.from_matrix(patch.turn.T @ R).as_euler("XYZ")])
 
-    def loads_at(depth_mm: Array) -> PatchLoads:
-        return patch_loads(patch, law, Rays(16, 3), turn @ R, (surface - depth_mm[:, None] * n) @ turn.T)
+    def force_of(poses: Array) -> Array:
+        return np.linalg.norm(_loads(patch, law, Rays(16, 3), poses).wrench[:, :3], axis=1)
 
-    def force_at(depth_mm: Array) -> Array:
-        return np.linalg.norm(loads_at(depth_mm).wrench[:, :3], axis=1)
-
-    depth, _ = press_until(force_at, np.geomspace(*loads_n, count), 0.01, rounds=4, most_change=30.0)
-    whole = ~loads_at(depth).cut
-    return (turn @ R)[whole], ((surface - depth[:, None] * n) @ turn.T)[whole]
+    target_n = np.geomspace(*loads_n, count)
+    poses, _ = press_until(force_of, touching, -n @ patch.turn, target_n, 0.01, rounds=4, most_change=30.0)
+    return poses[~_loads(patch, law, Rays(16, 3), poses).cut]
 
 
-def fraction_in_disagreement(scene: Scene, pressed: list[tuple[Array, Array, Array]], choice: RayChoice) -> float:
+def _loads(patch: SmoothPatch, law: tuple[int, float, float], rays: Rays, poses: Array) -> PatchLoads:
+    return patch_loads(patch, law, rays, rotation(poses[:, 3:]), poses[:, :3])
+
+
+Truth = Sequence[tuple[Array, Array]]
+"""Of each patch poses (m, 6) that press it within its rim, and converged wrenches (m, 6) there."""
+
+
+def fraction_in_disagreement(scene: Scene, pressed: Truth, choice: RayChoice) -> float:
     """The share of poses in which some load differs from that of elements by more than one pose may be wrong
-    (`convergence.Errors`) and twice what elements half as fine differ by.
-
-    pressed: of each patch rotations (m, 3, 3), translations (m, 3) and wrenches (m, 6) by rays. Raises
-    NotGoodEnoughError where the share is larger than the choice allows.
+    (`convergence.Errors`) and twice what elements half as fine differ by; raises NotGoodEnoughError where it is larger
+    than the choice allows.
     """
     nx, nz = choice.elements
     fine, half = (ElasticFoundation(scene, grid) for grid in ((nx, nz), (nx // 2, nz // 2)))
     selection = load_selection(scene.load_names, scene.patch_names)
     apart: list[np.ndarray] = []
-    for p, (R, t, wrench) in enumerate(pressed):
-        if not len(t):
+    for p, (poses, wrench) in enumerate(pressed):
+        if not len(poses):
             continue
-        poses = np.column_stack([t, Rotation.from_matrix(R).as_euler("XYZ")])
         target, rough = (model.wrenches(poses)[:, p] for model in (fine, half))
         forces_n = np.linalg.norm(target[:, :3], axis=1)
         off, unsure = (np.abs((found - target) @ selection[:, p].T) for found in (wrench, rough))
-        errors = Errors(scene, np.maximum(off - 2.0 * unsure, 0.0), forces_n, np.zeros(len(t), dtype=bool))
+        errors = Errors(scene, np.maximum(off - 2.0 * unsure, 0.0), forces_n, np.zeros(len(poses), dtype=bool))
         apart.append(np.any(errors.of_allowed > 1.0, axis=1))
     share = float(np.mean(np.concatenate(apart))) if apart else 0.0
     if share > choice.most_apart:
@@ -219,44 +219,37 @@ def polar_foundation(scene: Scene, *, compiled: bool = True, choice: RayChoice |
     against = f"{converged.rays}, EF {grid_text(choice.elements)}"
     model = cheapest(scene, models, lambda model: _errors(model, truth), model="polar quadrature", against=against)
     pairs, count = zip(converged.patches, truth, strict=True), choice.poses_on_elements
-    apart = fraction_in_disagreement(scene, [_poses_for_elements(p, *found, count) for p, found in pairs], choice)
+    apart = fraction_in_disagreement(scene, [_for_elements(p, *found, count) for p, found in pairs], choice)
     model.record |= {"rays": model.rays.count, "points": model.rays.points, "elements_apart": apart}
     return model
 
 
-Truth = list[tuple[Array, Array, Array]]
-
-
 def _truth(model: PolarFoundation, range_n: tuple[float, float], count: int) -> Truth:
-    """Rotations, translations and converged wrenches (m, 6) of poses that press each patch; poses whose contact the rim
-    cuts between the few rays that found them are left out."""
+    """Poses whose contact the rim cuts between the few rays that found them are left out."""
     found = []
     for patch in model.patches:
-        R, t = pressed_poses(patch, model.law, range_n, count)
-        loads = patch_loads(patch, model.law, model.rays, R, t)
-        found.append((R[~loads.cut], t[~loads.cut], loads.wrench[~loads.cut]))
+        poses = pressed_poses(patch, model.law, range_n, count)
+        loads = _loads(patch, model.law, model.rays, poses)
+        found.append((poses[~loads.cut], loads.wrench[~loads.cut]))
     return found
 
 
-def _poses_for_elements(
-    patch: SmoothPatch, R: Array, t: Array, wrench: Array, count: int
-) -> tuple[Array, Array, Array]:
-    """Rotations, translations and wrenches of up to so many poses to be compared with elements, without those in which
-    the body's back meets the patch, which polar quadrature does not cover."""
-    few = evenly_spaced_indices(len(t), count)
-    R, t, wrench = R[few], t[few], wrench[few]
-    turned, place = patch.turn @ R, t @ patch.turn.T
-    local = peak(patch, turned, place).local
-    near = nearest(patch, turned, place, local.u, local.v)
-    front = (near.depth > 0.0) & (near.ends.cosine < patch.tuning.facing)
-    return R[front], t[front], wrench[front]
+def _for_elements(patch: SmoothPatch, poses: Array, wrench: Array, count: int) -> tuple[Array, Array]:
+    """Up to so many poses, and their wrenches, to be compared with elements, without those in which the body's back
+    meets the patch, which polar quadrature does not cover."""
+    few = evenly_spaced_indices(len(poses), count)
+    R, t = patch.turn @ rotation(poses[few, 3:]), poses[few, :3] @ patch.turn.T
+    local = peak(patch, R, t).local
+    near = nearest(patch, R, t, local.u, local.v)
+    front = few[(near.depth > 0.0) & (near.ends.cosine < patch.tuning.facing)]
+    return poses[front], wrench[front]
 
 
 def _errors(model: PolarFoundation, truth: Truth) -> Array:
     """Errors of the named loads (poses, loads), each pose with one patch pressed."""
     selection = load_selection(model.load_names, model.patch_names)
-    pairs = enumerate(zip(model.patches, truth, strict=True))
-    loads = (
-        (p, patch_loads(patch, model.law, model.rays, R, t).wrench - wrench) for p, (patch, (R, t, wrench)) in pairs
-    )
-    return np.concatenate([missed @ selection[:, p].T for p, missed in loads])
+    missed = [
+        (_loads(patch, model.law, model.rays, poses).wrench - wrench) @ selection[:, p].T
+        for p, (patch, (poses, wrench)) in enumerate(zip(model.patches, truth, strict=True))
+    ]
+    return np.concatenate(missed)
