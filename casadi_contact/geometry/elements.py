@@ -1,11 +1,10 @@
 """The fixed body's contact surface as flat elements: centres, outward unit normals, areas.
 
-Elements come in square blocks of neighbours with a bounding box each, for the elastic foundation's culling.
+Elements come in square blocks of neighbours, for the elastic foundation's culling.
 """
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,8 +22,7 @@ class ElementGrid:
     """Elements of one patch, or of one part of it, in block order, fixed frame.
 
     centres_mm, normals (m, 3); areas_mm2 (m,); edge_centres_mm (k, 3) of the outermost elements;
-    blocks (b + 1,) first element of each block;
-    block_centres_mm (b, 3); block_extents_mm (b, 3) half the size of the box about each block's element centres.
+    blocks (b + 1,) first element of each block, which has BLOCK_SIDE² elements at most.
     """
 
     centres_mm: Array
@@ -32,8 +30,6 @@ class ElementGrid:
     areas_mm2: Array
     edge_centres_mm: Array
     blocks: np.ndarray
-    block_centres_mm: Array
-    block_extents_mm: Array
 
 
 def cell_middles(count: int) -> Array:
@@ -88,11 +84,7 @@ def _in_blocks(centres: Array, normals: Array, areas: Array, edge: Array, blocks
     blocks = [block for block in blocks if block.size]
     starts = np.cumsum([0, *(block.size for block in blocks)], dtype=np.int64)
     flat = np.concatenate([np.zeros(0, dtype=np.int64), *blocks])
-    centres, normals, areas = centres[flat], normals[flat], areas[flat]
-    spans = list(itertools.pairwise(starts))
-    low = np.array([centres[a:b].min(axis=0) for a, b in spans]).reshape(-1, 3)
-    high = np.array([centres[a:b].max(axis=0) for a, b in spans]).reshape(-1, 3)
-    return ElementGrid(centres, normals, areas, edge, starts, 0.5 * (low + high), 0.5 * (high - low))
+    return ElementGrid(centres[flat], normals[flat], areas[flat], edge, starts)
 
 
 # Fixed surfaces y(x, z) over a rectangle of nx × nz equal cells: each element lies at its cell's centre on the surface,

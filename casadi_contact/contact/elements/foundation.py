@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property, partial
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from casadi_contact.contact.elements.loops import element_depths, gap_many, point_distances, wrench_many
+from casadi_contact.contact.elements.loops import gap_many, overlap_many, point_distances, wrench_many
 from casadi_contact.contact.foundation_source import C_FOLDER, C_LAWS, law_source
 from casadi_contact.contact.model import WrenchLoads
 from casadi_contact.contact.pressure_law import law_of, pressures
@@ -36,30 +35,23 @@ def grid_text(grid: tuple[int, int]) -> str:
     return f"{grid[0]}×{grid[1]}"
 
 
-def _in_groups(elements: ElementGrid, lanes: int) -> tuple[Array, np.ndarray]:
-    """c, n and area (groups, g, 7) of the blocks' elements, which are there (groups, g): a multiple of `lanes`."""
-    size = BLOCK_SIDE**2
-    spans = itertools.pairwise(elements.blocks.tolist())
-    groups = [(k, min(size, end - k)) for start, end in spans for k in range(start, end, size)]
-    groups += [(0, 0)] * (-len(groups) % lanes)
-    starts, sizes = np.array(groups).T
-    place = np.arange(size)
-    present = np.asarray(place < sizes[:, None])
-    columns = np.column_stack([elements.centres_mm, elements.normals, elements.areas_mm2])
-    return columns[np.where(present, starts[:, None] + place, 0)] * present[..., None], present
+def _members(e: ElementGrid) -> Array:
+    """c, n and area (blocks, g, 7) of each block's elements, filled up with zeros."""
+    place = e.blocks[:-1, None] + np.arange(BLOCK_SIDE**2)
+    present = place < e.blocks[1:, None]
+    columns = np.column_stack([e.centres_mm, e.normals, e.areas_mm2])
+    return np.asarray(columns[np.where(present, place, 0)] * present[..., None])
 
 
-def _boxes(members: Array, present: np.ndarray) -> Array:
-    """Middle and three half axes (groups, 12) of boxes about the elements, flat along their mean normals."""
-    normals = members[..., 3:6].sum(axis=1)
+def _boxes(e: ElementGrid) -> Array:
+    """Middle and three half axes (blocks, 12) of boxes about the blocks' elements, flat along their mean normals."""
+    starts = e.blocks[:-1]
+    normals = np.add.reduceat(e.normals, starts)
     across = np.eye(3)[np.abs(normals).argmin(axis=1)]
     frames = np.linalg.qr(np.stack([normals, across, np.ones_like(normals)], -1))[0]
-    along = members[..., :3] @ frames
-    low = np.where(present[..., None], along, np.inf).min(axis=1)
-    high = np.where(present[..., None], along, -np.inf).max(axis=1)
-    filled = np.any(present, axis=1, keepdims=True)
-    low, high = np.where(filled, low, 0.0), np.where(filled, high, 0.0)
-    middle = np.einsum("gik,gk->gi", frames, 0.5 * (low + high))
+    along = np.einsum("ei,eik->ek", e.centres_mm, np.repeat(frames, np.diff(e.blocks), axis=0))
+    low, high = np.minimum.reduceat(along, starts), np.maximum.reduceat(along, starts)
+    middle = np.einsum("bik,bk->bi", frames, 0.5 * (low + high))
     axes = (0.5 * (high - low))[:, :, None] * np.swapaxes(frames, 1, 2)
     return np.concatenate([middle, axes.reshape(-1, 9)], 1)
 
@@ -73,24 +65,25 @@ class PatchElements(NamedTuple):
     """
 
     surface: MovingSurface
-    elements: tuple[Array, Array, Array, np.ndarray, Array, Array]
+    elements: tuple[Array, Array, Array, np.ndarray, Array]
     library: Path | None = None
     constants: tuple[np.ndarray, ...] = ()
 
     @classmethod
     def of(cls, surface: MovingSurface, e: ElementGrid, compiled: Material | None, lanes: int = 4) -> PatchElements:
-        """compiled: the material whose law the C has, `lanes` groups of elements in a vector; None for numba alone."""
-        bed = cls(surface, (e.centres_mm, e.normals, e.areas_mm2, e.blocks, e.block_centres_mm, e.block_extents_mm))
+        """compiled: the material whose law the C has, `lanes` blocks of elements in a vector; None for numba alone."""
+        boxes = _boxes(e)
+        bed = cls(surface, (e.centres_mm, e.normals, e.areas_mm2, e.blocks, boxes))
         if compiled is None or surface.family != SWEPT_ARCS or compiled.law not in C_LAWS:
             return bed
         try:
             library = shared_library("\n".join([law_source(compiled), c_text("elements.h", C_FOLDER)]))
         except CompilerError:
             return bed  # numba has the same numbers
-        members, present = _in_groups(e, lanes)
-        boxes = _boxes(members, present).reshape(-1, lanes, 12).transpose(0, 2, 1).copy()
-        count = np.array([len(members)], dtype=np.int64)
-        constants = (count, surface.parameters.copy(), boxes, members.transpose(0, 2, 1).copy())
+        none = -len(boxes) % lanes  # blocks without elements: all vectors are full
+        boxes = np.pad(boxes, ((0, none), (0, 0))).reshape(-1, lanes, 12).transpose(0, 2, 1).copy()
+        members = np.pad(_members(e), ((0, none), (0, 0), (0, 0))).transpose(0, 2, 1).copy()
+        constants = (np.array([len(members)], dtype=np.int64), surface.parameters.copy(), boxes, members)
         return bed._replace(library=library, constants=constants)
 
     def wrenches(
@@ -217,7 +210,10 @@ class ElasticFoundation(WrenchLoads):
         """Elements, and their depths (m,) [mm] in one pose, patch by patch."""
         R, t = rotation(pose[3:]), pose[:3].copy()
         for surface, elements, *_ in self._patches:
-            yield elements, element_depths(surface.family, surface.parameters, elements, R, t)
+            yield (
+                elements,
+                np.maximum(overlap_many(surface.family, surface.parameters, *elements[:2], R, t, 0.0)[0], 0.0),
+            )
 
     @cached_property
     def _edge_patches(self) -> list[PatchElements]:

@@ -42,30 +42,41 @@ def to_fixed(R, x, y, z):
 
 
 @njit(inline="always")
-def tangent_at(family, parameters, R, t, centres, extents, b):
+def _square_reach(boxes, b):
+    """|r|² of the corners of the box about block b: the sum of its half axes' squares."""
+    total = 0.0
+    for k in range(3, 12):
+        total += boxes[b, k] ** 2
+    return total
+
+
+@njit(inline="always")
+def tangent_at(family, parameters, R, t, boxes, b):
     """g and its gradient G (fixed frame) at the centre c of block b, and a bound M on its curvature over the block.
 
     Where g_c + G·(p - c) - M|p - c|²/2 > 0 the point p of the block lies outside the body. M = 0 for the analytic
     families, which are convex; see `geometry.distance_field` for a mesh. (An infinite M excludes nothing.)
     """
-    qx, qy, qz = to_moving(R, t, centres[b, 0], centres[b, 1], centres[b, 2])
+    qx, qy, qz = to_moving(R, t, boxes[b, 0], boxes[b, 1], boxes[b, 2])
     g, ax, ay, az = signed_distance(family, parameters, qx, qy, qz)
     curvature = 0.0
     if family == MESH_FIELD:
-        reach2 = extents[b, 0] ** 2 + extents[b, 1] ** 2 + extents[b, 2] ** 2
-        curvature = field_curvature(parameters, qx, qy, qz) if reach2 < CURVATURE_REACH_MM**2 else np.inf
+        near = _square_reach(boxes, b) < CURVATURE_REACH_MM**2
+        curvature = field_curvature(parameters, qx, qy, qz) if near else np.inf
     gx, gy, gz = to_fixed(R, ax, ay, az)
     return g, gx, gy, gz, curvature
 
 
 @njit(inline="always")
-def block_bound(family, tangent, extents, b):
-    """Least g that any point of block b (half extents) can have: by its tangent at the centre, where g is convex; for a
+def block_bound(family, tangent, boxes, b):
+    """Least g that any point of block b can have: by its tangent at the centre, where g is convex; for a
     mesh by its tangent and curvature if these say that the block lies outside, else by its slope."""
     g, gx, gy, gz, curvature = tangent
-    bound = g - abs(gx) * extents[b, 0] - abs(gy) * extents[b, 1] - abs(gz) * extents[b, 2]
+    bound = g
+    for k in (3, 6, 9):
+        bound -= abs(gx * boxes[b, k] + gy * boxes[b, k + 1] + gz * boxes[b, k + 2])
     if family == MESH_FIELD:
-        reach2 = extents[b, 0] ** 2 + extents[b, 1] ** 2 + extents[b, 2] ** 2
+        reach2 = _square_reach(boxes, b)
         if curvature < np.inf:
             bound -= 0.5 * curvature * reach2
         if bound <= 0.0 or curvature == np.inf:
@@ -115,16 +126,16 @@ def _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, start):
 @njit()
 def _patch_wrench(family, parameters, elements, law, modulus, thickness, R, t, wrench, stiffness, derivatives):
     """Add up one patch's wrench (6,) and, if asked, d wrench / d twist of the moving body about t (6, 6)."""
-    centres, normals, areas, blocks, block_centres, block_extents = elements
+    centres, normals, areas, blocks, boxes = elements
     wrench[:] = 0.0
     stiffness[:] = 0.0
     load_direction = np.empty(6)
     depth_slope = np.empty(6)
-    for b in range(len(block_extents)):
-        tangent = tangent_at(family, parameters, R, t, block_centres, block_extents, b)
-        if block_bound(family, tangent, block_extents, b) > 0.0:
+    for b in range(len(boxes)):
+        tangent = tangent_at(family, parameters, R, t, boxes, b)
+        if block_bound(family, tangent, boxes, b) > 0.0:
             continue
-        bx, by, bz = block_centres[b, 0], block_centres[b, 1], block_centres[b, 2]
+        bx, by, bz = boxes[b, 0], boxes[b, 1], boxes[b, 2]
         for e in range(blocks[b], blocks[b + 1]):
             cx, cy, cz = centres[e, 0], centres[e, 1], centres[e, 2]
             if point_bound(tangent, cx - bx, cy - by, cz - bz) >= 0.0:
@@ -153,11 +164,10 @@ def _patch_wrench(family, parameters, elements, law, modulus, thickness, R, t, w
 @njit()
 def _patch_gap(family, parameters, elements, R, t, slope):
     """Smallest g over the elements, and its derivative by the twist of the moving body about t (6,)."""
-    centres, _, _, blocks, block_centres, block_extents = elements
-    bounds = np.empty(len(block_extents))
-    for b in range(len(block_extents)):
-        tangent = tangent_at(family, parameters, R, t, block_centres, block_extents, b)
-        bounds[b] = block_bound(family, tangent, block_extents, b)
+    centres, _, _, blocks, boxes = elements
+    bounds = np.empty(len(boxes))
+    for b in range(len(boxes)):
+        bounds[b] = block_bound(family, tangent_at(family, parameters, R, t, boxes, b), boxes, b)
     best = np.inf
     nearest = -1
     for b in np.argsort(bounds):
@@ -200,21 +210,6 @@ def gap_many(family, parameters, elements, rotations, translations):
     for k in range(count):
         gaps[k] = _patch_gap(family, parameters, elements, rotations[k], translations[k], slopes[k])
     return gaps, slopes
-
-
-@njit()
-def element_depths(family, parameters, elements, R, t):
-    """Depth of every element (m,) of one patch in one pose [mm], zero where it does not touch."""
-    centres, normals = elements[0], elements[1]
-    depths = np.zeros(len(centres))
-    for e in range(len(centres)):
-        cx, cy, cz = centres[e, 0], centres[e, 1], centres[e, 2]
-        qx, qy, qz = to_moving(R, t, cx, cy, cz)
-        g = signed_distance_value(family, parameters, qx, qy, qz)
-        if g < 0.0:
-            nx, ny, nz = normals[e, 0], normals[e, 1], normals[e, 2]
-            depths[e] = _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, -g)[0]
-    return depths
 
 
 @njit()
