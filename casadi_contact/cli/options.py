@@ -34,7 +34,7 @@ Table = Annotated[
 ]
 ModelName = Annotated[
     str,
-    typer.Option(help=f"contact model that samples are settled and evaluated on: {', '.join(MODELS)} (faster)"),
+    typer.Option(help=f"contact model that samples are evaluated on: {', '.join(MODELS)}"),
 ]
 SurrogateName = Annotated[
     str, typer.Argument(help=f"a ready surrogate ({', '.join(ready_surrogates())}) or the path of a .h5 file")

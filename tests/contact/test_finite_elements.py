@@ -184,10 +184,10 @@ def test_meshes_that_cannot_be(values):
         Hexahedra(**values)
 
 
-def test_samples_settle_and_are_evaluated_on_finite_elements():
+def test_samples_of_finite_elements_settle_on_springs_that_carry_about_as_much():
     scene = cc.load_scene("sphere_on_plane", coarse=(12, 12))
-    settled_on, teacher = MODELS["finite-elements"](scene, SamplingSettings.from_scene(scene))
+    springs, teacher = MODELS["finite-elements"](scene, SamplingSettings.from_scene(scene))
     starts = np.array([[0.0, 29.9, 0.0, 0, 0, 0], [2.0, 29.8, -3.0, 0, 0, 0]])
-    poses, report = cc.settle(settled_on, starts, ("ty",), {"Fy": -300.0})
+    poses, report = cc.settle(springs, starts, ("ty",), {"Fy": -300.0})
     assert report.converged.all()
-    np.testing.assert_allclose(teacher.part_wrenches(poses)[:, 0, 1], -300.0, rtol=1e-5)
+    np.testing.assert_allclose(teacher.part_wrenches(poses)[:, 0, 1], -300.0, rtol=0.3)

@@ -184,6 +184,11 @@ class FiniteElements(WrenchLoads):
         return self._elements.at_edge(poses)
 
     @batched
+    def edge_share(self, poses: Array) -> Array:
+        """Share (n,) of the load that springs on the same grid carry at the patches' edges."""
+        return self._elements.edge_share(poses)
+
+    @batched
     def stored_energy(self, poses: Array) -> Array:
         """½·fᵀC f of each patch (n, patches) [N·mm]: the work that pressing the body into the layer took."""
         energies = [[0.5 * found.forces_n @ found.overlaps_mm for found in each] for each in self._pressed(poses)]
