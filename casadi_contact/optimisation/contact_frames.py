@@ -135,18 +135,20 @@ class ContactFrames:
         return ca.vertcat(*(rows[name] for name in targets))
 
     def report(self, value: Callable[[ca.MX], Any]) -> str:
-        """What a solution is worth, a line for each finding: how far off the loads are that `misfit` was asked for,
-        which frames lie on a bound, are not valid, or have no contact.
+        """What a solution is worth, a line for each finding: what each patch carries, how far off the loads are that
+        `misfit` was asked for, which frames lie on a bound, are not valid, or have no contact.
 
         value: of an expression at the solution, such as ``solution.value`` of an Opti.
         """
-        lines = []
+        pose, roots = (np.reshape(value(of), (-1, self.frames), order="F") for of in (self.pose, self.roots))
+        forces = self._scene.reference_load * np.maximum(roots, 0.0) ** 2
+        patches = zip(self._scene.patch_names, forces.min(axis=1), forces.max(axis=1), strict=True)
+        lines = [", ".join(f"{patch} carries {least:.0f} to {most:.0f} N" for patch, least, most in patches)]
         for name, error in self._errors.items():
             off, unit = np.abs(np.ravel(value(error))), quantity(name).kind.unit
             lines.append(
                 f"{name} is off by {np.sqrt((off**2).mean()):.2g} {unit} (RMS), {off.max():.2g} in frame {off.argmax()}"
             )
-        pose, roots = (np.reshape(value(of), (-1, self.frames), order="F") for of in (self.pose, self.roots))
         q = np.ravel(value(self.q), order="F")
         near = 1e-6 * (1.0 + np.abs(q))
         bound = ((q <= self.lower + near) | (q >= self.upper - near)).reshape(self.frames, -1).T
@@ -154,7 +156,7 @@ class ContactFrames:
         model: Any = self.model
         if getattr(model, "confidence", None) is not None:
             found["validity is below 1/2"] = np.less(model.validity(pose.T), 0.5)
-        found["there is no contact"] = (roots <= 0.0).all(axis=0)
+        found["there is no contact"] = (forces <= 0.0).all(axis=0)
         for finding, rows in found.items():
             if rows.any():
                 lines.append(f"{finding} in {rows.sum()} of {self.frames} frames, first in {rows.argmax()}")
@@ -163,7 +165,8 @@ class ContactFrames:
     def start_poses(self, targets: Mapping[str, ArrayLike] | None = None, poses: ArrayLike | None = None) -> Array:
         """Poses (n, 6) in the learned range and in contact, to begin from: settled from given ones (n, 6) or (6,), the
         middle of the range if left out, turned about the anchors to the locked rotations, along the scene's sensitive
-        pose parameters under the target normal loads.
+        pose parameters under the target normal loads: a fifth of the scene's reference load on each patch if targets
+        are left out, so that a balance begins with contact.
 
         Other target loads than normal ones are left to the optimiser. Raises ValueError for locked expressions, unknown
         loads, and another number of poses.
@@ -180,10 +183,11 @@ class ContactFrames:
         if not self.model.record.get("pose_range"):  # nothing learned: the middle touches in one orientation only
             rest = touching(self.model, rest, self.free, {})
         begin = rest if poses is None else self.each_frame(poses)
-        targets = targets or {}
-        normals = self._scene.normal_loads
+        normals, pressing = self._scene.normal_loads, dict[str, Array]()
+        if targets is None:
+            directed = [n for n in self._scene.controllable_normal_loads if n.direction is not None]
+            targets = {normal.loads[0]: 0.2 * normal.sign * self._scene.reference_load for normal in directed}
         self.model.check_loads([name for name in targets if centre_of_pressure(name, normals) is None] or None)
-        pressing: dict[str, Array] = {}
         for normal in self._scene.controllable_normal_loads:
             if set(normal.loads) <= set(targets):
                 forces = np.stack([_numbers(name, targets[name], self.frames) for name in normal.loads], axis=1)

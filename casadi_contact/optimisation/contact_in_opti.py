@@ -72,7 +72,8 @@ class ContactInOpti(ContactFrames):
         self._opti.subject_to(ca.vec(self.roots) >= root)
 
     def begin(self, targets: Mapping[str, ArrayLike] | None = None, poses: ArrayLike | None = None) -> None:
-        """Set the start: poses (n, 6) or (6,), or the middle of the learned range, settled as `start_poses` does."""
+        """Set the start: poses (n, 6) or (6,), or the middle of the learned range, settled as `start_poses` does, under
+        targets or a fifth of the scene's reference load on each patch."""
         self.begin_at(self.start_poses(targets, poses))
 
     def begin_at(self, poses: ArrayLike) -> None:

@@ -138,7 +138,7 @@ class PoseEstimation:
         Frames that do not converge are reported, never raised. Frames without load stay where they begin.
         """
         began, loaded = time.perf_counter(), self.targets.loaded
-        poses = self.settle_start(self.contact.start_poses() if start is None else self.contact.each_frame(start))
+        poses = self.settle_start(self.contact.start_poses({}) if start is None else self.contact.each_frame(start))
         options = least_squares_options(max_iterations=max_iterations)
         solver = ca.nlpsol("pose_estimation", "ipopt", self.nlp, options)
         x0, lower, upper = self.contact.variables(poses), self.contact.lower, self.contact.upper
@@ -206,7 +206,7 @@ class PoseEstimation:
         leaves IPOPT 8 iterations in place of 21 on the built-in walk. Targets that are only parts of normal loads
         settle from a little beyond the first touch."""
         pressing = self.targets.pressing
-        poses = settle_in_range(self.model, poses, self.contact.start_poses(), self.free, pressing, tolerance_n=0.1)
+        poses = settle_in_range(self.model, poses, self.contact.start_poses({}), self.free, pressing, tolerance_n=0.1)
         left = self._settle_rows(poses, np.arange(self.frames))
         return poses if pressing else self._settle_from_touch(poses, left)
 

@@ -38,7 +38,7 @@ class PoseTargets:
     def of(cls, scene: Scene, values: Mapping[str, Array]) -> PoseTargets:
         """Raises ValueError for a name that is neither a load of the scene nor a centre of pressure that it has, and
         for two names of one coordinate of the centre."""
-        values = {name: np.asarray(curve, dtype=float) for name, curve in values.items()}
+        values = {name: np.atleast_1d(np.asarray(curve, dtype=float)) for name, curve in values.items()}
         centres: dict[str, CentreOfPressure] = {}
         needed: set[str] = set()
         for name in values:

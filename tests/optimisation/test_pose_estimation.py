@@ -203,11 +203,7 @@ def test_loads_that_are_not_targets_may_press_and_a_torque_tells_that_something_
     ("changed", "word"),
     [
         (lambda c: replace(c, fy_med=1e-3 * c.fy_med, fy_lat=1e-3 * c.fy_lat), "kN"),
-        (lambda c: replace(c, cop_ap_mm=1e-3 * c.cop_ap_mm, cop_ml_mm=1e-3 * c.cop_ml_mm), "unit m?"),
-        (lambda c: replace(c, cop_ap_mm=1e-1 * c.cop_ap_mm, cop_ml_mm=1e-1 * c.cop_ml_mm), "unit cm?"),
         (lambda c: replace(c, cop_ml_mm=c.cop_ml_mm + 12.0), "origin"),
-        (lambda c: replace(c, cop_ml_mm=-c.cop_ml_mm), "left"),
-        (lambda c: replace(c, fy_med=c.fy_lat, fy_lat=c.fy_med), "exchanged"),
     ],
 )
 def test_wrong_units_and_signs_are_warned_of(knee, changed, word):
