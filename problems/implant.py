@@ -39,7 +39,7 @@ def scene_of_meshes(moving: Path, fixed: Path, folder: Path) -> Path:
 def main(scene: Path, files: list[Path], out: Path = Path("results/implant")) -> None:
     """Find the poses of measured cycles (CSV) on the meshes of a joint.
 
-    scene: a scene file, or the moving body's mesh, which the fixed body's mesh follows (STL, OBJ, PLY or VTP). files:
+    scene: a scene file, or the moving body's mesh, which the fixed body's mesh follows (STL, OBJ, ...). files:
     the cycles. Exit status 3: some frames are not solved; 4: all are, but some are not verified.
     """
     for path in files:

@@ -39,7 +39,7 @@ def name_of_mesh(mesh: Path) -> str:
 
 
 def scene(
-    moving: Annotated[Path, typer.Argument(help="mesh of the moving body: STL, OBJ, PLY or VTP")],
+    moving: Annotated[Path, typer.Argument(help="mesh of the moving body: STL, OBJ, PLY, VTP, VTK or OFF")],
     fixed: Annotated[Path, typer.Argument(help="mesh of the fixed body, which carries the elements")],
     side: Annotated[str | None, typer.Option(help=f"of the body: {' or '.join(SIDES)}")] = None,
     joint: Annotated[str | None, typer.Option(help=f"{', '.join(JOINTS)}; recognised if left out")] = None,

@@ -76,7 +76,7 @@ def load_mesh(
     contact: Sequence[Box] | None = None,
     placement: Placement = AS_IN_FILE,
 ) -> TriangleMesh:
-    """Read and check a mesh file (STL, OBJ, PLY or VTP).
+    """Read and check a mesh file (one of `FORMATS`).
 
     units: of the file, one of `MM_PER_UNIT`. axes: which file axis each of the library's x, y, z is, e.g. ("-x", "y",
     "-z") for a right knee of OpenSim (x anterior, z lateral). placement: where the mesh lies in these axes. contact:

@@ -1,5 +1,5 @@
-"""Vertices and triangles of mesh files: STL, OBJ, PLY and VTK PolyData (.vtp). What is not whole is refused: trimesh
-and meshio leave out damaged faces without a word."""
+"""Vertices and triangles of mesh files: STL, OBJ, PLY, OFF and VTK's (.vtp, .vtk). What is not whole is refused:
+trimesh and meshio leave out damaged faces without a word."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from casadi_contact.core.conventions import Array
 from casadi_contact.core.files.reading import MOST_MESH, MOST_UNPACKED, checked_size, one_line
 
 _PLY = {"char": "int8", "uchar": "uint8", "int": "int32", "uint": "uint32", "float": "float32"}  # unlike NumPy's names
+_VTK = {"float": "f4", "double": "f8", "int": "i4", "long": "i8", "vtktypeint32": "i4", "vtktypeint64": "i8"}
 _FACET = b"facet normal outer loop vertex vertex vertex endloop endfacet".split()
 MOST_RATIO = 200  # of unpacked to packed bytes: zeros have 1,000, a plate's grid of points 100
 _BOM = b"\xef\xbb\xbf"
@@ -116,6 +117,67 @@ def _of_ply(content: bytes) -> tuple[Array, np.ndarray]:
     return points, _fans(points, np.concatenate(faces), np.cumsum([len(each) for each in faces]))
 
 
+def _of_off(content: bytes) -> tuple[Array, np.ndarray]:
+    """Counts of vertices, polygons and edges, then a line of each vertex and of each polygon, its number of corners
+    first; normals or colours may follow (Geomview's object file format)."""
+    lines = [words for line in content.removeprefix(_BOM).splitlines() if (words := line.split(b"#")[0].split())]
+    if not re.fullmatch(rb"(ST)?C?N?OFF", lines[0].pop(0)) or b"BINARY" in lines[0]:
+        raise ValueError("it does not begin with OFF and text")
+    (count, polygons, *_), *rows = lines if lines[0] else lines[1:]
+    if len(rows) != int(count) + int(polygons):
+        raise ValueError(f"{len(rows)} lines follow its counts, expected {int(count)} + {int(polygons)}")
+    points = np.array([row[:3] for row in rows[: int(count)]], dtype=float)
+    sizes = [int(row[0]) for row in rows[int(count) :]]
+    corners = [int(k) for size, row in zip(sizes, rows[int(count) :], strict=True) for k in row[1 : size + 1]]
+    return points, _fans(points, corners, np.cumsum(sizes))
+
+
+def _of_vtk(content: bytes) -> tuple[Array, np.ndarray]:
+    """`POINTS`, and `POLYGONS` or `CELLS` that are polygons: size and corners of each, since version 5.1 offsets and
+    corners; text, or numbers with the high byte first. Source: VTK file formats, legacy formats."""
+    head, _, form, rest = content.removeprefix(_BOM).split(b"\n", 3)
+    arrays: dict[str, np.ndarray] = {}
+    cells, counts = "", list[str]()
+
+    def take(name: str, kind: str, count: int) -> bytes:
+        """The next numbers, and what follows them."""
+        if form.strip().upper() == b"ASCII":
+            words = rest.split(maxsplit=count)
+            arrays[name] = np.array(words[:count], dtype=float)
+            if len(words) < count:
+                raise ValueError(f"{name} has {len(words)} numbers, expected {count}")
+            return words[count] if len(words) > count else b""
+        arrays[name] = np.frombuffer(rest, np.dtype(_VTK[kind]).newbyteorder(">"), count)
+        return rest[arrays[name].nbytes :]
+
+    while rest := rest.lstrip():
+        line, _, rest = rest.partition(b"\n")
+        key, *words = line.decode("latin1").split()
+        if key == "POINTS":
+            rest = take(key, words[1], 3 * int(words[0]))
+        elif key in ("OFFSETS", "CONNECTIVITY"):
+            rest = take(cells + key, words[0], int(counts[key == "CONNECTIVITY"]))
+        elif key in ("POLYGONS", "CELLS", "TRIANGLE_STRIPS", "LINES", "VERTICES"):
+            cells, counts = key, words
+            rest = rest if b"Version 5" in head else take(key, "int", int(words[1]))
+        elif key == "CELL_TYPES":
+            rest = take(key, "int", int(words[0]))
+        elif key == "METADATA":
+            rest = rest.partition(b"\n\n")[2]
+        elif key != "DATASET":
+            break  # data of points and cells
+    cells = "POLYGONS" if "CELL_TYPES" not in arrays else "CELLS"
+    if wrong := {*arrays.get("CELL_TYPES", ())} - {5, 7, 9} or {*arrays} & {"TRIANGLE_STRIPS"}:
+        raise ValueError(f"it has cells of the kind {min(wrong)}, expected polygons")
+    points = arrays["POINTS"].astype(float).reshape(-1, 3)
+    if cells + "OFFSETS" in arrays:
+        return points, _fans(points, arrays[cells + "CONNECTIVITY"], arrays[cells + "OFFSETS"][1:])
+    packed, heads = arrays[cells].astype(np.int64), [0]
+    while heads[-1] < len(packed):
+        heads.append(heads[-1] + 1 + max(int(packed[heads[-1]]), 0))
+    return points, _fans(points, np.delete(packed, heads[:-1]), np.cumsum(packed[heads[:-1]]))
+
+
 def _of_vtp(content: bytes) -> tuple[Array, np.ndarray]:
     """As in OpenSim's geometry folders: `Points`, `Polys` in ASCII, inline or appended (plain, zlib). Source: VTK file
     formats, XML formats."""
@@ -210,5 +272,7 @@ READERS: dict[str, Callable[[bytes], tuple[Array, np.ndarray]]] = {
     ".obj": _of_obj,
     ".ply": _of_ply,
     ".vtp": _of_vtp,
+    ".vtk": _of_vtk,
+    ".off": _of_off,
 }
 FORMATS = tuple(READERS)

@@ -15,8 +15,10 @@ from tests.support.mesh_files import (
     dos,
     obj_of_both_kinds,
     obj_of_polygons,
+    off,
     ply,
     stl,
+    vtk,
     vtp,
     written,
     zlib_array,
@@ -45,6 +47,12 @@ FILES = {
     "appended.vtp": appended,
     "appended_raw.vtp": lambda *ball: appended(*ball, raw=True),
     "appended_plain.vtp": lambda *ball: appended(*ball, base64_array, raw=True),
+    "colours.off": off,
+    "exported.off": lambda *ball: trimesh.Trimesh(*ball, process=False).export(file_type="off"),
+    "text.vtk": vtk,
+    "binary.vtk": lambda *ball: vtk(*ball, binary=True),
+    "text_5.vtk": lambda *ball: vtk(*ball, modern=True),
+    "binary_5.vtk": lambda *ball: vtk(*ball, binary=True, modern=True),
 }
 
 
@@ -58,6 +66,8 @@ def test_a_ball_is_the_same_in_every_format(name, tmp_path):
 
 WRITERS = {
     "prism.vtp": vtp,
+    "prism.vtk": vtk,
+    "prism.off": off,
     "prism.obj": obj_of_polygons,
     "ascii.ply": ply,
     "binary.ply": lambda *prism: ply(*prism, order="<"),
@@ -104,6 +114,11 @@ HOSTILE = {
     "strips.ply": (ply(*BALL).replace("element face", "element tristrips"), "tristrips"),
     "a count too low.stl": (binary_stl(*BALL) + bytes(50), "whole"),
     "an end missing.stl": (stl(*BALL) + stl(*BALL)[:-9], "whole"),
+    "a vertex too few.off": (off(*BALL).replace("0.5\n", "\n0.5\n", 1), "lines follow"),
+    "a corner too few.off": (off(*BALL).replace("3  ", "5  ", 1), "cannot be read"),
+    "cut.vtk": (vtk(*BALL, binary=True)[:4000], "cannot be read"),
+    "cut text.vtk": (vtk(*BALL)[:-2000], "expected"),
+    "tetrahedra.vtk": (vtk(*BALL, modern=True).replace(b" 7\n", b" 10\n"), "kind 10"),
     "xml.stl": ("<VTKFile>", "cannot be read|empty"),
 }
 

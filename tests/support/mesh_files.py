@@ -101,6 +101,39 @@ def ply(points, polygons, order=""):
     return head.encode() + np.asarray(points, order + "f4").tobytes() + b"".join(faces)
 
 
+def off(points, polygons):
+    rows = [f"{each[0]} {each[1]} {each[2]} 255 0 0\n" for each in np.asarray(points, dtype=float).tolist()]
+    rows += [f"{len(each)}  {' '.join(map(str, each))} 0.5\n" for each in polygons]
+    return f"COFF  # colours\n\n{len(points)} {len(polygons)} 0\n{''.join(rows)}"
+
+
+def vtk(points, polygons, binary=False, modern=False):
+    """Legacy VTK as ParaView (version 5.1: offsets and connectivity) or older programs write it, as meshio does."""
+
+    def array(values, kind):
+        return np.asarray(values, f">{kind}").tobytes() if binary else " ".join(map(str, values)).encode()
+
+    name, size = "CELLS" if modern else "POLYGONS", len(polygons)
+    flat = [k for each in polygons for k in each]
+    parts = [
+        f"# vtk DataFile Version {5.1 if modern else 3.0}\nby hand\n{'BINARY' if binary else 'ASCII'}\n",
+        f"DATASET {'UNSTRUCTURED_GRID' if modern else 'POLYDATA'}\nPOINTS {len(points)} double\n",
+        array(np.asarray(points, dtype=float).ravel().tolist(), "f8"),
+    ]
+    if modern:
+        ends = [0, *np.cumsum([len(each) for each in polygons]).tolist()]
+        parts += [
+            f"\nMETADATA\nINFORMATION 0\n\n{name} {size + 1} {len(flat)}\nOFFSETS vtktypeint64\n",
+            array(ends, "i8"),
+        ]
+        parts += ["\nCONNECTIVITY vtktypeint64\n", array(flat, "i8"), f"\nCELL_TYPES {size}\n", array([7] * size, "i4")]
+    else:
+        packed = [k for each in polygons for k in (len(each), *each)]
+        parts += [f"\n{name} {size} {len(packed)}\n", array(packed, "i4")]
+    parts += [f"\nPOINT_DATA {len(points)}\n"]
+    return b"".join(part.encode() if isinstance(part, str) else part for part in parts)
+
+
 def written(path, content):
     path.write_bytes(content.encode() if isinstance(content, str) else content)
     return path

@@ -1,7 +1,7 @@
 """Two bodies of mesh files, each with a smooth surface through its mesh's vertices.
 
     [geometry]
-    moving = "femoral_component.stl"      # STL, OBJ, PLY or VTP; a path is relative to the scene file
+    moving = "femoral_component.stl"      # STL, OBJ, PLY, VTP, VTK or OFF; relative to the scene file
     fixed = "tibial_insert.stl"           # carries the elements
     units = "m"                           # of both files, "m" or "mm"
     axes = ["-x", "y", "-z"]              # which file axis x, y and z are; as in the file if left out
