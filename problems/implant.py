@@ -16,7 +16,7 @@ from pathlib import Path
 from casadi_contact.cli.scene_commands import name_of_mesh
 from casadi_contact.cli.scene_commands import scene as propose_scene
 from casadi_contact.core.files.reading import existing_file
-from casadi_contact.core.terminal import run_program
+from casadi_contact.core.terminal import PlainConsole, progress_bars, run_program
 from casadi_contact.geometry.mesh_formats import FORMATS
 from casadi_contact.scenes.loading import load_scene
 from problems.contact_source import load_contact, load_cycle
@@ -53,10 +53,15 @@ def main(scene: Path, files: list[Path], out: Path = Path("results/implant")) ->
     if len({path.stem for path in files}) < len(files):
         raise ValueError("got two cycles of one name, expected names that differ: each names a folder of results")
     measured = {path.stem: load_cycle(load_scene(scene), path) for path in files}  # before minutes of work
-    model, codes = load_contact(scene=str(scene)), []
-    for name, cycle in measured.items():
-        print(f"{name}: {len(cycle.time_s)} frames")
-        codes.append(estimate(model, cycle, out / name))
+    steps, codes = ["contact model", *measured, "done"], list[int]()
+    with progress_bars(PlainConsole(), cure="cycles that were done are kept") as progress:
+        progress("poses on meshes", 0, len(steps) - 1, steps[0])
+        model = load_contact(scene=str(scene))
+        for done, (name, cycle) in enumerate(measured.items(), start=1):
+            progress("poses on meshes", done, len(steps) - 1, name)
+            print(f"{name}: {len(cycle.time_s)} frames")
+            codes.append(estimate(model, cycle, out / name))
+        progress("poses on meshes", len(steps) - 1, len(steps) - 1, "done")
     raise SystemExit(3 if 3 in codes else max(codes))
 
 

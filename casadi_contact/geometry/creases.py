@@ -12,11 +12,9 @@ from casadi_contact.geometry.triangle_mesh import TriangleMesh, directed_edges
 
 
 def split_at_creases(mesh: TriangleMesh) -> TriangleMesh:
-    """The same triangles, none of which shares a vertex with one that lies across a crease.
-
-    Around each vertex, triangles that are joined by edges which are no creases keep it in common; every other group of
-    them gets a copy of it. An edge of more than two triangles joins none.
-    """
+    """The same triangles, none of which shares a vertex with one that lies across a crease. Around each vertex,
+    triangles that are joined by edges which are no creases keep it in common; every other group of them gets a copy of
+    it. An edge of more than two triangles joins none."""
     count, (first, second) = len(mesh.faces), mesh.joined_sides
     smooth = ~_are_creases(mesh, first, second)
     first, second = first[smooth], second[smooth]
@@ -48,12 +46,9 @@ def smooth_regions(mesh: TriangleMesh) -> np.ndarray:
 
 
 def beside_creases(mesh: TriangleMesh, points: Array, face: np.ndarray, reach_mm: float) -> np.ndarray:
-    """Numbers of the points (m, 3) within reach of a relevant crease.
-
-    A crease counts if one of its two triangles alone is among the triangles (k,), or both in different smooth regions.
-    A crease that ends within a region is a fillet of few triangles, and the edge of a region smaller than the reach is
-    noise; both are ignored.
-    """
+    """Numbers of the points (m, 3) within reach of a relevant crease. A crease counts if one of its two triangles alone
+    is among the triangles (k,), or both in different smooth regions. A crease that ends within a region is a fillet of
+    few triangles, and the edge of a region smaller than the reach is noise; both are ignored."""
     ends, triangles = creases(mesh)
     regions = smooth_regions(mesh)
     large = np.bincount(regions, mesh.areas_mm2)[regions] > reach_mm**2

@@ -81,11 +81,9 @@ def kept_field(
     least_bytes: int = 4_000_000,
     most_bytes: int = 4_000_000_000,
 ) -> DistanceField:
-    """`build_field`, kept in the cache folder, since a fine one takes half a minute. What is not whole is made again.
-
-    A file holds the SHA-256 of the numbers behind it; its name is that of mesh, spacing and this room's code.
-    least_bytes: of a field that is kept; most_bytes: of all that are kept, the latest.
-    """
+    """`build_field`, kept in the cache folder, since a fine one takes half a minute. What is not whole is made again. A
+    file holds the SHA-256 of the numbers behind it; its name is that of mesh, spacing and this room's code.
+    least_bytes: of a field that is kept; most_bytes: of all that are kept, the latest."""
     digest = hashlib.sha256(repr((spacing_mm, mesh.dropped)).encode())
     for array in (mesh.vertices_mm, mesh.faces, mesh.slivers):
         digest.update(np.ascontiguousarray(array).data)
@@ -147,11 +145,9 @@ def _node_counts(mesh: TriangleMesh, spacing_mm: float) -> np.ndarray:
 
 
 def _node_values(surface: SmoothSurface, axes: Sequence[Array], spacing_mm: float, near_nodes: float = 6.0) -> Array:
-    """Distances [mm] from the surface at the nodes of a grid by its three axes.
-
-    A grid finer than COARSE_MM takes the distances farther than near_nodes nodes from the surface from the field of
-    twice its spacing: an error in a coefficient decays by a factor of 0.27 per node.
-    """
+    """Distances [mm] from the surface at the nodes of a grid by its three axes. A grid finer than COARSE_MM takes the
+    distances farther than near_nodes nodes from the surface from the field of twice its spacing: an error in a
+    coefficient decays by a factor of 0.27 per node."""
     if spacing_mm < COARSE_MM:
         coarse = build_field(surface.mesh, min(2.0 * spacing_mm, COARSE_MM), surface).parameters
         planes = (np.stack(np.meshgrid(x, *axes[1:], indexing="ij"), axis=-1) for x in axes[0])

@@ -32,10 +32,8 @@ FILE_AXES = ("x", "y", "z")  # axes as they are in the file
 @dataclass(frozen=True)
 class Placement:
     """p' = R·M·p + offset [mm] for points p [mm] of a mesh in the library's axes: a scene's [geometry.placement].
-
-    offset: along x, y, z. rotation_deg: about x, y, z as of a pose, R = Rx·Ry·Rz. mirror: the axis whose sign M
-    turns ("z" makes a left joint a right one), none if empty.
-    """
+    offset: along x, y, z. rotation_deg: about x, y, z as of a pose, R = Rx·Ry·Rz. mirror: the axis whose sign M turns
+    ("z" makes a left joint a right one), none if empty."""
 
     offset: tuple[float, ...] = (0.0, 0.0, 0.0)
     rotation_deg: tuple[float, ...] = (0.0, 0.0, 0.0)

@@ -49,10 +49,8 @@ def check_orientation(mesh: TriangleMesh) -> None:
 
 
 def check_outside(mesh: TriangleMesh, flat_mm: float = 1e-6) -> None:
-    """Every closed piece has outward normals, or is a cavity: inward normals, in the solid of other pieces.
-
-    flat_mm: pieces with a smaller ratio of volume to area are flat and enclose nothing.
-    """
+    """Every closed piece has outward normals, or is a cavity: inward normals, in the solid of other pieces. flat_mm:
+    pieces with a smaller ratio of volume to area are flat and enclose nothing."""
     piece, count = mesh.pieces, int(mesh.pieces.max()) + 1
     areas = mesh.areas_mm2
     a, b, c = np.moveaxis(mesh.corners_mm - mesh.vertices_mm.mean(axis=0), 1, 0)
@@ -104,9 +102,7 @@ def check_apart(
 
 def _near(corners_mm: Array, contact: Sequence[Box] | None, margin_mm: float = 3.0) -> np.ndarray:
     """Mask (n,) of edges or triangles, by their corners (n, k, 3), within a margin of a contact box; all without boxes.
-
-    Normals in a box are fitted to vertices up to two edges away.
-    """
+    Normals in a box are fitted to vertices up to two edges away."""
     near = np.full(len(corners_mm), contact is None)
     for low, high in contact or ():
         reaches = (corners_mm.max(axis=1) >= np.subtract(low, margin_mm)) & (

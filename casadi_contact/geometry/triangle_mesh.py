@@ -60,10 +60,8 @@ class TriangleMesh:
 
     @cached_property
     def boundary_edges(self) -> np.ndarray:
-        """Edges (e, 2) that belong to one triangle only; none if the mesh is closed.
-
-        A gap that slivers fill is none: it has no width, and the mesh was closed there before they were dropped.
-        """
+        """Edges (e, 2) that belong to one triangle only; none if the mesh is closed. A gap that slivers fill is none:
+        it has no width, and the mesh was closed there before they were dropped."""
         edges, _, count = distinct_edges(self.faces)
         single = edges[count == 1]
         filled, _, times = distinct_edges(self._gap_fillers)
@@ -169,10 +167,8 @@ def point_words(point: Array) -> str:
 
 
 class RayCaster:
-    """First hits of rays on a mesh, by Embree (through trimesh and embreex), which works in single precision.
-
-    It is given the mesh about the mesh's own middle: a scan's coordinates leave single precision no room for the mesh.
-    """
+    """First hits of rays on a mesh, by Embree (through trimesh and embreex), which works in single precision. It is
+    given the mesh about the mesh's own middle: a scan's coordinates leave single precision no room for the mesh."""
 
     def __init__(self, mesh: TriangleMesh) -> None:
         try:
@@ -187,9 +183,7 @@ class RayCaster:
 
     def first_hits(self, origins_mm: Array, directions: Array) -> tuple[Array, np.ndarray]:
         """Distance (n,) [mm] along each unit direction to the plane of the first triangle hit, and that triangle (n,).
-
-        Where nothing is hit the distance is infinite and the triangle -1.
-        """
+        Where nothing is hit the distance is infinite and the triangle -1."""
         face = self._caster.intersects_first(origins_mm - self._middle, directions)
         hit = np.flatnonzero(face >= 0)
         area = self._area_vectors[face[hit]]

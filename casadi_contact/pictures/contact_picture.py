@@ -117,10 +117,8 @@ _FARTHEST_MM = 150.0
 
 
 def contact_pose(model: ElasticFoundation) -> Array:
-    """The scene's start pose (6,), moved along the direction of pressing until the bodies overlap by 0.1 mm.
-
-    Raises ValueError where that never brings them together.
-    """
+    """The scene's start pose (6,), moved along the direction of pressing until the bodies overlap by 0.1 mm. Raises
+    ValueError where that never brings them together."""
     scene = model.scene
     back = view_of(model).toward.pointing
 
@@ -149,10 +147,8 @@ def surface_fits(model: ElasticFoundation) -> list[str]:
 
 def draw_fit(model: ElasticFoundation, path: str | Path) -> None:
     """Write a picture of both meshes' vertices in their bodies' frames, each seen from where the other body lies and
-    coloured by its signed distance from the smooth surface (above zero the vertex lies outside it).
-
-    Raises ValueError for a scene that is not made of meshes.
-    """
+    coloured by its signed distance from the smooth surface (above zero the vertex lies outside it). Raises ValueError
+    for a scene that is not made of meshes."""
     scene, view = model.scene, view_of(model)
     meshes = {body: body_mesh(scene.geometry, body) for body in ("moving", "fixed")}
     fields = {body: body_field(scene.geometry, body) for body in meshes}

@@ -244,10 +244,8 @@ _LIFT = 0.06  # of what the eye looks at above the surface's middle, in distance
 
 def map_view(model: ElasticFoundation, points_mm: Array) -> dict[str, Any]:
     """Directions to the right, up and towards the viewer of the pressure map of fixed points (m, 3), with their names,
-    the points' bounds along them [mm], the axes that sections lie across and their signs, and the first eye.
-
-    A surface that is pressed from above or below is shown with anterior up, any other with superior up.
-    """
+    the points' bounds along them [mm], the axes that sections lie across and their signs, and the first eye. A surface
+    that is pressed from above or below is shown with anterior up, any other with superior up."""
     toward = view_of(model).toward.pointing
     rough = np.array([-1.0, 0.0, 0.0]) if abs(toward[1]) > np.sqrt(0.5) else np.array([0.0, 1.0, 0.0])
     up = rough - (rough @ toward) * toward

@@ -52,10 +52,8 @@ class PageCycle:
 
 
 def page_cycle(model: ContactModel, path: str | None) -> PageCycle:
-    """The poses of a file, or those that carry the scene's first reference cycle; one pose for a scene without.
-
-    Poses of a file without times are taken to be evenly spaced over one second.
-    """
+    """The poses of a file, or those that carry the scene's first reference cycle; one pose for a scene without. Poses
+    of a file without times are taken to be evenly spaced over one second."""
     scene = model.scene
     if path is not None:
         time_s, poses = read_poses_over_time(path)

@@ -55,10 +55,8 @@ _DEPTHS = ((PolarFoundation, "polar_depths.h"), (CupFoundation, "cup_depths.h"),
 
 
 def page_kernel(contact: CompiledFoundation, surrogate: Surrogate | None) -> bytes:
-    """WebAssembly of the exported C of both models, and of the contact model's pressures.
-
-    Raises like `webassembly`, and ValueError for a pressure law without C.
-    """
+    """WebAssembly of the exported C of both models, and of the contact model's pressures. Raises like `webassembly`,
+    and ValueError for a pressure law without C."""
     exported = contact.exported()
     files: dict[str, str | bytes] = _files(exported, CONTACT)
     names = [f"{CONTACT}_{function}" for function in _FUNCTIONS]
@@ -84,11 +82,9 @@ _TARGET = ("-target", "wasm32-wasi", "-mexec-model=reactor")
 
 
 def webassembly(files: Mapping[str, str | bytes], exports: Sequence[str]) -> bytes:
-    """A WebAssembly module of C sources and what they include (by file name), with the named functions.
-
-    It imports nothing; its memory from ``__heap_base`` on is the caller's. Raises ImportError without the package
-    `ziglang`, CompilerError (an OSError) where its compiler refuses.
-    """
+    """A WebAssembly module of C sources and what they include (by file name), with the named functions. It imports
+    nothing; its memory from ``__heap_base`` on is the caller's. Raises ImportError without the package `ziglang`,
+    CompilerError (an OSError) where its compiler refuses."""
     if find_spec("ziglang") is None:
         raise ImportError("a page is compiled by ziglang, which is missing: pip install casadi_contact[page]")
     with tempfile.TemporaryDirectory() as folder:
@@ -122,10 +118,8 @@ class PageCells(CellFoundation):
 
 
 def page_contact(scene: Scene) -> CompiledFoundation:
-    """`foundation` of a scene, or for meshes `PageCells`: the page's numbers are those of this model.
-
-    Raises ValueError for a shape that has none.
-    """
+    """`foundation` of a scene, or for meshes `PageCells`: the page's numbers are those of this model. Raises ValueError
+    for a shape that has none."""
     return PageCells(scene) if scene.shape == "mesh" else foundation(scene)
 
 

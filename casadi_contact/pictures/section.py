@@ -46,8 +46,7 @@ def draw_section(
     toward: PictureAxis,
 ) -> None:
     """Draw the plane normal to `across` through the centre of pressure of these patches (their middle out of contact),
-    with `along` to the right and `toward`, to where the moving body lies, upwards.
-    """
+    with `along` to the right and `toward`, to where the moving body lies, upwards."""
     at = float(across.of(_centre(maps)))
     profiles = [_profile(pressed, at, along, across) for pressed in maps]
     low, high = _window(profiles, along, toward)

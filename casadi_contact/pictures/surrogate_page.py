@@ -74,9 +74,7 @@ def surrogate_page(
     surrogates: Mapping[str, Surrogate], samples: Samples | None = None, front: Front | None = None
 ) -> str:
     """HTML of surrogates of one scene by name; samples that they learned from, and the scene's measured chart, if any.
-
-    Everything else comes from the surrogates' own files.
-    """
+    Everything else comes from the surrogates' own files."""
     scene = next(iter(surrogates.values())).scene
     parts = [heading(f"Surrogates of the scene {scene.name}", 1)]
     for name, surrogate in surrogates.items():

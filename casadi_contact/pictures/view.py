@@ -18,10 +18,8 @@ _LEAST_SHARE = 0.3  # of a unit vector, to be named among its anatomical directi
 @dataclass(frozen=True, eq=False)
 class PictureAxis:
     """A coordinate c = direction·p of points p, rightwards or upwards in a picture; reversed: leftwards or downwards.
-
     direction (3,) is a unit vector whose largest component is positive, so that an axis of the frame stays one.
-    anatomical: the frame is a joint's, whose directions have names.
-    """
+    anatomical: the frame is a joint's, whose directions have names."""
 
     direction: Array
     reversed: bool = False
@@ -97,8 +95,7 @@ class View:
 
 def view_of(model: ElasticFoundation) -> View:
     """The view along the direction of pressing: of the first patch, or, where its normal load has none, against the
-    mean normal of all elements (into a hip's cup; along -y if they face all ways).
-    """
+    mean normal of all elements (into a hip's cup; along -y if they face all ways)."""
     direction = model.scene.normal_loads[0].direction
     if direction is None:
         grids = model.scene.elements(model.grid)

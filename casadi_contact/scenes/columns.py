@@ -102,10 +102,8 @@ class TextColumns:
 def read_columns(
     path: str | Path, *, required: Sequence[str], optional: Sequence[str] = (), what: str = "file"
 ) -> dict[str, Array]:
-    """The required columns and those of the optional ones that the file has, each (n,); others are ignored.
-
-    what names the file in messages. Raises FileNotFoundError and ValueError as `TextColumns` does.
-    """
+    """The required columns and those of the optional ones that the file has, each (n,); others are ignored. what names
+    the file in messages. Raises FileNotFoundError and ValueError as `TextColumns` does."""
     table = TextColumns.read(path, what)
     table.require(*required)
     return {name: table.numbers(name) for name in (*required, *optional) if name in table.header}
@@ -114,12 +112,9 @@ def read_columns(
 def write_columns(
     path: str | Path, columns: Mapping[str, Sequence[Any] | np.ndarray], *, digits: int | None = None
 ) -> None:
-    """Write columns of one length as a CSV file with a header, whole or not at all.
-
-    Floating-point numbers get so many digits, or as many as `read_columns` needs to read them back bit by bit if left
-    out; anything else its text.
-    Raises ValueError for columns of different lengths.
-    """
+    """Write columns of one length as a CSV file with a header, whole or not at all. Floating-point numbers get so many
+    digits, or as many as `read_columns` needs to read them back bit by bit if left out; anything else its text. Raises
+    ValueError for columns of different lengths."""
 
     def text(value: Any) -> str:
         if not isinstance(value, float | np.floating):

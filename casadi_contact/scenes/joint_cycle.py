@@ -117,10 +117,8 @@ def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:
 
 def joint_cycle_from_curves(name: str, curves: Mapping[str, Array], scene: Scene) -> JointCycle:
     """A cycle of a scene from curves by name: time [s], pose parameters [mm, rad], `driving_loads` [N, N·mm] and
-    centres of pressure cop_x, cop_y, cop_z, cop_ap, cop_ml [mm].
-
-    Raises ValueError for other names, or as `JointCycle` does.
-    """
+    centres of pressure cop_x, cop_y, cop_z, cop_ap, cop_ml [mm]. Raises ValueError for other names, or as `JointCycle`
+    does."""
     kinds = (POSE_NAMES, driving_loads(scene), _CENTRES)
     known = ("time", *(each for kind in kinds for each in kind))
     if foreign := [each for each in curves if each not in known]:
@@ -138,10 +136,8 @@ def write_joint_cycle(cycle: JointCycle, path: str | Path) -> None:
 
 
 def scene_cycles(scene: Scene, *, frames: int = 101, seed: int = 2015) -> list[JointCycle]:
-    """The reference motion of a scene's [motion], the same for a seed.
-
-    Raises ValueError for a scene without one, and for a bad value with its key.
-    """
+    """The reference motion of a scene's [motion], the same for a seed. Raises ValueError for a scene without one, and
+    for a bad value with its key."""
     if not scene.motion:
         raise ValueError(f"scene {scene.name} has no [motion], expected it there or a cycle file")
     optional = ("cycles", "duration_s", "deviation")

@@ -90,11 +90,9 @@ _LENGTHS_MM = {"cm": 10.0, "inch": 25.4, "m": 1000.0}
 
 
 def check_centre(name: str, values: Mapping[str, Array]) -> None:
-    """Raise ValueError for a knee's centre of pressure in other units than mm, or on the other side of its forces.
-
-    With m = (Fy_med - Fy_lat)/(Fy_med + Fy_lat), cop_ml is a + b·m, and b half the distance of the condyles: of least
-    squares over the frames with 5 % of the largest load, 6 mm at least. Where m hardly varies nothing is known.
-    """
+    """Raise ValueError for a knee's centre of pressure in other units than mm, or on the other side of its forces. With
+    m = (Fy_med - Fy_lat)/(Fy_med + Fy_lat), cop_ml is a + b·m, and b half the distance of the condyles: of least
+    squares over the frames with 5 % of the largest load, 6 mm at least. Where m hardly varies nothing is known."""
     if not {"Fy_med", "Fy_lat", "cop_ml"} <= set(values):
         return
     medial, lateral = values["Fy_med"], values["Fy_lat"]
@@ -114,11 +112,9 @@ def check_centre(name: str, values: Mapping[str, Array]) -> None:
 
 
 def read_cycle(path: str | Path) -> LoadCycle:
-    """Read a cycle from a CSV file with at least the columns of `COLUMNS`, in any order.
-
-    Raises FileNotFoundError for no file, and ValueError naming file, line and column for missing columns, text
-    among the numbers, ragged rows, NaN, fewer than 2 frames, unsorted time, pulling forces or suspected wrong units.
-    """
+    """Read a cycle from a CSV file with at least the columns of `COLUMNS`, in any order. Raises FileNotFoundError for
+    no file, and ValueError naming file, line and column for missing columns, text among the numbers, ragged rows, NaN,
+    fewer than 2 frames, unsorted time, pulling forces or suspected wrong units."""
     path = Path(path)
     columns = read_columns(path, required=tuple(COLUMNS.values()), what="cycle file")
     try:
@@ -134,10 +130,8 @@ def write_cycle(cycle: LoadCycle, path: str | Path) -> None:
 
 def cycle_from_curves(name: str, curves: Mapping[str, Array]) -> LoadCycle:
     """A cycle from curves by name: time [s], rz, ry [rad], Fy_med, Fy_lat [N], and for each centre of pressure either
-    itself (cop_ap, cop_ml [mm]) or the torque that gives it (cop_ap = Tz/Fy, cop_ml = -Tx/Fy [N·mm]).
-
-    Raises ValueError for other curves, or as `LoadCycle` does.
-    """
+    itself (cop_ap, cop_ml [mm]) or the torque that gives it (cop_ap = Tz/Fy, cop_ml = -Tx/Fy [N·mm]). Raises ValueError
+    for other curves, or as `LoadCycle` does."""
     chosen = ({"cop_ap", "Tz"}, {"cop_ml", "Tx"})
     needed = {"time", "rz", "ry", "Fy_med", "Fy_lat"}
     if set(curves) - chosen[0] - chosen[1] != needed or any(len(either & set(curves)) != 1 for either in chosen):

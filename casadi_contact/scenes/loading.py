@@ -15,10 +15,8 @@ from casadi_contact.scenes.shapes.shape import shape_named
 
 def load_scene(name_or_path: str | Path, /, **overrides: Any) -> Scene:
     """Load a ready-made scene by name, or a scene file by its path; keywords replace single parameters:
-    ``load_scene("sphere_on_plane", radius=25.0)``.
-
-    Raises ValueError for an unknown name, an unknown key or a bad value, FileNotFoundError for a missing file.
-    """
+    ``load_scene("sphere_on_plane", radius=25.0)``. Raises ValueError for an unknown name, an unknown key or a bad
+    value, FileNotFoundError for a missing file."""
     text_name = str(name_or_path)
     text = toml_text(Path(name_or_path), "scene") if text_name.endswith(".toml") else ready_text(text_name)
     try:
@@ -52,11 +50,9 @@ def ready_text(name: str) -> str:
 
 
 def completed(tables: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The tables of a scene with those of the ready-made scene that its key ``like`` names, if it has one.
-
-    Tables are combined key by key, except [tolerances]; if left out, those of the scene's loads are taken. Raises
-    ValueError for an unknown name.
-    """
+    """The tables of a scene with those of the ready-made scene that its key ``like`` names, if it has one. Tables are
+    combined key by key, except [tolerances]; if left out, those of the scene's loads are taken. Raises ValueError for
+    an unknown name."""
     if "like" not in tables:
         return tables
     name = tables["like"]

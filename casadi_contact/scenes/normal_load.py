@@ -29,10 +29,8 @@ FORCE_NAMES = WRENCH_NAMES[:3]
 
 @dataclass(frozen=True)
 class NormalLoad:
-    """N = sign·component of a patch's wrench, or the magnitude of its force where component is None.
-
-    loads: the named loads that N is made of, one with a direction, three without.
-    """
+    """N = sign·component of a patch's wrench, or the magnitude of its force where component is None. loads: the named
+    loads that N is made of, one with a direction, three without."""
 
     patch: str
     component: str | None
@@ -77,10 +75,8 @@ class NormalLoad:
 
 
 def normal_loads(names: Sequence[str], patch_names: Sequence[str]) -> tuple[NormalLoad, ...]:
-    """The normal load of each patch from its text, in patch order.
-
-    Raises ValueError for text that is no such load, and unless there is one for each patch.
-    """
+    """The normal load of each patch from its text, in patch order. Raises ValueError for text that is no such load, and
+    unless there is one for each patch."""
     if len(names) == 1 and len(patch_names) > 1 and names[0].lstrip("+-") in (*FORCE_NAMES, "F"):
         names = [f"{names[0]}_{patch}" for patch in patch_names]
     by_patch = {load.patch: load for load in (_normal_load(name, patch_names) for name in names)}
@@ -142,10 +138,8 @@ class Part:
 
 
 def parts_of(geometry: Mapping[str, Any], normals: Sequence[NormalLoad], anchors_mm: Array) -> tuple[Part, ...]:
-    """The parts of all patches, patch by patch: those a ``split_z`` makes ("med_1", "med_2", by rising z), or one.
-
-    A part's anchor is the patch's, moved along z to the middle of the part.
-    """
+    """The parts of all patches, patch by patch: those a ``split_z`` makes ("med_1", "med_2", by rising z), or one. A
+    part's anchor is the patch's, moved along z to the middle of the part."""
     patches = geometry.get("patches", {})
     parts = []
     for p, (normal, anchor) in enumerate(zip(normals, anchors_mm, strict=True)):
@@ -215,9 +209,7 @@ _ANATOMICAL = {"cop_ap": "cop_x", "cop_ml": "cop_z"}  # of a joint that is press
 @dataclass(frozen=True)
 class CentreOfPressure:
     """One coordinate, along axis 0 (x), 1 or 2: sign·T/F [mm] of the total force F and torque T by these names.
-
-    pressing: the sign of F where the body is pressed.
-    """
+    pressing: the sign of F where the body is pressed."""
 
     axis: int
     force: str
@@ -233,9 +225,7 @@ class CentreOfPressure:
 
 def centre_of_pressure(name: str, normals: Sequence[NormalLoad]) -> CentreOfPressure | None:
     """The centre of pressure of this name ("cop_x", "cop_ap"; "_mm" may follow), None where the name is another's.
-
-    Raises ValueError for a coordinate that the scene's normal loads leave without meaning.
-    """
+    Raises ValueError for a coordinate that the scene's normal loads leave without meaning."""
     name = name.removesuffix("_mm")
     if not name.startswith("cop_"):
         return None

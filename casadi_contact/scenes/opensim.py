@@ -35,11 +35,9 @@ _DEGREES = {"yes": True, "y": True, "true": True, "1": True, "no": False, "n": F
 
 @dataclass(frozen=True)
 class Table:
-    """Columns (n,) by label, the first of them ``time`` [s], in the file's own units.
-
-    in_degrees: the unit of rotations that the file names, None where it names none or both (they are then in rad).
-    Cells may be NaN. Raises ValueError for labels or columns that no file can hold.
-    """
+    """Columns (n,) by label, the first of them ``time`` [s], in the file's own units. in_degrees: the unit of rotations
+    that the file names, None where it names none or both (they are then in rad). Cells may be NaN. Raises ValueError
+    for labels or columns that no file can hold."""
 
     name: str
     columns: Mapping[str, Array]
@@ -71,11 +69,9 @@ class Table:
 
 
 def read_opensim_table(path: str | Path) -> Table:
-    """Read a .mot or .sto file. A label that is there more than once gets its column's number.
-
-    Warns of counts in the header that are off. Raises FileNotFoundError for no file, and ValueError naming file and
-    line for text that is not such a file, a header without end, a missing label, a ragged row, or anything but numbers.
-    """
+    """Read a .mot or .sto file. A label that is there more than once gets its column's number. Warns of counts in the
+    header that are off. Raises FileNotFoundError for no file, and ValueError naming file and line for text that is not
+    such a file, a header without end, a missing label, a ragged row, or anything but numbers."""
     path = existing_file(path, expected="a .mot or .sto file")
     checked_size(path, MOST_TEXT)
     text = path.read_text("utf-8-sig", errors="replace").replace('"', "")
@@ -155,10 +151,8 @@ _FORM = "expected COLUMN=NAME, COLUMN=-NAME or COLUMN=NAME:UNIT, such as knee_an
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """A table's column that becomes the curve `name`: sign · value, in `unit`.
-
-    unit None is the file's own: m, N, N·m, and rad or degrees as inDegrees says.
-    """
+    """A table's column that becomes the curve `name`: sign · value, in `unit`. unit None is the file's own: m, N, N·m,
+    and rad or degrees as inDegrees says."""
 
     column: str
     name: str
@@ -212,10 +206,8 @@ def mapped_curves(table: Table, maps: Iterable[ColumnMap]) -> dict[str, Array]:
 
 def renamed_table(curves: Mapping[str, Array], maps: Iterable[ColumnMap], name: str) -> Table:
     """Curves (n,) by name in mm, rad, N, N·mm, with their ``time`` [s], as a table of another program's columns: the
-    reverse of `mapped_curves`. Its rotations are all in rad or, as the header then says, all in degrees.
-
-    Raises ValueError for a curve that is not there, a column that two maps write, and rotations in both units.
-    """
+    reverse of `mapped_curves`. Its rotations are all in rad or, as the header then says, all in degrees. Raises
+    ValueError for a curve that is not there, a column that two maps write, and rotations in both units."""
     maps = list(maps)
     missing = [item.name for item in maps if item.name not in curves]
     if missing or TIME not in curves:

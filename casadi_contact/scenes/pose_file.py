@@ -61,11 +61,9 @@ def _opensim_curves(path: Path) -> dict[str, Array]:
 
 
 def poses_from_curves(curves: Mapping[str, Array]) -> Array:
-    """Poses (n, 6) of curves by name: tx, ty, tz [mm], rx, ry, rz [rad], each (n,); there may be their time [s].
-
-    Raises ValueError naming the curves that lack, for no pose, for NaN, for times of several poses that do not rise,
-    for angles beyond 200 degrees, and lengths beyond 1 m.
-    """
+    """Poses (n, 6) of curves by name: tx, ty, tz [mm], rx, ry, rz [rad], each (n,); there may be their time [s]. Raises
+    ValueError naming the curves that lack, for no pose, for NaN, for times of several poses that do not rise, for
+    angles beyond 200 degrees, and lengths beyond 1 m."""
     missing = [name for name in POSE_NAMES if name not in curves]
     if missing:
         raise ValueError(

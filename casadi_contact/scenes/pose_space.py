@@ -86,11 +86,9 @@ class PoseSpace:
             )
 
     def free_curves(self, curves: Mapping[str, Array], what: str) -> dict[str, Array]:
-        """The curves of free pose parameters, by name; what: their source, for messages.
-
-        Raises ValueError for the curve of a locked or tied parameter that differs by more than `OFF_SPACE` from its
-        constraint, or whose constraint depends on a curve that is not given.
-        """
+        """The curves of free pose parameters, by name; what: their source, for messages. Raises ValueError for the
+        curve of a locked or tied parameter that differs by more than `OFF_SPACE` from its constraint, or whose
+        constraint depends on a curve that is not given."""
         for name, curve in curves.items():
             if not self.constraint_text(name):
                 continue

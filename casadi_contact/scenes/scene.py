@@ -43,11 +43,8 @@ GRIDS = ("fine", "coarse", "settle", "teacher")
 
 @dataclass(frozen=True)
 class Scene:
-    """One contact scene; see ``scenes/ready/knee.toml`` for every key with its unit and meaning.
-
-    ``tables`` is the TOML content the scene was made from, and the only thing that is stored: `to_toml` writes
-    it, `digest` names it.
-    """
+    """One contact scene; see ``scenes/ready/knee.toml`` for every key with its unit and meaning. ``tables`` is the TOML
+    content the scene was made from, and the only thing that is stored: `to_toml` writes it, `digest` names it."""
 
     tables: Mapping[str, Any] = field(repr=False)
     name: str
@@ -183,17 +180,13 @@ class Scene:
         return shape_named(self.shape).surfaces(self.geometry)
 
     def elements(self, grid: tuple[int, int]) -> list[ElementGrid]:
-        """The elements (nx along x, nz along z) of each patch of the fixed surface, in patch order.
-
-        A mesh scene whose elements are its triangles has these instead, whatever the grid.
-        """
+        """The elements (nx along x, nz along z) of each patch of the fixed surface, in patch order. A mesh scene whose
+        elements are its triangles has these instead, whatever the grid."""
         return shape_named(self.shape).elements(self.geometry, grid, [[EVERYWHERE]] * len(self.patch_names))
 
     def part_elements(self, grid: tuple[int, int]) -> list[ElementGrid]:
-        """The elements of each part, in part order: those of its patch, shared out by their z.
-
-        Raises ValueError for a part without elements.
-        """
+        """The elements of each part, in part order: those of its patch, shared out by their z. Raises ValueError for a
+        part without elements."""
         ranges = [[part.z_mm for part in self.parts if part.patch == p] for p in range(len(self.patch_names))]
         by_part = shape_named(self.shape).elements(self.geometry, grid, ranges)
         for part, elements in zip(self.parts, by_part, strict=True):
@@ -217,10 +210,8 @@ class Scene:
         return shape_named(self.shape).symmetric(self.geometry) and len(self.parts) == 2 and space.symmetric
 
     def with_overrides(self, **overrides: Any) -> Scene:
-        """A copy with single keys replaced, each found in the one table that holds it: radius=30.0, law="log".
-
-        Raises ValueError for a key that no table holds, and for values that the scene refuses.
-        """
+        """A copy with single keys replaced, each found in the one table that holds it: radius=30.0, law="log". Raises
+        ValueError for a key that no table holds, and for values that the scene refuses."""
         tables = {key: dict(value) if isinstance(value, Mapping) else value for key, value in self.tables.items()}
         for key, value in overrides.items():
             if key in tables and not isinstance(tables[key], dict):

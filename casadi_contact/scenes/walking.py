@@ -80,11 +80,9 @@ def has_gait(scene: Scene) -> bool:
 
 
 def reference_motion_cycles(scene: Scene, cycle_files: Sequence[Path]) -> list[LoadCycle | JointCycle]:
-    """The cycles in the files, or the built-in ones: the scene's own [motion], for a knee without one its walking.
-
-    A knee's file may have the columns of any joint instead of a knee's own. Raises ValueError as the readers do, and
-    for pose parameters beside a knee's own columns, which have no place for them.
-    """
+    """The cycles in the files, or the built-in ones: the scene's own [motion], for a knee without one its walking. A
+    knee's file may have the columns of any joint instead of a knee's own. Raises ValueError as the readers do, and for
+    pose parameters beside a knee's own columns, which have no place for them."""
     if has_gait(scene):
         return [_knee_cycle(path, scene) for path in cycle_files] or [*reference_cycles()]
     return [read_joint_cycle(path, scene) for path in cycle_files] or [*scene_cycles(scene)]

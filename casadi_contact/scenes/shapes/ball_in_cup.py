@@ -45,11 +45,9 @@ class BallInCup(Shape):
         return [sphere(geometry["ball_radius"])]
 
     def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
-        """A spherical cap in cells of equal area, whose outermost rows and columns are its rim.
-
-        The square's cells go to a disc (Shirley and Chiu 1997: concentric squares become circles) and from there to
-        the sphere (Lambert: sin(θ/2) grows with the disc's radius); both keep areas.
-        """
+        """A spherical cap in cells of equal area, whose outermost rows and columns are its rim. The square's cells go
+        to a disc (Shirley and Chiu 1997: concentric squares become circles) and from there to the sphere (Lambert:
+        sin(θ/2) grows with the disc's radius); both keep areas."""
         g, (nx, nz) = geometry, grid
         u, v = np.meshgrid(cell_middles(nx), cell_middles(nz), indexing="ij")
         along_u = np.abs(u) > np.abs(v)

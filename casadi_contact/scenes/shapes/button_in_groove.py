@@ -61,10 +61,8 @@ class ButtonInGroove(Shape):
 
 def _facet(g: Geometry, side: float, nx: int, nz: int) -> Cells:
     """One facet of the groove, on the side z > 0 (1) or z < 0 (-1): cells equal in both angles, by the midpoint rule.
-
-    The facet's arc about (ρ_c, z_c) in the plane of ρ (distance from the z axis) and z: ρ = ρ_c - R·cos α,
-    z = side·(z_c + R·sin α), with α the facet's slope; the normal points to the arc's centre.
-    """
+    The facet's arc about (ρ_c, z_c) in the plane of ρ (distance from the z axis) and z: ρ = ρ_c - R·cos α, z =
+    side·(z_c + R·sin α), with α the facet's slope; the normal points to the arc's centre."""
     slope, radius = np.deg2rad(g["facet_angle_deg"]), g["facet_radius"]
     rho_centre = g["groove_radius"] + radius * np.cos(slope)
     z_centre = g["facet_offset"] - radius * np.sin(slope)

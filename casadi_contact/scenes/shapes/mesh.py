@@ -99,10 +99,8 @@ def _check_cuts(key: str, cuts: object, bounds: Sequence[float] | None) -> None:
 
 
 class Mesh(Shape):
-    """The moving body is the distance field of its mesh; elements lie on the smooth surface of the fixed one.
-
-    Numba and the readers of meshes load when a surface is first built, not with every scene.
-    """
+    """The moving body is the distance field of its mesh; elements lie on the smooth surface of the fixed one. Numba and
+    the readers of meshes load when a surface is first built, not with every scene."""
 
     name = "mesh"
     mesh_bodies = BODIES
@@ -184,10 +182,8 @@ class Mesh(Shape):
         return elements
 
     def locate_files(self, geometry: Geometry, folder: Path) -> Geometry:
-        """Absolute paths of the mesh files (relative ones start at the folder), and the files' digests.
-
-        Raises FileNotFoundError for a missing mesh, ValueError for one that is not the one the scene was made with.
-        """
+        """Absolute paths of the mesh files (relative ones start at the folder), and the files' digests. Raises
+        FileNotFoundError for a missing mesh, ValueError for one that is not the one the scene was made with."""
         located = dict(geometry)
         for body, key in _DIGESTS.items():
             path = (folder / geometry[body]).resolve()

@@ -43,11 +43,9 @@ _NO_BOUND = [-np.inf, np.inf]
 
 
 def body_mesh(geometry: Geometry, body: str) -> TriangleMesh:
-    """The mesh of the "moving" or the "fixed" body, in mm and the library's axes.
-
-    Raises FileNotFoundError for a missing file, ValueError for one that changed since the scene was loaded and for a
-    geometry that names no such mesh.
-    """
+    """The mesh of the "moving" or the "fixed" body, in mm and the library's axes. Raises FileNotFoundError for a
+    missing file, ValueError for one that changed since the scene was loaded and for a geometry that names no such
+    mesh."""
     return _mesh(_source(geometry, body))
 
 
@@ -171,10 +169,8 @@ def _field(mesh: TriangleMesh, spacing_mm: float) -> DistanceField:
 
 def patch_mesh(geometry: Geometry, patch: str, *, reaching: bool = False) -> TriangleMesh:
     """All triangles of the fixed mesh that reach into a patch's box, or those that belong to it by their centres,
-    divided until no edge is longer than `LONGEST_MM`, since contact counts at centres alone.
-
-    Where the scene states `pressing` or `cup_centre`, or the patch `pressing`, only those that face the moving body.
-    """
+    divided until no edge is longer than `LONGEST_MM`, since contact counts at centres alone. Where the scene states
+    `pressing` or `cup_centre`, or the patch `pressing`, only those that face the moving body."""
     box = patch_box(geometry, patch)
     mesh = body_mesh(geometry, "fixed").inside_box(*box, reaching=True)
     if reaching:
@@ -184,11 +180,9 @@ def patch_mesh(geometry: Geometry, patch: str, *, reaching: bool = False) -> Tri
 
 
 def bare_mesh(geometry: Geometry, longest_mm: float, *, within: bool) -> TriangleMesh:
-    """The triangles of the fixed mesh without elements, divided until no edge is longer than `longest_mm`.
-
-    within: those in the patches' boxes that are too steep for elements, or undercut; else those outside of all boxes.
-    If elements are the triangles themselves, a triangle counts as a whole, by its centre; on a grid, by its parts.
-    """
+    """The triangles of the fixed mesh without elements, divided until no edge is longer than `longest_mm`. within:
+    those in the patches' boxes that are too steep for elements, or undercut; else those outside of all boxes. If
+    elements are the triangles themselves, a triangle counts as a whole, by its centre; on a grid, by its parts."""
 
     def covered(mesh: TriangleMesh, points: Sequence[Array]) -> tuple[np.ndarray, np.ndarray]:
         """Whether a box holds all of some points (f, 3) of each triangle, and whether its patch's elements do."""
@@ -253,9 +247,7 @@ def check_patches(geometry: Geometry, least_mm2: float = 4.0, least_side_mm: flo
 
 def check_shared(geometry: Geometry, elements: Sequence[Cells]) -> None:
     """Raise ValueError for two patches, with elements in their order, that share some surface: it would count twice.
-
-    Seen from different sides they share what both see: a post's wall and the floor below it nothing.
-    """
+    Seen from different sides they share what both see: a post's wall and the floor below it nothing."""
     patches = dict(zip(geometry["patches"], elements, strict=True))
     for one, other in itertools.permutations(patches, 2):
         centres, normals, areas = patches[one]

@@ -44,12 +44,9 @@ class Parameter:
 
 
 class Shape(ABC):
-    """A family of joints that differ in their [geometry] only.
-
-    has_layer: it is in contact through an elastic layer on its own elements, so that its scenes need [material] and
-    [grids]. anatomical: its axes are those of `conventions.ANATOMY`. mesh_bodies: those of its two bodies, "moving"
-    and "fixed", that are meshes.
-    """
+    """A family of joints that differ in their [geometry] only. has_layer: it is in contact through an elastic layer on
+    its own elements, so that its scenes need [material] and [grids]. anatomical: its axes are those of
+    `conventions.ANATOMY`. mesh_bodies: those of its two bodies, "moving" and "fixed", that are meshes."""
 
     name: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]] = ()

@@ -161,10 +161,8 @@ def _squared_errors(
 def squared_error(
     scene: Scene, local: Array, loads_n: Array, gaps_mm: Array, validation: np.ndarray, settings: CutSettings
 ) -> float:
-    """e² [N²] of a small network of one part's root load, averaged over validation rows without the worst.
-
-    local (n, k): poses of the part; loads_n, gaps_mm (n,). With too few rows in contact, the error of zero load.
-    """
+    """e² [N²] of a small network of one part's root load, averaged over validation rows without the worst. local (n,
+    k): poses of the part; loads_n, gaps_mm (n,). With too few rows in contact, the error of zero load."""
     contact, predicted_n = loads_n > 0.0, np.zeros(int(validation.sum()))
     if (contact & ~validation).sum() >= settings.fewest_in_contact:
         target = root_target(loads_n, gaps_mm, scene)
@@ -178,10 +176,8 @@ def squared_error(
 
 
 def best_cuts(error: Array) -> list[tuple[float, tuple[int, ...]]]:
-    """For K = 1, 2, ... parts the least √Σ e² and the cuts that reach it.
-
-    error (n + 1, n + 1): e² of a part from edge i to edge j > i. A shortest path from edge 0 to edge n in K steps.
-    """
+    """For K = 1, 2, ... parts the least √Σ e² and the cuts that reach it. error (n + 1, n + 1): e² of a part from edge
+    i to edge j > i. A shortest path from edge 0 to edge n in K steps."""
     last = len(error) - 1
     reached: dict[int, tuple[float, tuple[int, ...]]] = {0: (0.0, ())}
     result = []

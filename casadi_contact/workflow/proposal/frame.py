@@ -17,10 +17,8 @@ from casadi_contact.workflow.proposal.pair import REACH_MM
 
 @dataclass(frozen=True)
 class Frame:
-    """Axes as in a scene's geometry, and the placements of the two bodies.
-
-    rotation_deg: of both placements. findings: what was recognised; open_questions: what the user must check.
-    """
+    """Axes as in a scene's geometry, and the placements of the two bodies. rotation_deg: of both placements. findings:
+    what was recognised; open_questions: what the user must check."""
 
     axes: tuple[str, ...]
     mirror: str
@@ -39,10 +37,8 @@ class Frame:
 
 
 def frame_of(geometry: JointGeometry, side: str | None = None, axes: Sequence[str] | None = None) -> Frame:
-    """x posterior, y superior, z medial as far as the surfaces tell; a left joint is mirrored in z.
-
-    axes: those of a scene's geometry, if known. Raises ValueError if the patches do not lie side by side along their z.
-    """
+    """x posterior, y superior, z medial as far as the surfaces tell; a left joint is mirrored in z. axes: those of a
+    scene's geometry, if known. Raises ValueError if the patches do not lie side by side along their z."""
     findings: list[str] = []
     questions: list[str] = []
     patches, kind = geometry.patches, geometry.joint.kind
@@ -115,10 +111,8 @@ def _posterior(
     notch_mm: float = 4.0,
     least_offset_mm: float = 2.0,
 ) -> Array:
-    """The unit vector (3,) towards the notch between a femur's condyles; the groove of the patella lies opposite.
-
-    In the band of half-width `notch_mm` between the condyles, the mean vertex lies on the side of the groove.
-    """
+    """The unit vector (3,) towards the notch between a femur's condyles; the groove of the patella lies opposite. In
+    the band of half-width `notch_mm` between the condyles, the mean vertex lies on the side of the groove."""
     pair, axis = geometry.pair, geometry.patches.axis
     assert axis is not None
     across = [a for a in range(3) if a != axis]

@@ -80,11 +80,9 @@ class Patches:
 def find_patches(
     pair: Pair, placement: ContactPlacement, *, parted: bool = True, least_share: float = SETTINGS.least_share
 ) -> Patches:
-    """Rotate the moving body a little about every axis, let it touch, and collect the surface near contact.
-
-    parted: split it at valleys that have at least `least_share` of the weight on each side. A ball's socket is one
-    patch, because no rotation shifts load within it.
-    """
+    """Rotate the moving body a little about every axis, let it touch, and collect the surface near contact. parted:
+    split it at valleys that have at least `least_share` of the weight on each side. A ball's socket is one patch,
+    because no rotation shifts load within it."""
     centre, pivot = _centre_and_pivot(pair, placement)
     weight, touched = np.zeros(len(pair.points_mm)), []
     for angles in itertools.product(np.radians(SETTINGS.turns_deg), repeat=3):
@@ -136,11 +134,9 @@ def _patch_numbers(points_mm: Array, axis: int | None, cuts_mm: tuple[float, ...
 
 
 def _centre_and_pivot(pair: Pair, placement: ContactPlacement) -> tuple[Array, Array]:
-    """The centre of curvature (3,) of the fixed body near contact, and the pivot (3,) of the rotations.
-
-    The pivot is the nearer centre of curvature. If that is the moving body's, it is shifted so that the body does not
-    roll out of its contact area: a condyle rolling in a shallow dish would seem to have several patches.
-    """
+    """The centre of curvature (3,) of the fixed body near contact, and the pivot (3,) of the rotations. The pivot is
+    the nearer centre of curvature. If that is the moving body's, it is shifted so that the body does not roll out of
+    its contact area: a condyle rolling in a shallow dish would seem to have several patches."""
     at_touch = (np.eye(3), placement.translation_mm)
     near, spot = (pair.near(*at_touch, pair.scale * mm) for mm in (REACH_MM, SETTINGS.near_mm))
     points, areas = pair.points_mm[near], pair.areas_mm2[near]
@@ -171,10 +167,8 @@ def _deepest_valleys(
 def _valleys(
     coordinate: Array, weight: Array, surface: Array, bin_mm: float, least_share: float
 ) -> tuple[float, tuple[float, ...]]:
-    """Height of the deepest valley relative to its lower peak, and the coordinates of all valleys [mm].
-
-    The profile is the weight per surface area in bins along the coordinate, zero where there is no surface.
-    """
+    """Height of the deepest valley relative to its lower peak, and the coordinates of all valleys [mm]. The profile is
+    the weight per surface area in bins along the coordinate, zero where there is no surface."""
     low, high = coordinate[weight > 0.0].min(), coordinate[weight > 0.0].max()
     edges = np.arange(low, max(high, low + bin_mm) + bin_mm, bin_mm)
     middles = 0.5 * (edges[1:] + edges[:-1])
@@ -247,10 +241,8 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class JointGeometry:
-    """How and where the bodies touch, and as which joint, in the axes of the files.
-
-    rotation (3, 3): applied to the points of both files before the analysis; the unit matrix for upright files.
-    """
+    """How and where the bodies touch, and as which joint, in the axes of the files. rotation (3, 3): applied to the
+    points of both files before the analysis; the unit matrix for upright files."""
 
     pair: Pair
     placement: ContactPlacement
@@ -260,10 +252,8 @@ class JointGeometry:
 
     @property
     def tilt_deg(self) -> float:
-        """Angle between the direction of pressing and the nearest axis; 0 for a cup.
-
-        At most that of the direction midway between the patches: files may place the body on the slope of one of them.
-        """
+        """Angle between the direction of pressing and the nearest axis; 0 for a cup. At most that of the direction
+        midway between the patches: files may place the body on the slope of one of them."""
         midway = self.patches.mean_normals(self.pair).sum(axis=0)
         ways = (self.placement.pressing, midway / np.linalg.norm(midway))
         return min(float(np.degrees(np.arccos(np.abs(way).max()))) for way in ways) if self.joint.pressing else 0.0
@@ -276,12 +266,9 @@ def joint_geometry(
     *,
     most_tilt_deg: float = 15.0,
 ) -> JointGeometry:
-    """Analyse the "moving" and the "fixed" mesh.
-
-    axes: of the files, which say whereto the body of a known kind of joint presses; without them both meshes are
-    rotated and analysed again if it presses across their axes. Raises ValueError for meshes that do not touch, or not
-    in as many places as the kind of joint has.
-    """
+    """Analyse the "moving" and the "fixed" mesh. axes: of the files, which say whereto the body of a known kind of
+    joint presses; without them both meshes are rotated and analysed again if it presses across their axes. Raises
+    ValueError for meshes that do not touch, or not in as many places as the kind of joint has."""
     if axes is not None:
         posterior, up, _ = axes_rotation(axes)
         ways = {"patella": [posterior], "knee": [-up], "hip": [-up], None: [-up, posterior]}.get(kind, AXES)
@@ -318,12 +305,9 @@ def joint_of(
     cup_concentration: float = 0.9,
     groove_deg: float = 40.0,
 ) -> Joint:
-    """The given kind of joint, or the one that the bodies resemble.
-
-    A single patch with normals less concentrated than `cup_concentration` encloses the moving body. Two patches whose
-    normals differ by more than `groove_deg` are a patella's. Raises ValueError for a kind with another number of
-    patches.
-    """
+    """The given kind of joint, or the one that the bodies resemble. A single patch with normals less concentrated than
+    `cup_concentration` encloses the moving body. Two patches whose normals differ by more than `groove_deg` are a
+    patella's. Raises ValueError for a kind with another number of patches."""
     count = len(patches.cuts_mm) + 1
     encloses = placement.concentration < cup_concentration
     if kind is None:

@@ -32,10 +32,8 @@ SETTINGS = PairSettings()
 @dataclass(frozen=True, eq=False)
 class Pair:
     """Points (n, 3) of the fixed mesh, their outward normals and areas [mm²], and the moving mesh's distance field.
-
-    scale: size of this joint relative to a large one, at most 1. It multiplies all lengths of the proposal.
-    is_open: the fixed mesh has open edges.
-    """
+    scale: size of this joint relative to a large one, at most 1. It multiplies all lengths of the proposal. is_open:
+    the fixed mesh has open edges."""
 
     points_mm: Array
     normals: Array
@@ -89,10 +87,8 @@ class Pair:
         return t
 
     def touching(self, R: Array, t: Array, direction: Array) -> Array:
-        """The translation (3,) near `t` at which the bodies just touch, moved along a direction or back.
-
-        Counts only points at which both surfaces face along the direction, not walls that the body slides past.
-        """
+        """The translation (3,) near `t` at which the bodies just touch, moved along a direction or back. Counts only
+        points at which both surfaces face along the direction, not walls that the body slides past."""
         for _ in range(SETTINGS.most_steps):
             distance, gradient = self.distances(R, t)
             ahead = SETTINGS.ahead_cos
@@ -124,10 +120,8 @@ def unit_rows(vectors: Array) -> Array:
 
 def centre_of_normals(points_mm: Array, normals: Array, weights: Array, regularisation: float = 2e-3) -> Array:
     """The point (3,) nearest to the lines through the points along their normals: a sphere's centre, a condyle's axis.
-
     Minimises Σ w |(I - n nᵀ)(x - p)|² + regularisation · |x - mean|², which stays near the points if the lines are
-    nearly parallel.
-    """
+    nearly parallel."""
     across = np.eye(3) - normals[:, :, None] * normals[:, None, :]
     weights = weights / weights.sum()
     middle = weights @ points_mm
@@ -160,10 +154,8 @@ AXES = np.vstack([-np.eye(3), np.eye(3)])[[1, 4, 0, 2, 3, 5]]  # y first
 
 def contact_placement(pair: Pair, ways: Array = AXES) -> ContactPlacement:
     """The placement of the files if the bodies just touch there, else that of a drop along one of the ways (n, 3), or
-    along any axis if they meet along none.
-
-    Raises ValueError for bodies that do not touch, and for surfaces that are inside out.
-    """
+    along any axis if they meet along none. Raises ValueError for bodies that do not touch, and for surfaces that are
+    inside out."""
     placement = _as_placed(pair)
     if placement is None and pair.is_open and _near_as_placed(pair, backs=True) is not None:
         raise ValueError(
@@ -209,10 +201,8 @@ def _as_placed(pair: Pair) -> ContactPlacement | None:
 def _near_as_placed(
     pair: Pair, *, backs: bool = False, deepest_mm: float = 4.0, least_share: float = 0.03
 ) -> np.ndarray | None:
-    """Mask (n,) of the fixed surface near the moving body where the files place them (backs: facing away from it).
-
-    None if the bodies overlap too deeply, or less than `least_share` of the fixed surface is near.
-    """
+    """Mask (n,) of the fixed surface near the moving body where the files place them (backs: facing away from it). None
+    if the bodies overlap too deeply, or less than `least_share` of the fixed surface is near."""
     near = pair.near(np.eye(3), np.zeros(3), pair.scale * REACH_MM, backs=backs)
     depth = -float(pair.distances(np.eye(3), np.zeros(3))[0].min())
     touch = depth < pair.scale * deepest_mm and pair.areas_mm2[near].sum() > least_share * pair.areas_mm2.sum()
@@ -222,10 +212,8 @@ def _near_as_placed(
 def _after_drop(
     pair: Pair, ways: Array = AXES, plane_weight: float = 0.2, doubtful_share: float = 0.4
 ) -> ContactPlacement | None:
-    """The drop along one of the ways (n, 3) after which most of the fixed surface is near.
-
-    Two planes that meet, such as the backs of two parts, count less: a plane comes near as a whole, a ball does not.
-    """
+    """The drop along one of the ways (n, 3) after which most of the fixed surface is near. Two planes that meet, such
+    as the backs of two parts, count less: a plane comes near as a whole, a ball does not."""
     middle = 0.5 * (pair.points_mm.min(axis=0) + pair.points_mm.max(axis=0))
     vertices = pair.moving.vertices_mm
     centred = middle - 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))

@@ -42,9 +42,7 @@ _UNMODELLED = {
 @dataclass(frozen=True, eq=False)
 class Proposal:
     """A scene and its pose at rest (6,); settled, frames: how many of its reference motion have a pose, and were tried.
-
-    findings: what was recognised in the meshes; open_questions: what the user must check.
-    """
+    findings: what was recognised in the meshes; open_questions: what the user must check."""
 
     scene: Scene
     joint: Joint
@@ -81,10 +79,8 @@ def propose(
     test_poses: int = 40,
 ) -> Proposal:
     """Analyse the meshes, propose a scene, and try it in the first ``test_cycles`` cycles of its reference motion;
-    element grids are chosen at ``test_poses`` of these poses.
-
-    Raises FileNotFoundError, and ValueError for meshes that cannot work, with the remedy.
-    """
+    element grids are chosen at ``test_poses`` of these poses. Raises FileNotFoundError, and ValueError for meshes that
+    cannot work, with the remedy."""
 
     def begin(step: str) -> None:
         progress("proposing a scene", _STEPS.index(step), len(_STEPS) - 1, step)
@@ -156,10 +152,8 @@ def propose(
 def load_meshes(
     files: Mapping[str, Path], unit: str | None, least_mm: float = 10.0
 ) -> tuple[str, dict[str, TriangleMesh]]:
-    """The unit, and both meshes [mm]: the given unit, else mm or m, in which they have the size of a joint.
-
-    Bodies of less than `least_mm` in all are not guessed: they may be files in centimetres or inches.
-    """
+    """The unit, and both meshes [mm]: the given unit, else mm or m, in which they have the size of a joint. Bodies of
+    less than `least_mm` in all are not guessed: they may be files in centimetres or inches."""
     errors = []
     for candidate in (unit,) if unit else ("mm", "m"):
         try:
@@ -275,10 +269,8 @@ def rest_pose(
     lifted_mm: Sequence[float] = (0.0, 0.5, 1.0, 2.0),
 ) -> tuple[Array, bool]:
     """The pose (6,) near the start pose in which every patch carries 0.3 of the scene's reference load, and whether it
-    was found.
-
-    It is also sought from poses lifted against the direction of pressing, because bodies of one scan may overlap.
-    """
+    was found. It is also sought from poses lifted against the direction of pressing, because bodies of one scan may
+    overlap."""
     scene = model.scene
     out = np.outer(lifted_mm, np.asarray(direction) / np.linalg.norm(direction))
     starts = scene.start_pose - np.pad(out, ((0, 0), (0, 3)))
@@ -336,11 +328,8 @@ CONVERGED = (320, 320)
 
 def converged_grids(scene: Scene, poses: Array, most_to_settle: int = 80 * 80) -> tuple[dict[str, list[int]], float]:
     """By purpose the fewest elements whose loads at these poses (n, 6) are within tolerance of `CONVERGED`, and the RMS
-    of the worst load of "fine" over its tolerance.
-
-    "settle" may be wrong by 2 tolerances and "coarse" by 8, both with at most `most_to_settle` elements, because
-    thousands of poses are settled on them.
-    """
+    of the worst load of "fine" over its tolerance. "settle" may be wrong by 2 tolerances and "coarse" by 8, both with
+    at most `most_to_settle` elements, because thousands of poses are settled on them."""
     truth = ElasticFoundation(scene, CONVERGED)(poses)
     errors: dict[tuple[int, int], float] = {}
     for grid in CANDIDATES:

@@ -82,11 +82,8 @@ def direction_of(geometry: JointGeometry, frame: Frame) -> list[float]:
 
 
 def _patches(geometry: JointGeometry, frame: Frame, margin_mm: float = 8.0, most_extent: float = 0.7) -> dict[str, Any]:
-    """Box and anchor of each patch, by falling coordinate.
-
-    A box ends at the cuts between neighbours. Along the other axes it bounds the contact area with a margin, unless it
-    is longer than `most_extent` of the mesh.
-    """
+    """Box and anchor of each patch, by falling coordinate. A box ends at the cuts between neighbours. Along the other
+    axes it bounds the contact area with a margin, unless it is longer than `most_extent` of the mesh."""
     pair, patches, joint = geometry.pair, geometry.patches, geometry.joint
     points, anchors = frame.points(pair.points_mm, "fixed"), frame.points(patches.anchors_mm, "moving")
     numbers = patches.patch_of(pair.points_mm)
