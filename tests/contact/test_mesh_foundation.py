@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from tests.support.meshes import STIFFNESS, cap_mesh, scene_of, sheet_mesh, slab_mesh
+from tests.support.meshes import STIFFNESS, ball_mesh, cap_mesh, scene_of, sheet_mesh, slab_mesh
 
 OVERLAP_MM = 0.1
 EDGE_MM, RADIUS_MM = 1.2, 30.0
@@ -79,3 +79,12 @@ def test_patches_that_share_a_bound_share_no_force(tmp_path):
         whole, parts = forces
         assert (parts < 0.0).all()
         np.testing.assert_allclose(parts.sum(axis=1), whole[:, 0], rtol=5e-3)
+
+
+def test_a_plate_of_two_triangles_bears_a_small_ball(tmp_path):
+    """Elements and rays count at the centres of triangles, which are divided to suit the ball."""
+    sizes = {"elements": "triangles", "extra": "spacing = 0.25"}
+    scene = scene_of(tmp_path, ball_mesh(3.0, 0.15), sheet_mesh(8.0, 8.0), **sizes)
+    exact_n = np.pi * STIFFNESS * 0.06**2 * (3.0 - 0.06 / 3.0)
+    for model in (cc.ElasticFoundation(scene), cc.RayCastFoundation(scene)):
+        assert model([[0.1, 2.94, 0.2, 0.0, 0.0, 0.0]])[0, 1] == pytest.approx(-exact_n, rel=0.1)

@@ -169,13 +169,15 @@ def _field(mesh: TriangleMesh, spacing_mm: float) -> DistanceField:
 
 def patch_mesh(geometry: Geometry, patch: str, *, reaching: bool = False) -> TriangleMesh:
     """All triangles of the fixed mesh that reach into a patch's box, or those that belong to it by their centres,
-    divided until no edge is longer than `LONGEST_MM`, since contact counts at centres alone. Where the scene states
-    `pressing` or `cup_centre`, or the patch `pressing`, only those that face the moving body."""
+    divided until no edge is longer than 3 mm or, of a small moving body, a twelfth of its size, since contact counts
+    at centres alone. Where the scene states `pressing` or `cup_centre`, or the patch `pressing`, only those that face
+    the moving body."""
     box = patch_box(geometry, patch)
     mesh = body_mesh(geometry, "fixed").inside_box(*box, reaching=True)
     if reaching:
         return mesh
-    mesh = mesh.subdivided(LONGEST_MM).inside_box(*box)
+    size_mm = float(np.ptp(body_mesh(geometry, "moving").vertices_mm, axis=0).max())
+    mesh = mesh.subdivided(min(LONGEST_MM, size_mm / 12.0)).inside_box(*box)
     return mesh.part(_seen(geometry, patch, mesh.corners_mm.mean(axis=1), mesh.normals))
 
 

@@ -54,6 +54,8 @@ def frame_of(geometry: JointGeometry, side: str | None = None, axes: Sequence[st
             "which body is the fixed one: the moving body is flat or hollow where the fixed one is domed: are the "
             "files exchanged?"
         )
+    if axes is not None:
+        findings.append(f"the moving body presses along the file's {axis_name(geometry.placement.pressing)}")
     if axes is None and (others := [axis_name(way) for way in geometry.placement.doubtful]):
         questions.append(
             f"which way the moving body presses: taken as the file's {axis_name(geometry.placement.pressing)}, where "
