@@ -14,8 +14,11 @@ from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.settle import settle
 from casadi_contact.core.conventions import Array
 from casadi_contact.samples.chunk import WrenchModel, part_wrenches
+from casadi_contact.samples.reference import Cycle, reference_poses
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Dropped, Samples
+from casadi_contact.scenes.joint_cycle import scene_cycles
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.walking import has_gait, reference_cycles
 
 _MOVES = np.repeat([1.0, np.deg2rad(2.0)], 3)  # mm, rad
 _BEYOND = 0.5  # of the sampled range, to either side
@@ -94,6 +97,23 @@ def self_settled_poses(surrogate: ContactModel, samples: Samples, count: int) ->
         max_iterations=40,
         trust_region=False,
     )
+    return poses[report.converged]
+
+
+def cycle_poses(surrogate: ContactModel, samples: Samples, count: int = 3) -> Array:
+    """Poses (n, 6) of so many cycles of the scene's reference motion that no plan was drawn around, found on the
+    surrogate from the middle of the samples; none for a scene without one, or with loads that the surrogate lacks."""
+    scene, known = samples.scene, samples.poses[samples.role != TEST]
+    if not (scene.motion or has_gait(scene)):
+        return np.empty((0, 6))
+    cycles: list[Cycle] = [
+        *(reference_cycles(count, seed=5) if has_gait(scene) else scene_cycles(scene, seed=5)[:count])
+    ]
+    free = [name for name in scene.pose_space.free_names if name not in cycles[0].measured_pose()]
+    if not set(cycles[0].targets()) <= set(surrogate.load_names) or not free:
+        return np.empty((0, 6))
+    start = scene.pose_space.project(np.median(known, axis=0)[None])[0]
+    poses, report = reference_poses(surrogate, cycles, start=start, tolerance_n=0.1, every_cycle=False)
     return poses[report.converged]
 
 

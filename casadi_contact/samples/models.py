@@ -41,6 +41,10 @@ class WithinElements:
         """Share of the load (n,) at the edges of the elements."""
         return self.elements.edge_share(poses)
 
+    def edge_wrenches(self, poses: Array) -> Array:
+        """What the elements carry there (n, patches, 6)."""
+        return self.elements.edge_wrenches(poses)
+
     def __getattr__(self, name: str) -> Any:
         """All else is that of the cells: gaps, part_wrenches, part_gaps, record."""
         if name in ("model", "elements"):  # not set yet

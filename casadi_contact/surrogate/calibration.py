@@ -1,8 +1,9 @@
 """Fit a surrogate's `Confidence` to samples, and to poses around and between them where the contact model is at hand.
 
-*Valid* means that the errors of all loads are expected to stay within a few tolerances of the scene. A surrogate that
-misses them everywhere is nowhere valid. Test rows take no part: the coverage reported on them, and on an unseen walking
-sequence, is what a user may expect.
+*Valid* means that the errors of all loads, with what the contact model carries at the edges of its elements, are
+expected to stay within a few tolerances of the scene, fewer in light contact. A surrogate that misses them everywhere
+is nowhere valid. Test rows take no part, nor do unseen cycles, whose poses are found on the surrogate: the coverage
+reported there is what a user may expect.
 """
 
 from __future__ import annotations
@@ -16,11 +17,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.cluster.vq import kmeans2
 
-from casadi_contact.core.conventions import Array, Progress, Update, stage_progress
+from casadi_contact.core.conventions import Array, Progress, Update, load_selection, stage_progress
 from casadi_contact.networks.network import Network, Regression
 from casadi_contact.networks.training.fit import fit
 from casadi_contact.networks.training.settings import TrainingSettings
-from casadi_contact.samples.calibration_poses import label_poses, perturbed_poses, poses_in_range, self_settled_poses
+from casadi_contact.samples.calibration_poses import (
+    cycle_poses,
+    label_poses,
+    perturbed_poses,
+    poses_in_range,
+    self_settled_poses,
+)
 from casadi_contact.samples.chunk import WrenchModel
 from casadi_contact.samples.models import model_name_of
 from casadi_contact.samples.samples import DOMAINS, TEST, TRAIN, VALIDATION, Samples
@@ -34,7 +41,8 @@ _OF_THE_MODEL = ("model_errors", "model_errors_against")  # keys of the record
 class CalibrationSettings:
     """What a calibration goes by.
 
-    tolerances: a pose is wrong where the error of any load exceeds so many tolerances of the scene.
+    tolerances: a pose is wrong where the error of any load exceeds so many tolerances of the scene under its reference
+    load; `light` times as many without load, and in proportion between.
     kept: share of accurate validation rows that the classifier leaves a validity above 0.9; wrong_share: at most so
     many of the poses that it calls valid may be wrong, whatever `kept` asks for.
     coverage: share of unseen errors below the expected error, all together; group_coverage: of each group of poses.
@@ -47,6 +55,7 @@ class CalibrationSettings:
     """
 
     tolerances: float = 5.0
+    light: float = 0.4
     kept: float = 0.99
     wrong_share: float = 0.03
     coverage: float = 0.95
@@ -65,12 +74,14 @@ class CalibrationSettings:
 
 
 class _Rows(NamedTuple):
-    """Poses (n, 6) with root loads (n, P), errors (n, L) [N, N·mm], whether a load is carried (n, L) and the number (n)
-    of the group that each belongs to: a domain of the samples, or one of the other kinds of poses."""
+    """Poses (n, 6) with root loads (n, P), errors (n, L) [N, N·mm], the largest of them with what edges carry over what
+    is allowed (n,), whether a load is carried (n, L) and the number (n) of the group that each belongs to: a domain of
+    the samples, or one of the other kinds of poses."""
 
     poses: Array
     roots: Array
     errors: Array
+    ratio: Array
     carried: np.ndarray
     group: np.ndarray
 
@@ -105,11 +116,13 @@ def calibrate(
     others: dict[str, Samples] = {}
     if model is not None:
         others = _other_poses(surrogate, blank, samples, model, settings, progress)
-    rows = _rows(surrogate, validation, [part.select(role=VALIDATION) for part in others.values()], settings)
+    rows = _rows(surrogate, validation, [part.select(role=VALIDATION) for part in others.values()], model, settings)
     confidence = _fit(surrogate, blank, rows, settings)
     calibrated = kind(surrogate.scene, surrogate.networks, surrogate.record, confidence)
     test = samples.select(role=TEST)
     unseen = {name: part.select(role=TEST) for name, part in others.items()}
+    if model is not None and len(poses := cycle_poses(surrogate, samples)):
+        unseen["cycles"] = label_poses(model, samples.scene, poses)
     record = {**surrogate.record, "coverage": coverage_by_group(calibrated, test, unseen)}
     if len(test):
         record["valid_share"] = float(np.mean(calibrated.validity(test.poses) > SURELY_VALID))
@@ -159,7 +172,8 @@ def _other_poses(
     settings: CalibrationSettings,
     progress: Progress | None,
 ) -> dict[str, Samples]:
-    """Poses around the samples, over their range and self-settled ones, near the samples, with the model's loads."""
+    """Poses around the samples, over their range, self-settled ones and some that became no samples, with the model's
+    loads."""
 
     def near(poses: Array) -> np.ndarray:
         """Mask of poses with a distance that leaves validity above about 0.05."""
@@ -168,12 +182,14 @@ def _other_poses(
     own = model_name_of(samples) is None
     # Twice the rows that are fitted to: the others are test rows.
     count = min(2 * settings.rows, len(samples) // 3, settings.own_rows if own else len(samples))
-    settled = self_settled_poses(surrogate, samples, count)
+    settled, lost = self_settled_poses(surrogate, samples, count), samples.dropped.poses
     poses = {
         "around": perturbed_poses(samples, count),
         "range": poses_in_range(samples, count, near, surrogate.confidence_roots),
         "settled": settled[near(settled)] if own and len(settled) else settled,
     }
+    if len(lost):
+        poses["dropped"] = lost[np.random.default_rng(19).permutation(len(lost))[:count]]
     parts = {}
     for k, (name, part) in enumerate(poses.items(), start=1):
         if len(part):
@@ -183,21 +199,35 @@ def _other_poses(
     return parts
 
 
-def _rows(surrogate: Surrogate, validation: Samples, others: Sequence[Samples], settings: CalibrationSettings) -> _Rows:
+def _rows(
+    surrogate: Surrogate,
+    validation: Samples,
+    others: Sequence[Samples],
+    model: WrenchModel | None,
+    settings: CalibrationSettings,
+) -> _Rows:
     """At most `rows` validation rows, and all others. Poses at which the model gave no loads have infinite errors."""
-    rng, parts = np.random.default_rng(settings.seed), []
+    rng, parts, names = np.random.default_rng(settings.seed), [], surrogate.load_names
+    scene = surrogate.scene
     for k, part in enumerate([validation, *others]):
         chosen = part if k else part.rows(np.sort(rng.permutation(len(part))[: settings.rows]))
-        target = chosen.loads(surrogate.load_names)
-        lost = part.dropped.poses if k else np.empty((0, 6))
-        nowhere = np.full((len(lost), target.shape[1]), np.inf)
-        group = chosen.domain.astype(int) if k == 0 else np.full(len(chosen), len(DOMAINS) + k)
+        target, lost = chosen.loads(names), part.dropped.poses if k else np.empty((0, 6))
+        errors, nowhere = np.abs(surrogate(chosen.poses) - target), np.full((len(lost), len(names)), np.inf)
+        load = np.linalg.norm(chosen.wrenches[..., :3], axis=2).sum(axis=1) / scene.reference_load
+        share = settings.light + (1.0 - settings.light) * np.minimum(load, 1.0)
+        allowed = settings.tolerances * share[:, None] * scene.tolerances_of(names)
+        unsure = errors
+        if hasattr(model, "edge_wrenches") and len(chosen):
+            selection = load_selection(names, scene.patch_names)
+            unsure = errors + np.abs(np.einsum("lpk,npk->nl", selection, model.edge_wrenches(chosen.poses)))
         poses = np.concatenate([chosen.poses, lost])
+        group = chosen.domain.astype(int) if k == 0 else np.full(len(chosen), len(DOMAINS) + k)
         parts.append(
             _Rows(
                 poses,
                 surrogate.confidence_roots(poses),
-                np.concatenate([np.abs(surrogate(chosen.poses) - target), nowhere]),
+                np.concatenate([errors, nowhere]),
+                np.concatenate([(unsure / allowed).max(axis=1), np.full(len(lost), np.inf)]),
                 np.concatenate([target != 0.0, nowhere < 0.0]),
                 np.concatenate([group, np.zeros(len(lost), dtype=int)]),
             )
@@ -208,13 +238,12 @@ def _rows(surrogate: Surrogate, validation: Samples, others: Sequence[Samples], 
 def _fit(surrogate: Surrogate, confidence: Confidence, rows: _Rows, settings: CalibrationSettings) -> Confidence:
     """The network and the growth.
 
-    Hidden layers are fitted to the classifier's target 2q²/(1 + q²) - 1, with q the largest error over the limit: -1
-    where the surrogate is accurate, 0 at the limit, 1 where it is wrong; accurate and wrong poses weigh alike. The
-    outputs of the loads are linear quantile regressions of log(error) on the last hidden layer, over valid poses that
-    carry the load.
+    Hidden layers are fitted to the classifier's target 2q²/(1 + q²) - 1, with q the ratio of the rows: -1 where the
+    surrogate is accurate, 0 at the limit, 1 where it is wrong; accurate and wrong poses weigh alike. The outputs of the
+    loads are linear quantile regressions of log(error) on the last hidden layer, over valid poses that carry the load.
     """
     tolerances = surrogate.scene.tolerances_of(surrogate.load_names)
-    q = np.minimum((rows.errors / (settings.tolerances * tolerances)).max(axis=1), 1e3)
+    q = np.minimum(rows.ratio, 1e3)
     wrong, x = q > 1.0, confidence.inputs(rows.poses, rows.roots)
     network = _classifier(x, 2.0 * q**2 / (1.0 + q**2) - 1.0, settings)
     answer, near = network.value(x), confidence.distance(rows.poses) < confidence.edge
