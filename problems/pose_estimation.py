@@ -95,6 +95,8 @@ def estimate(model: SymbolicContact, measured: LoadCycle | JointCycle, out: Path
         "scene": model.scene.name,
         "frames": problem.frames,
         "solved": int(result.solved.sum()),
+        "frames_at_edges": int((verdict.at_edge > 0.0).sum()),
+        "largest_share_of_load_at_edges": float(verdict.at_edge.max()),
         "ipopt_status": result.ipopt.status,
         "ipopt_iterations": result.ipopt.iterations,
         "seconds": result.seconds,
@@ -172,6 +174,7 @@ def write_frames(
         unit = quantity(name).kind.plain_unit
         columns |= {f"{name}_target_{unit}": target, f"{name}_found_{unit}": found[:, k]}
         columns |= {f"{name}_elements_{unit}": on_elements[:, k]}
+    columns |= {"share_of_load_at_edges": verdict.at_edge}
     columns |= {"outcome": [outcome.value for outcome in result.outcome], "verdict": verdict.words}
     write_columns(path, columns, digits=9)
 

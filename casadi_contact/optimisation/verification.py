@@ -12,11 +12,13 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import Array, as_poses, load_unit
-from casadi_contact.core.quantities import format_above_limit, three_digits
+from casadi_contact.core.quantities import FORCE, format_above_limit, of_kind, three_digits
 from casadi_contact.optimisation.reference import loads_on, off_finer, reference_model, unmodelled_fraction
+from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.tolerance import Tolerance
 
-UNCOUNTED = 0.05  # of a frame's load, that lies where the contact model counts none: with more it is not verified
+UNCOUNTED = 0.05  # of a frame's load, where the model counts none or at edges: with more it is not verified
+EDGE_CURE = "wider bounds in geometry.patches or a larger mesh tell what lies beyond"
 VERIFIED, DIFFERS, UNSOLVED, UNCHECKED = "solved and verified", "solved, differs", "not solved", "solved, not checked"
 OUTSIDE = "outside the learned region"
 ON_MODEL, LEAPS, NOT_ASKED = "solved on the contact model", "solved, its pose leaps", "no load"
@@ -46,6 +48,8 @@ class Verification:
     model: str
     outside: np.ndarray
     uncounted: Array
+    at_edge: Array
+    allowed: Array
     off_finer: Array
     on_model: np.ndarray
     without_load: np.ndarray
@@ -55,11 +59,6 @@ class Verification:
     def checked(self) -> bool:
         """True where there was a contact model to ask."""
         return not np.isnan(self.errors).all()
-
-    @property
-    def allowed(self) -> Array:
-        """Largest error (L,) of a verified frame."""
-        return self.tolerance.single * self.tolerance.allowed
 
     @property
     def rms(self) -> Array:
@@ -131,12 +130,15 @@ class Verification:
         verified, alone = int(self.verified.sum()), int((self.verified & self.on_model).sum())
         own = f", {alone} of them on it alone" if alone else ""
         parts = [f"{verified} of {count} solved and verified on {self.model}{own}{others}"]
-        parts += [f"{rows.sum()} {of_rows.format(size(rows))}" for rows, of_rows, _, size in self._doubts()]
         if count > solved:
-            parts.append(f"{count - solved} not solved")
-        if len(frames := np.flatnonzero(self.outside & loaded)):
-            which = ", ".join(map(str, frames[:10])) + (", ..." if len(frames) > 10 else "")
-            parts.append(f"{len(frames)} ({which}) {OUTSIDE}")
+            parts.append(f"{count - solved} not solved ({_numbers(~self.solved & loaded)})")
+        parts += [f"{rows.sum()} {of_rows.format(size(rows))}" for rows, of_rows, _, size in self._doubts()]
+        slightly = self.solved & loaded & (self.at_edge > 0.0) & (self.at_edge <= UNCOUNTED)
+        if slightly.any():
+            most = self.at_edge[slightly].max()
+            parts.append(f"{slightly.sum()} reach an edge of the elements, with at most {most:.1%} of their load")
+        if (outside := self.outside & loaded).any():
+            parts.append(f"{outside.sum()} ({_numbers(outside)}) {OUTSIDE}")
         return "; ".join(parts)
 
     def __str__(self) -> str:
@@ -158,14 +160,20 @@ class Verification:
             return
         reasons: tuple[_Doubt, ...] = (
             (
-                ~self.tolerance.met_by_each(self.off_finer),
-                "solved, but where elements half as wide differ, at most by {}: finer grids.teacher in the scene tell "
-                "whether they hold",
+                self.at_edge > UNCOUNTED,
+                "solved, but with up to {} of their load at an edge of the elements: " + EDGE_CURE,
+                "solved, {} of the load at an edge of the elements",
+                lambda rows: f"{np.max(self.at_edge[rows]):.0%}",
+            ),
+            (
+                ~self._within(self.off_finer),
+                "solved, but where elements half as wide differ, at most by {}: finer grids.teacher (of a mesh also "
+                "geometry.spacing) in the scene tell whether they hold",
                 "solved, elements half as wide differ by {}",
                 lambda rows: self._largest(self.off_finer, rows),
             ),
             (
-                ~self.tolerance.met_by_each(self.errors),
+                ~self._within(self.errors),
                 "solved but differ, at most by {}",
                 DIFFERS + " by {}",
                 lambda rows: self._largest(self.errors, rows),
@@ -184,12 +192,34 @@ class Verification:
                 yield left & rows, *said
             left &= ~rows
 
+    def _within(self, errors: Array) -> np.ndarray:
+        """True (n,) for frames whose errors (n, L) are all allowed; False for such that are no numbers."""
+        return np.asarray((np.abs(errors) <= self.allowed).all(axis=1))
+
     def _largest(self, errors: Array, rows: _Rows) -> str:
         """Of errors (n, L) in rows, or in one: the one that is largest against what is allowed."""
-        found = np.abs(np.atleast_2d(errors[rows]))
-        row, load = np.unravel_index(int(self.tolerance.single_ratios(found).argmax()), found.shape)
+        found, allowed = np.abs(np.atleast_2d(errors[rows])), np.atleast_2d(self.allowed[rows])
+        row, load = np.unravel_index(int(np.nan_to_num(found / allowed, nan=np.inf).argmax()), found.shape)
         name = self.load_names[load]
         return f"{three_digits(found[row, load])} {load_unit(name)} ({name})"
+
+
+def _numbers(rows: np.ndarray) -> str:
+    """The first ten of the frames that are meant (n,)."""
+    frames = np.flatnonzero(rows).tolist()
+    return ", ".join(map(str, frames[:10])) + (", ..." if len(frames) > 10 else "")
+
+
+def allowed_errors(scene: Scene, names: Sequence[str], forces: Array, share: float = 0.01) -> Array:
+    """Largest errors (n, L) of named loads in verified frames with forces (n, F) [N].
+
+    A force may be off by 1 % of the frame's (√ΣF²) and 0.5 % of the scene's reference load (5 N of 1,000 N), but not by
+    more than a single one may (`Tolerance`); a torque by as much of its own.
+    """
+    single = Tolerance.of(scene, names).allowed * Tolerance.single
+    of_force = Tolerance.single * min(scene.tolerances_of(of_kind(scene.load_names, FORCE)))
+    load_n = np.linalg.norm(forces, axis=1) + 0.5 * scene.reference_load
+    return np.minimum(share * load_n / of_force, 1.0)[:, None] * single
 
 
 def verify(
@@ -217,11 +247,13 @@ def verify(
         model = reference_model(surrogate.scene)
     given = {"solved": solved, "on_model": on_model, "without_load": without_load, "leaps": leaps}
     rows = {key: _truths(key, value, len(poses)) for key, value in given.items()}
-    shape, tolerance = (len(poses), len(names)), Tolerance.of(surrogate.scene, names)
+    scene, shape = surrogate.scene, (len(poses), len(names))
+    forces = of_kind(surrogate.load_names, FORCE)
+    allowed = allowed_errors(scene, names, surrogate(poses, forces))
     outside = np.zeros(len(poses), dtype=bool)
     if hasattr(surrogate, "validity"):  # of other models no region is known
         outside |= surrogate.validity(poses) < 0.5 if getattr(surrogate, "confidence", None) is not None else True
-    uncounted, finer = np.zeros(len(poses)), np.zeros(shape)
+    uncounted, at_edge, finer = np.zeros(len(poses)), np.zeros(len(poses)), np.zeros(shape)
     if isinstance(model, str):
         errors, name = np.full(shape, np.nan), model
     else:
@@ -229,17 +261,19 @@ def verify(
         errors[~np.isfinite(errors)] = np.inf
         errors[rows["on_model"]], name = 0.0, type(model).__name__
         if isinstance(model, ElasticFoundation):
-            name, uncounted = model.label, unmodelled_fraction(model, poses)
+            name, uncounted, at_edge = model.label, unmodelled_fraction(model, poses), model.edge_share(poses)
             ended = rows["solved"]
-            finer[ended] = off_finer(model, poses[ended], names, tolerance.single * tolerance.allowed)
+            finer[ended] = off_finer(model, poses[ended], names, allowed[ended])
     return Verification(
         names,
         poses,
         errors=errors,
-        tolerance=tolerance,
+        tolerance=Tolerance.of(scene, names),
         model=name,
         outside=outside,
         uncounted=uncounted,
+        at_edge=at_edge,
+        allowed=allowed,
         off_finer=finer,
         **rows,
     )

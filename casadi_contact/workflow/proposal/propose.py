@@ -33,6 +33,7 @@ _STEPS = ("surfaces", "pose at rest", "reference motion", "element grids", "done
 REST_SHARE = 0.3  # of the reference load, on every patch of a body at rest
 _UNMODELLED = {
     "beyond_open_edges": "whether the moving part ends at its open edges",
+    "at_edges": "what carries load beyond the elements",
     "on_walls": "what walls carry",
     "outside_patches": "what lies outside of the patches",
     "at_sharp_edges": "what sharp edges carry",
@@ -252,11 +253,6 @@ def _questions_about_motion(model: ElasticFoundation, poses: Array, report: Refe
         )
     if len(body_mesh(scene.geometry, "fixed").boundary_edges):
         questions.append("whether the part ends at the fixed mesh's open edges: taken as cut there (open_edges)")
-    if reached := int(model.at_edge(poses).any(axis=1).sum()):
-        questions.append(
-            f"what carries load beyond the elements: in {reached} of {len(poses)} frames contact reaches an edge where "
-            "the surface goes on or is cut; such poses are no samples to learn from"
-        )
     unmodelled = unmodelled_load_words(unmodelled_load_shares(model, poses))
     questions += [f"{_UNMODELLED[where]}: {words}" for where, words in unmodelled.items()]
     return questions
