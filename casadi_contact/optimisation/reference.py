@@ -66,13 +66,13 @@ def off_finer(model: ElasticFoundation, poses: Array, names: Sequence[str], allo
 
 def _scaled(model: ElasticFoundation, times: float, most_mm: float = 1.5) -> ElasticFoundation:
     """The model with so many times the elements a side, and of meshes fields whose nodes lie √times closer."""
-    scene = model.scene
+    scene, (nx, nz) = model.scene, model.grid
     if scene.shape == "mesh":
         spacing = {
             body: min(field_spacing(scene.geometry, body) / np.sqrt(times), most_mm) for body in ("moving", "fixed")
         }
         scene = Scene.from_tables({**scene.tables, "geometry": {**scene.geometry, "spacing": spacing}})
-    return ElasticFoundation(scene, tuple(int(np.ceil(times * n)) for n in model.grid))
+    return ElasticFoundation(scene, (int(np.ceil(times * nx)), int(np.ceil(times * nz))))
 
 
 def share_on_walls(model: ElasticFoundation, poses: Array) -> Array:

@@ -217,9 +217,9 @@ def _rows(
         share = settings.light + (1.0 - settings.light) * np.minimum(load, 1.0)
         allowed = settings.tolerances * share[:, None] * scene.tolerances_of(names)
         unsure = errors
-        if hasattr(model, "edge_wrenches") and len(chosen):
+        if (edges := getattr(model, "edge_wrenches", None)) is not None and len(chosen):
             selection = load_selection(names, scene.patch_names)
-            unsure = errors + np.abs(np.einsum("lpk,npk->nl", selection, model.edge_wrenches(chosen.poses)))
+            unsure = errors + np.abs(np.einsum("lpk,npk->nl", selection, edges(chosen.poses)))
         poses = np.concatenate([chosen.poses, lost])
         group = chosen.domain.astype(int) if k == 0 else np.full(len(chosen), len(DOMAINS) + k)
         parts.append(
