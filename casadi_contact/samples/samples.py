@@ -13,7 +13,6 @@ import numpy as np
 from casadi_contact.core.conventions import REFLECTION, Array
 from casadi_contact.core.files.containers import new_hdf5, open_hdf5
 from casadi_contact.core.files.reading import existing_file
-from casadi_contact.core.quantities import FORCE, TORQUE, of_kind, quantity
 from casadi_contact.scenes.scene import Scene
 
 DOMAINS = ("D1", "D2", "D3", "D4", "D5", "D6", "D7")
@@ -175,15 +174,6 @@ def domain_errors(model: LoadModel, samples: Samples, role: int = TEST) -> dict[
         if len(part):
             errors[domain] = load_errors(model.load_names, model(part.poses), part.loads(model.load_names))
     return errors
-
-
-def rms_by_kind(errors: LoadErrors) -> dict[str, float]:
-    """{"force": RMS over all forces [N], "torque": over all torques [N·mm]} and likewise for other kinds of quantity,
-    in their units: of those kinds that are among the errors, forces and torques first."""
-    found = [quantity(name).kind for name in errors]
-    kinds = [kind for kind in dict.fromkeys((FORCE, TORQUE, *found)) if kind in found]
-    squares = {kind.name: [errors[name]["rms"] ** 2 for name in of_kind(list(errors), kind)] for kind in kinds}
-    return {name: float(np.sqrt(np.mean(values))) for name, values in squares.items()}
 
 
 def mirrored(samples: Samples) -> Samples:

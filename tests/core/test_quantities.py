@@ -8,16 +8,13 @@ import pytest
 
 from casadi_contact.core.conventions import POSE_NAMES, POSE_UNITS, WRENCH_NAMES
 from casadi_contact.core.quantities import (
-    AREA,
     KINDS,
     format_above_limit,
     newton_scales,
-    of_kind,
     quantity,
     three_digits,
     two_digits,
 )
-from casadi_contact.samples.samples import load_errors, rms_by_kind
 from casadi_contact.scenes.joint_cycle import column_names
 from casadi_contact.scenes.opensim import ColumnMap, renamed_table
 
@@ -65,13 +62,6 @@ def test_forces_and_torques_compare_by_a_lever_and_nothing_else_does():
     np.testing.assert_array_equal(newton_scales(("Fx", "Tz", "Fy_med"), 25.0), [1.0, 25.0, 1.0])
     with pytest.raises(ValueError, match="peak_pressure_med"):
         newton_scales(LOADS, 25.0)
-
-
-def test_errors_of_different_kinds_are_kept_apart():
-    got = np.array([[3.0, 10.0, 0.5, 2.0], [-4.0, 10.0, 0.5, -2.0]])
-    rms = rms_by_kind(load_errors(LOADS, got, np.zeros((2, 4))))
-    assert rms == pytest.approx({"force": math.sqrt(12.5), "torque": 10.0, "pressure": 0.5, "area": 2.0})
-    assert of_kind(LOADS, AREA) == ["contact_area"]
 
 
 def test_opensim_tables_hold_pressures_in_pascal_and_areas_in_square_metres():

@@ -1,16 +1,13 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from casadi_contact.contact.settle import settle
-from casadi_contact.samples.chunk import plan_chunks
+from casadi_contact.samples.chunk import lift
 from casadi_contact.samples.domains import Envelopes, hammersley, plan_domains
-from casadi_contact.samples.liftoff import lift_all, lift_one
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION
 from casadi_contact.samples.settings import PAPER_COUNTS, SamplingSettings
 from casadi_contact.scenes.normal_load import normal_loads
-from tests.support.two_spheres import SETTINGS, TwoSpheres, knee, sphere_motion
+from tests.support.two_spheres import TwoSpheres, knee
 
 INPUTS = ("tx", "Fy_med", "tz", "Fy_lat", "ry", "rz")
 SENSITIVE = ("Fy_med", "Fy_lat")
@@ -126,23 +123,21 @@ def boundary_poses(model, lifted, count=6):
 
 
 @pytest.mark.parametrize("lifted", [0, 1])
-def test_d4_lifts_one_side_in_three_equal_steps_and_keeps_the_other_load(lifted):
+@pytest.mark.parametrize("gapless", [False, True])
+def test_d4_lifts_one_side_and_keeps_the_other_load(lifted, gapless):
     model = TwoSpheres(knee())
+    model.has_gaps = not gapless
     poses, held = boundary_poses(model, lifted)
-    got, reason = lift_one(model, poses, lifted, ("ty", "rx"), held, LIFTED)
-    assert (reason == "").all()
-    rx = np.concatenate([poses[:, None, 3], got[..., 3]], axis=1)
-    steps = np.diff(rx, axis=1)
-    np.testing.assert_allclose(steps, steps[:, :1] * np.ones(3), rtol=1e-9)
-    assert (np.sign(steps) == (1 if lifted else -1)).all()  # rx > 0 lowers the medial side (z > 0)
-    np.testing.assert_array_equal(got[..., [0, 2, 4, 5]], np.repeat(poses[:, None, [0, 2, 4, 5]], 3, axis=1))
-    gaps = model.gaps(got.reshape(-1, 6)).reshape(-1, 3, 2)[..., lifted]
-    np.testing.assert_allclose(gaps[:, 2], 2.0, atol=0.02)
-    assert (gaps[:, 0] > 0.5).all()
-    loads = model.wrenches(got.reshape(-1, 6))[..., 1].reshape(-1, 3, 2)
-    assert (loads[..., lifted] == 0.0).all()
+    gaps = np.full((len(poses), 2), np.nan)
+    gaps[:, lifted] = 2.0
+    got = lift(model, poses, gaps)
+    assert (np.sign(got[:, 3] - poses[:, 3]) == (1 if lifted else -1)).all()  # rx > 0 lowers the medial side (z > 0)
+    np.testing.assert_array_equal(got[:, [0, 2, 4, 5]], poses[:, [0, 2, 4, 5]])
+    np.testing.assert_allclose(TwoSpheres(knee()).gaps(got)[:, lifted], 2.0, atol=0.1 if gapless else 1e-6)
+    loads = model.wrenches(got)[..., 1]
+    assert (loads[:, lifted] == 0.0).all()
     (kept,) = held.values()
-    np.testing.assert_allclose(loads[..., 1 - lifted], kept[:, None] * np.ones(3), atol=1e-3)
+    np.testing.assert_allclose(loads[:, 1 - lifted], kept, rtol=1e-3)
 
 
 class FailsAt(TwoSpheres):
@@ -166,32 +161,12 @@ class FailsAt(TwoSpheres):
 
 def test_a_pose_at_which_the_model_fails_is_not_lifted_and_all_others_are():
     model = TwoSpheres(knee())
-    poses, held = boundary_poses(model, 0)
-    fails = FailsAt(knee(), poses[2, 0])
-    want, _ = lift_one(model, poses, 0, ("ty", "rx"), held, LIFTED)
-    got, reason = lift_one(fails, poses, 0, ("ty", "rx"), held, LIFTED)
+    poses, _ = boundary_poses(model, 0)
+    gaps = np.tile([1.0, np.nan], (len(poses), 1))
+    want, got = lift(model, poses, gaps), lift(FailsAt(knee(), poses[2, 0]), poses, gaps)
     others = np.arange(len(poses)) != 2
-    np.testing.assert_array_equal(reason == "", np.repeat(others[:, None], 3, axis=1))
-    assert set(reason[2]) == {"the contact model's loads are not finite"}
+    np.testing.assert_array_equal(np.isfinite(got).all(axis=1), others)
     np.testing.assert_allclose(got[others], want[others], rtol=0.0, atol=1e-12)
-    raised = lift_all(fails, poses, LIFTED)
-    np.testing.assert_array_equal(np.isfinite(raised).all(axis=(1, 2)), others)
-
-
-def test_d4_with_another_sample_point_keeps_every_held_load():
-    """Inputs {Tz, Fy_med, tz, Fy_lat, ry, rz}: t_x is free as well and is settled anew for the torque."""
-    model = TwoSpheres(knee())
-    start = np.tile([0.5, 27.0, 0.0, 0.0, 0.05, -0.6], (5, 1))
-    held = {"Fy_lat": -np.linspace(200, 600, 5), "Tz": np.linspace(-900, 900, 5)}
-    free = ("tx", "ty", "rx")
-    poses, report = settle(model, start, free, {"Fy_med": np.full(5, -5.0), **held}, tolerance=1e-5)
-    assert report.converged.all()
-    got, reason = lift_one(model, poses, 0, free, held, replace(LIFTED, settle_tolerance_n=1e-5))
-    assert (reason == "").all()
-    np.testing.assert_allclose(model.gaps(got[:, 2])[:, 0], 2.0, atol=0.02)
-    loads = dict(zip(model.load_names, model(got.reshape(-1, 6)).T, strict=True))
-    for name, wanted in held.items():
-        np.testing.assert_allclose(loads[name], np.repeat(wanted, 3), atol=1e-3)
 
 
 def test_hammersley_points_by_hand_and_shifted_on_the_torus():
@@ -201,13 +176,7 @@ def test_hammersley_points_by_hand_and_shifted_on_the_torus():
     np.testing.assert_allclose(hammersley(4, 3, shift), (expected + shift) % 1.0, atol=1e-15)
 
 
-def test_a_plan_that_cannot_lift_one_patch_is_refused_before_any_of_it_is_drawn():
-    """As of a knee with a patch on its post: it has a third sensitive pose parameter."""
-    three = replace(knee(), sensitive_pose=("ty", "rx", "tx"))
-    assert 4 in {chunk.domain for chunk in plan_chunks(knee(), sphere_motion(), SETTINGS)}
-    with pytest.raises(ValueError, match=r"sampling\.counts\.D4 = 0"):
-        plan_chunks(three, sphere_motion(), SETTINGS)
+def test_a_plan_without_the_load_to_lift_from_is_refused():
     torque = Envelopes(("tx", "Fy", "tz", "Tx", "ry", "rz"), REFERENCE.lower, REFERENCE.upper)
     with pytest.raises(ValueError, match=r"D4 needs Fy_med, Fy_lat as an input"):
         plan(torque)
-    assert plan_chunks(three, sphere_motion(), replace(SETTINGS, counts={**SETTINGS.counts, "D4": 0}))

@@ -7,9 +7,9 @@ import pytest
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.settle import settle
+from casadi_contact.samples.chunk import lift
 from casadi_contact.samples.domains import left_out
 from casadi_contact.samples.draw import draw_samples
-from casadi_contact.samples.liftoff import lift_all
 from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.joint_cycle import scene_cycles
@@ -74,7 +74,7 @@ def test_a_patella_is_lifted_off_to_the_front():
     model = ElasticFoundation(scene, (60, 40))
     poses, report = settle(model, [[-49.85, 2.0, 0.0, 0.0, 0.0, -0.5]], ("tx", "tz"), {"Fx_med": 5.0, "Fx_lat": 5.0})
     assert report.converged.all()
-    raised = lift_all(model, poses, SamplingSettings(liftoff_mm=0.6))[0]
-    moved = raised[:, :3] - poses[0, :3]
-    np.testing.assert_allclose(np.linalg.norm(moved, axis=1), [0.2, 0.4, 0.6])
-    assert (moved[:, 0] < -0.9 * np.array([0.2, 0.4, 0.6])).all()
+    gaps = np.repeat([[0.2], [0.4], [0.6]], 2, axis=1)
+    raised = lift(model, np.repeat(poses, 3, axis=0), gaps)
+    np.testing.assert_allclose(model.gaps(raised), gaps, atol=1e-3)
+    assert (raised[:, 0] < poses[0, 0] - 0.9 * gaps[:, 0]).all()

@@ -3,9 +3,8 @@
 import numpy as np
 
 import casadi_contact as cc
-from casadi_contact.samples.chunk import Chunk, draw_chunk
+from casadi_contact.samples.chunk import Chunk, draw_chunk, lift
 from casadi_contact.samples.domains import Envelopes, plan_domains
-from casadi_contact.samples.liftoff import lift_each
 from casadi_contact.samples.settings import SamplingSettings
 from tests.support.two_spheres import RADIUS_MM, TwoSpheres, knee
 
@@ -49,7 +48,7 @@ def test_each_side_is_lifted_by_a_gap_of_its_own():
     rng = np.random.default_rng(3)
     starts = rng.uniform(-1.0, 1.0, (40, 6)) * [3.0, 0.1, 3.0, 0.02, 0.1, 0.5] + [0.0, RADIUS_MM, 0.0, 0.0, 0.0, -0.5]
     wanted = rng.uniform(0.0, 3.0, (40, 2))
-    lifted = lift_each(model, starts, wanted)
+    lifted = lift(model, starts, wanted)
     np.testing.assert_allclose(model.gaps(lifted), wanted, atol=1e-6)
     held = [0, 2, 4, 5]
     np.testing.assert_array_equal(lifted[:, held], starts[:, held])

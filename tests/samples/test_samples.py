@@ -13,7 +13,6 @@ from casadi_contact.samples.samples import (
     load_errors,
     partial_folder,
     read_samples,
-    rms_by_kind,
     write_samples,
 )
 from casadi_contact.scenes.loading import load_scene
@@ -116,14 +115,13 @@ def test_what_is_not_there_not_complete_or_of_other_shapes_is_refused(tmp_path):
         replace(some_samples(), wrenches=np.zeros((20, 1, 6)))
 
 
-def test_errors_of_hand_worked_loads_and_their_rms_over_all_loads_of_a_kind():
+def test_errors_of_hand_worked_loads():
     names = ("Fx", "Tx", "Fz_med")
     errors = load_errors(
         names, np.array([[1.0, 0.0, 2.0], [4.0, 0.0, 0.0]]), np.array([[0.0, 0.0, 0.0], [0.0, -2.0, 3.0]])
     )
     assert errors["Fx"] == {"rms": pytest.approx(np.sqrt(8.5)), "max": 4.0, "mean": 2.5}
     assert errors["Tx"]["max"] == 2.0
-    assert rms_by_kind(errors) == pytest.approx({"force": np.sqrt(30.0 / 4.0), "torque": np.sqrt(2.0)})
 
 
 def test_domain_errors_use_only_the_wanted_role_and_domain():
