@@ -2,7 +2,7 @@
 
 Run ``python -m problems.studies.peers knee --preset standard`` after that build.
 
-Regressors of scikit-learn and SciPy (``pip install casadi_contact[peers]``), and models with a history [EF15 §1]. A
+Regressors of scikit-learn and SciPy (``pip install casadi_contact[peers]``), and a network with a history [EF15 §1]. A
 predicted force that would pull is clamped to zero, as the paper does [EF15 §3.5]. Peers have no derivatives.
 """
 
@@ -34,7 +34,7 @@ from casadi_contact.workflow.benchmark.candidates import Candidate
 from casadi_contact.workflow.benchmark.front_file import Point
 from casadi_contact.workflow.benchmark.timing import time_batch
 from casadi_contact.workflow.project import Project
-from problems.studies.history_models import HISTORY_MODELS, Cycles
+from problems.studies.history_models import Cycles, TimeDelay
 
 
 @dataclass(frozen=True)
@@ -171,11 +171,14 @@ def regressor_candidates(family: str, data: TrainingSet, gflop: float) -> Iterat
         yield _candidate(f"{family} {settings}", family, model, count, time.process_time() - began, remark)
 
 
+HISTORY = "time-delay network"
+
+
 def history_candidates(
-    family: str, data: TrainingSet, gflop: float, motion: ReferenceMotion | None, held_back: float = 0.15
+    data: TrainingSet, gflop: float, motion: ReferenceMotion | None, held_back: float = 0.15
 ) -> Iterator[Candidate]:
-    """A history model in sequence and on single poses, trained on the frames of the reference motion under the loads of
-    the scene's teacher grid: samples have no order in time. held_back: share of the cycles that stop the training.
+    """A time-delay network in sequence and on single poses, trained on the frames of the reference motion under the
+    loads of the scene's teacher grid: samples have no order in time. held_back: share of the cycles that stop the training.
 
     In sequence, poses are the frames of whole cycles, or of a piece of one. A single pose has no past: a motion that
     has rested there stands in for it. Raises ValueError without a motion of at least 2 cycles.
@@ -186,7 +189,7 @@ def history_candidates(
     columns = [teacher.load_names.index(name) for name in data.load_names]
     loads = teacher(motion.poses.reshape(-1, 6))[:, columns].reshape(*motion.poses.shape[:2], -1)
     cycles = Cycles(motion.poses, loads, max(1, round(held_back * len(loads))))
-    follow, frames = HISTORY_MODELS[family](cycles, gflop).follow, motion.poses.shape[1]
+    follow, frames = TimeDelay(cycles, gflop).follow, motion.poses.shape[1]
     took = time.process_time() - began
 
     def in_sequence(poses: Array) -> Array:
@@ -198,7 +201,7 @@ def history_candidates(
     remark = "knows only the reference motion; no derivatives; pulling forces clamped to zero"
     for what, predict in (("in sequence", in_sequence), ("single poses", single)):
         learned = int((~cycles.validation).sum())
-        yield _candidate(f"{family}, {what}", family, Peer(predict, data), learned, took, remark)
+        yield _candidate(f"{HISTORY}, {what}", HISTORY, Peer(predict, data), learned, took, remark)
 
 
 def _candidate(name: str, family: str, model: Peer, samples: int, seconds: float, remark: str) -> Candidate:
@@ -210,7 +213,7 @@ def _candidate(name: str, family: str, model: Peer, samples: int, seconds: float
     return Candidate(point, model, {"value": partial(time_batch, one_by_one), "batch": partial(time_batch, model)})
 
 
-FAMILIES = (*REGRESSORS, *HISTORY_MODELS)
+FAMILIES = (*REGRESSORS, HISTORY)
 
 
 def peer_candidates(
@@ -232,7 +235,7 @@ def peer_candidates(
         if family in REGRESSORS:
             candidates = regressor_candidates(family, data, gflop)
         else:
-            candidates = history_candidates(family, data, gflop, motion)
+            candidates = history_candidates(data, gflop, motion)
         while True:
             try:
                 with one_thread():

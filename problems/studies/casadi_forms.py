@@ -1,0 +1,149 @@
+"""What a CasADi user would write instead: the same networks in CasADi's own forms, called alone and inside IPOPT.
+
+Forms: MX and SX graphs of the formula, C that CasADi generates from the MX graph (same compiler, same flags), PyTorch
+called back with its own derivatives, and l4casadi where it is installed.
+Run ``python -m problems.studies.casadi_forms``.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from casadi_contact.contact.symbolic import CallbackContact, SymbolicContact
+from casadi_contact.core.compiler import shared_library
+from casadi_contact.core.conventions import Array
+from casadi_contact.core.files.writing import writable_folder, write_text
+from casadi_contact.core.machine import machine_record
+from casadi_contact.core.terminal import run_program
+from casadi_contact.core.workers import one_thread
+from casadi_contact.optimisation.ipopt import IpoptOutcome, least_squares_options
+from casadi_contact.optimisation.pose_estimation import PoseEstimation
+from casadi_contact.scenes.walking import reference_cycle
+from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.surrogate.load import load_surrogate
+from casadi_contact.workflow.benchmark.kernel_speed import jacobian_of, lagrangian_hessian
+from casadi_contact.workflow.benchmark.timing import compare, time_single_calls
+from casadi_contact.workflow.project import Project, available_poses
+from problems.studies.torch_forms import l4casadi, pytorch
+
+OWN = "own kernel"
+SLOW = ("PyTorch callback", "l4casadi")
+
+
+def graph(surrogate: Surrogate, name: str, loads: Sequence[str], *, scalars: bool = False) -> ca.Function:
+    """pose -> loads, roots as MX, or (scalars) as SX: the formula alone, which CasADi differentiates."""
+    pose = ca.MX.sym("pose", 6)
+    found = surrogate._expressions(pose, loads, 0)
+    function = ca.Function(name, [pose], [found.loads.value, found.roots.value])
+    return function.expand() if scalars else function
+
+
+FORMS: dict[str, Callable[..., ca.Function]] = {
+    "CasADi C": graph,
+    "CasADi MX": graph,
+    "CasADi SX": partial(graph, scalars=True),
+    "PyTorch callback": pytorch,
+    "l4casadi": l4casadi,
+}
+
+
+class Written(CallbackContact):
+    """A surrogate whose CasADi functions are of another form, for every problem that takes a contact model."""
+
+    def __init__(self, surrogate: Surrogate, form: str) -> None:
+        super().__init__(surrogate)
+        self.record, self._form = surrogate.record, FORMS[form]
+
+    def _function(
+        self, name: str, loads: Sequence[str], outputs: Sequence[str], compiled: bool, batch: int | None
+    ) -> ca.Function:
+        function = self._form(self.model, f"{name}_written", loads)
+        if outputs == ("loads",):
+            pose = ca.MX.sym("pose", 6)
+            return ca.Function(name, [pose], [function(pose)[0]])
+        return function if batch is None else function.map(batch)
+
+
+def generated_library(functions: Sequence[ca.Function]) -> str:
+    """The C that CasADi generates, compiled as our own kernels are."""
+    code = ca.CodeGenerator("generated")
+    for function in functions:
+        code.add(function)
+    return str(shared_library(code.dump()))
+
+
+def stopwatches(model: SymbolicContact, poses: Array, *, generated: bool) -> dict[str, Callable[[], float]]:
+    """Seconds of a call with one pose: loads, Jacobian, Hessian of the Lagrangian; generated: as CasADi's C."""
+    function = model.function()
+    functions = [function, jacobian_of(function), lagrangian_hessian(function)]
+    if generated:
+        library = generated_library(functions)
+        functions = [ca.external(each.name(), library) for each in functions]
+    others = ([], [], [np.ones(len(model.load_names))])
+    watches = [partial(time_single_calls, f, poses, *more) for f, more in zip(functions, others, strict=True)]
+    return dict(zip(("value", "Jacobian", "Hessian"), watches, strict=True))
+
+
+def solution(problem: PoseEstimation, start: Array, *, generated: bool) -> dict[str, Any]:
+    """IPOPT from start poses (n, 6): seconds of its second run; generated: the whole problem as CasADi's C."""
+    options = least_squares_options(max_iterations=60)
+    solver = ca.nlpsol("pose_estimation", "ipopt", problem.nlp, options)
+    if generated:
+        library = generated_library([solver.oracle(), *map(solver.get_function, solver.get_function())])
+        solver = ca.nlpsol("pose_estimation", "ipopt", library, options)
+    contact, x0 = problem.contact, problem.contact.variables(start)
+    for _ in range(2):
+        began = time.perf_counter()
+        answer = solver(x0=x0, lbx=contact.lower, ubx=contact.upper)
+        seconds = time.perf_counter() - began
+    ipopt = IpoptOutcome.of(solver)
+    result = problem.evaluate(contact.poses_with(start, np.asarray(answer["x"])), ipopt)
+    found = {"frames": problem.frames, "solved": int(result.solved.sum()), "iterations": ipopt.iterations}
+    return {**found, "status": ipopt.status, "seconds": seconds}
+
+
+def measured(
+    surrogate: Surrogate, poses: Array, frames: int = 101, few: int = 11, forms: Sequence[str] = tuple(FORMS)
+) -> dict[str, dict[str, Any]]:
+    """By form: µs of calls at these poses, and IPOPT's pose estimation of the built-in cycle in so many frames, few
+    of them where Python is called back."""
+    found: dict[str, dict[str, Any]] = {}
+    watches: dict[tuple[str, str], Callable[[], float]] = {}
+    for form in (OWN, *forms):
+        model, generated = surrogate if form == OWN else Written(surrogate, form), form == "CasADi C"
+        try:
+            times = stopwatches(model, poses, generated=generated)
+        except ImportError as error:
+            found[form] = {"missing": str(error)}
+            continue
+        watches |= {(form, what): watch for what, watch in times.items()}
+        cycle = reference_cycle(frames=few if form in SLOW else frames)
+        own = PoseEstimation.of_cycle(surrogate, cycle)
+        start = own.settle_start(own.contact.start_poses())
+        found[form] = solution(PoseEstimation.of_cycle(model, cycle), start, generated=generated)
+    for (form, what), timing in compare(watches, repeats=7).items():
+        found[form][f"{what}_us"] = timing.low_us
+    return found
+
+
+def main(out: Path = Path("results/casadi_forms.json")) -> None:
+    """Measure the forms of `knee` and `knee_two_stage`."""
+    writable_folder(out.parent)
+    poses = available_poses(Project.open("knee", "quick"))[:20]
+    with one_thread():
+        surrogates = {name: measured(load_surrogate(name), poses) for name in ("knee", "knee_two_stage")}
+    content = {"format": "casadi_contact casadi forms", "format_version": 1, "machine": machine_record()}
+    write_text(out, json.dumps({**content, "surrogates": surrogates}, indent=1))
+    print(f"written {out}")
+
+
+if __name__ == "__main__":
+    run_program(main)
