@@ -178,7 +178,7 @@ def history_candidates(
     data: TrainingSet, gflop: float, motion: ReferenceMotion | None, held_back: float = 0.15
 ) -> Iterator[Candidate]:
     """A time-delay network in sequence and on single poses, trained on the frames of the reference motion under the
-    loads of the scene's teacher grid: samples have no order in time. held_back: share of the cycles that stop the training.
+    loads of the scene's teacher grid: samples have no order in time. held_back: share of cycles that stop the training.
 
     In sequence, poses are the frames of whole cycles, or of a piece of one. A single pose has no past: a motion that
     has rested there stands in for it. Raises ValueError without a motion of at least 2 cycles.
