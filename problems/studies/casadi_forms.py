@@ -86,7 +86,7 @@ def stopwatches(model: SymbolicContact, poses: Array, *, generated: bool) -> dic
     if generated:
         library = generated_library(functions)
         functions = [ca.external(each.name(), library) for each in functions]
-    others = ([], [], [np.ones(len(model.load_names))])
+    others: tuple[list[Array], ...] = ([], [], [np.ones(len(model.load_names))])
     watches = [partial(time_single_calls, f, poses, *more) for f, more in zip(functions, others, strict=True)]
     return dict(zip(("value", "Jacobian", "Hessian"), watches, strict=True))
 

@@ -68,13 +68,15 @@ def torch_formula(surrogate: Surrogate, loads: Sequence[str], dtype: Any) -> Cal
     first = {name: network(surrogate.networks[name]) for name in scene.sensitive_loads}
     second = {name: network(surrogate.networks[name]) for name in loads if name not in first}
 
+    rounding = surrogate._rounding  # type: ignore[attr-defined]
+
     def two_stage(pose: Any) -> Any:
         raw = {name: value(pose) for name, value in first.items()}
         forces = {name: -torch.relu(-value) for name, value in raw.items()}
         u = torch.cat([pose, *forces.values()])
         values = [forces[name] if name in forces else second[name](u) for name in loads]
         shares = [-value / scene.reference_load for value in raw.values()]
-        return torch.cat([*values, *(n / (n * n + surrogate._rounding) ** 0.25 for n in shares)])
+        return torch.cat([*values, *(n / (n * n + rounding) ** 0.25 for n in shares)])
 
     return two_stage
 
