@@ -70,6 +70,7 @@ def pages(data: Path) -> dict[str, str]:
     for name, write in (
         ("speed_accuracy.csv", _shipped_section),
         ("solve_time.csv", _solve_time_section),
+        ("optimisers.json", _optimisers_section),
     ):
         if (data / name).is_file():
             sections += write(data / name)
@@ -162,6 +163,18 @@ def _solve_time_section(path: Path) -> list[str]:
     columns = ["model", "time a frame [ms]", "force [N]", "torque [N·mm]", "remark"]
     picture = "![Time of the whole solution against error](solve_time.png)"
     return ["## Time of a whole solution", intro, machine(header), picture, table(columns, rows)]
+
+
+def _optimisers_section(path: Path) -> list[str]:
+    found = read(path)
+    intro = (
+        f"The root load of the knee's medial side, {found['rows']} samples in contact, a network of "
+        f"{found['network']}, the same start, {number(found['cpu_s'])} CPU seconds on one thread for each method: RMS "
+        "errors. `python -m problems.studies.optimisers results/knee-quick/samples.h5` measures this."
+    )
+    rows = [[name, number(trained), number(held_back)] for name, (trained, held_back) in found["rms_n"].items()]
+    columns = ["method", "rows for training [N]", "rows held back [N]"]
+    return ["## Training methods", intro, machine(found["machine"]), table(columns, rows)]
 
 
 def _pose_section(summaries: Sequence[Mapping[str, Any]]) -> list[str]:
