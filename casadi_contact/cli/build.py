@@ -27,7 +27,7 @@ from casadi_contact.cli.options import (
     say,
     say_shipped,
 )
-from casadi_contact.cli.tables import evaluation_tables, front_table, read_evaluation
+from casadi_contact.cli.tables import evaluation_tables, front_table
 from casadi_contact.core.files.writing import folder_lock
 from casadi_contact.core.terminal import progress_bars
 from casadi_contact.core.workers import cluster_workers
@@ -194,12 +194,12 @@ def _train(project: Project, executor: Executor | None, structure: str | None = 
 
 
 def _evaluate(project: Project) -> None:
-    path = pipeline.evaluate(project)
-    for table in evaluation_tables(read_evaluation(path)):
+    errors = pipeline.evaluate(project)
+    for table in evaluation_tables(errors, project.samples()):
         console.print(table)
     if (front := project.folder / FILE_NAME).is_file():
         console.print(front_table(read_front(front)))
-    say(f"evaluation in {path}")
+    say(f"evaluation in {project.folder / 'evaluation.csv'}")
 
 
 def _report(project: Project) -> None:

@@ -1,11 +1,10 @@
 """The stages from a scene to a surrogate, each restarting alone from the files of the one before it.
 
-cycles -> motion.npz, samples.h5 -> training/ -> patch.h5, two_stage.h5 -> evaluation.json -> export/, report.html
+cycles -> motion.npz, samples.h5 -> training/ -> patch.h5, two_stage.h5 -> evaluation.csv -> export/, report.html
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
@@ -23,7 +22,7 @@ from casadi_contact.pictures.charts import draw_charts
 from casadi_contact.pictures.contact_picture import contact_pose
 from casadi_contact.pictures.surrogate_page import surrogate_page
 from casadi_contact.samples.models import DrawnModel, model_name_of, teacher_of
-from casadi_contact.samples.samples import read_samples
+from casadi_contact.samples.samples import LoadErrors, read_samples
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import calibrate as calibrated
@@ -98,26 +97,24 @@ def calibrate(project: Project, update: Update | None = None) -> list[Path]:
 
 
 @exclusive
-def evaluate(project: Project) -> Path:
-    """Write ``evaluation.json`` (Tables 2 and 3) and its rows as ``evaluation.csv``; return the first's path.
+def evaluate(project: Project) -> dict[str, dict[str, LoadErrors]]:
+    """Errors by model, domain and load, also written to ``evaluation.csv`` (Tables 2 and 3).
 
     Where the samples are of the library's models, also measure ``speed_accuracy.csv`` (Table 4), which `cc.choose`
     reads.
     """
     samples = project.samples()
-    content = evaluate_models(project_surrogates(project), samples)
-    if model_name_of(samples) is not None:
-        measure_project(project)
-    path = project.folder / "evaluation.json"
+    found = evaluate_models(project_surrogates(project), samples)
     rows = [
         {"model": model, "domain": domain, "load": load, **{kind: error[kind] for kind in ("rms", "max", "mean")}}
-        for model, domains in content["domain_errors"].items()
+        for model, domains in found.items()
         for domain, errors in domains.items()
         for load, error in errors.items()
     ]
     write_columns(project.folder / "evaluation.csv", {name: [row[name] for row in rows] for name in rows[0]})
-    write_text(path, json.dumps(content, indent=1))
-    return path
+    if model_name_of(samples) is not None:
+        measure_project(project)
+    return found
 
 
 @exclusive

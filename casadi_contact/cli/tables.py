@@ -1,29 +1,16 @@
-"""Tables for the terminal, from result files: evaluation, speed and accuracy, and the choice of a model."""
+"""Tables for the terminal, of errors by domain, of speed and accuracy, and of the choice of a model."""
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-from typing import Any
+from collections.abc import Mapping
 
 from rich.table import Table
 
-from casadi_contact.core.files.reading import MOST_TEXT, checked_size
 from casadi_contact.core.quantities import FORCE, TORQUE, of_kind, quantity, three_digits
+from casadi_contact.samples.samples import LoadErrors, Samples
 from casadi_contact.workflow.benchmark.choose import Choice
+from casadi_contact.workflow.benchmark.evaluate import teacher_text
 from casadi_contact.workflow.benchmark.front_file import TIMES, Front
-
-
-def read_evaluation(path: str | Path) -> dict[str, Any]:
-    """The content of an ``evaluation.json``; ValueError if it is something else."""
-    checked_size(Path(path), MOST_TEXT)
-    try:
-        content = json.loads(Path(path).read_text("utf-8"))
-        if content["format"] != "casadi_contact evaluation":
-            raise ValueError(f"its format is {content['format']!r}")
-    except (ValueError, RecursionError, KeyError, TypeError) as error:
-        raise ValueError(f"{path} is not a file of casadi-contact evaluate ({error!r})") from None
-    return content  # type: ignore[no-any-return]
 
 
 def choice_table(choice: Choice) -> Table:
@@ -44,25 +31,22 @@ def choice_table(choice: Choice) -> Table:
     return table
 
 
-def evaluation_tables(content: dict[str, Any]) -> list[Table]:
-    """The paper's Tables 2 and 3 from an ``evaluation.json``."""
-    loads = content["loads"]
-    others = {None: "the samples", "foundation": "cc.foundation"}
-    teacher = others.get(content["teacher"], f"EF {content['teacher']}")
-    tables = []
+def evaluation_tables(errors: Mapping[str, Mapping[str, LoadErrors]], samples: Samples) -> list[Table]:
+    """The paper's Tables 2 and 3: what `benchmark.evaluate` gives for these samples."""
+    loads, counts, tables = samples.scene.load_names, samples.counts(), []
     for key, title in (
         ("rms", "RMS error per domain [EF15 Table 2]"),
         ("max", "Largest error per domain [EF15 Table 3]"),
     ):
-        table = Table(title=f"{title}, unseen samples against {teacher}")
+        table = Table(title=f"{title}, unseen samples against {teacher_text(samples)}")
         for column in ("model", "domain", "samples"):
             table.add_column(column)
         for load in loads:
             table.add_column(f"{load} ({quantity(load).unit})", justify="right")
-        for model, domains in content["domain_errors"].items():
-            for domain, errors in domains.items():
-                cells = [three_digits(errors[load][key]) if load in errors else "-" for load in loads]
-                table.add_row(model, domain, str(content["test_samples"][domain]), *cells)
+        for model, domains in errors.items():
+            for domain, found in domains.items():
+                cells = [three_digits(found[load][key]) if load in found else "-" for load in loads]
+                table.add_row(model, domain, str(counts[domain]["test"]), *cells)
             table.add_section()
         tables.append(table)
     return tables

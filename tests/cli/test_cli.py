@@ -175,5 +175,5 @@ def test_errors_are_against_the_model_that_samples_were_drawn_from(drawn_from, s
     if drawn_from:
         made = {**models_identity(model_pair(drawn_from)), "settings": settings}
     samples = replace(smooth_samples(60), provenance=made)
-    tables = evaluation_tables(evaluate({"patch": random_surrogate(SPHERE, "patch")}, samples))
+    tables = evaluation_tables(evaluate({"patch": random_surrogate(SPHERE, "patch")}, samples), samples)
     assert [str(table.title).rsplit("unseen samples against ")[1] for table in tables] == [said, said]

@@ -6,7 +6,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.cli import pipeline
-from casadi_contact.cli.tables import evaluation_tables, read_evaluation
+from casadi_contact.cli.tables import evaluation_tables
 from casadi_contact.workflow.benchmark.front_file import read_front
 from casadi_contact.workflow.benchmark.measure import measure_project
 from casadi_contact.workflow.presets import PRESETS, Effort, Preset
@@ -38,9 +38,9 @@ def check_surrogate(project):
     np.testing.assert_allclose(function(poses[0]).full().ravel(), surrogate(poses[:1])[0], rtol=1e-10, atol=1e-9)
     inside = np.hstack([own_contact.CENTRE_MM + 0.38 * directions, np.zeros((50, 3))])
     assert not surrogate(inside).any()
-    content = read_evaluation(project.folder / "evaluation.json")
-    assert content["domain_errors"]["patch"]["D1"]["Fy"]["rms"] < 15.0
-    assert len(evaluation_tables(content)) == 2
+    errors = pipeline.evaluate(project)
+    assert errors["patch"]["D1"]["Fy"]["rms"] < 15.0
+    assert len(evaluation_tables(errors, project.samples())) == 2
     assert "no picture: " in (project.folder / "report.html").read_text("utf-8"), "there is no geometry to draw"
 
 

@@ -78,8 +78,8 @@ def fit(
     regression: Regression,
     settings: TrainingSettings | None = None,
     checkpoint: Path | None = None,
-    progress: Update | None = None,
     start: Network | None = None,
+    progress: Update | None = None,
 ) -> Fit:
     """Fit a network within the settings' limits; the best found is returned, whatever the reason to stop.
 
@@ -113,7 +113,9 @@ def fit(
                     written = time.monotonic()
                 if progress:
                     remark = progress_text(settings.sizes[trainer.level], trainer.training_rms)
-                    progress(regression.name, trainer.gflop, trainer.gflop_at_end, remark)
+                    progress(
+                        regression.name, trainer.gflop, settings.gflop_at_end(trainer.gflop, trainer.cpu_s), remark
+                    )
         finally:  # the last whole iteration, on Ctrl-C too
             write()
         return _result(regression, trainer)

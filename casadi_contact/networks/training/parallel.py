@@ -1,37 +1,24 @@
 """Independent networks train side by side through any ``concurrent.futures.Executor``.
 
-A worker reports its progress in a small JSON file beside its checkpoint, which the parent reads; that works across
-threads, processes and machines that share a folder, and a lost file costs nothing but a line of progress.
+Progress is read from the checkpoints of the workers; that works across threads, processes and machines that share a
+folder.
 """
 
 from __future__ import annotations
 
-import json
 import tempfile
-import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Executor, Future, wait
 from contextlib import suppress
 from pathlib import Path
-from typing import NamedTuple
 from urllib.parse import quote
 
 from casadi_contact.core.conventions import Update
-from casadi_contact.core.files.writing import replacing
+from casadi_contact.core.files.containers import read_npz
 from casadi_contact.core.workers import cancelled_if_left
 from casadi_contact.networks.network import Network, Regression
 from casadi_contact.networks.training.fit import Fit, check, fit, progress_text
 from casadi_contact.networks.training.settings import TrainingSettings
-
-
-class _Job(NamedTuple):
-    """Arguments of `fit`; report: file of a worker's progress."""
-
-    regression: Regression
-    settings: TrainingSettings
-    checkpoint: Path | None
-    start: Network | None
-    report: Path
 
 
 def fit_all(
@@ -57,63 +44,37 @@ def fit_all(
     with tempfile.TemporaryDirectory(prefix="casadi_contact_") as temporary:
         folder = Path(temporary if checkpoint_folder is None else checkpoint_folder)
         folder.mkdir(parents=True, exist_ok=True)
-        jobs = {}
-        for regression in sorted(regressions, key=lambda r: -settings[r.name].max_gflop):
-            name, stem = regression.name, quote(regression.name, safe="")
-            checkpoint = None if checkpoint_folder is None else folder / f"{stem}.npz"
-            start = (starts or {}).get(name)
-            jobs[name] = _Job(regression, settings[name], checkpoint, start, folder / f"{stem}.progress.json")
+        largest_first = sorted(regressions, key=lambda regression: -settings[regression.name].max_gflop)
+        checkpoints = {r.name: folder / f"{quote(r.name, safe='')}.npz" for r in largest_first}
+        jobs = {r.name: (r, settings[r.name], checkpoints[r.name], (starts or {}).get(r.name)) for r in largest_first}
         if executor is None:
-            fits = {
-                name: fit(job.regression, job.settings, job.checkpoint, progress, job.start)
-                for name, job in jobs.items()
-            }
+            fits = {name: fit(*job, progress) for name, job in jobs.items()}
         else:
-            futures = {name: executor.submit(_fit_and_report, job) for name, job in jobs.items()}
+            futures = {name: executor.submit(fit, *job) for name, job in jobs.items()}
             with cancelled_if_left(executor, futures.values()):
-                fits = _collect(futures, jobs, progress)
+                fits = _collect(futures, settings, checkpoints, progress)
     return {regression.name: fits[regression.name] for regression in regressions}
 
 
-def _fit_and_report(job: _Job, period_s: float = 0.5) -> Fit:
-    """In the worker: fit, and write the progress file now and then; it is removed at the end."""
-    last = -period_s
-
-    def report(*line: object) -> None:
-        nonlocal last
-        if time.monotonic() - last >= period_s:
-            last = time.monotonic()
-            with suppress(OSError), replacing(job.report) as beside:  # a full disc must not end hours of training
-                beside.write_text(json.dumps(line), "utf-8")
-
-    try:
-        return fit(job.regression, job.settings, job.checkpoint, report, job.start)
-    finally:
-        with suppress(OSError):
-            job.report.unlink(missing_ok=True)
-
-
-def _collect(futures: dict[str, Future[Fit]], jobs: dict[str, _Job], progress: Update | None) -> dict[str, Fit]:
+def _collect(
+    futures: Mapping[str, Future[Fit]],
+    settings: Mapping[str, TrainingSettings],
+    checkpoints: Mapping[str, Path],
+    progress: Update | None,
+) -> dict[str, Fit]:
+    """The fits when all have ended; meanwhile progress is told from the checkpoints that workers write."""
     waiting = set(futures.values())
-    reported: dict[str, object] = {}
     while waiting:
-        done, waiting = wait(waiting, timeout=0.5, return_when=FIRST_EXCEPTION)
+        done, waiting = wait(waiting, timeout=1.0, return_when=FIRST_EXCEPTION)
         for name, future in futures.items():
             if future in done:
                 ended = future.result()
                 if progress:
                     progress(name, ended.gflop, ended.gflop, progress_text(ended.network.hidden, ended.rms))
-        for name, job in jobs.items():
-            line = _last_report(job.report)
-            if progress and line and reported.get(name) != line:
-                reported[name] = line
-                progress(*line)
+            elif progress and future in waiting:
+                with suppress(OSError, ValueError, KeyError, IndexError):  # not written yet
+                    saved, chosen = read_npz(checkpoints[name]), settings[name]
+                    gflop, rms = (float(saved[f"history_{column}"][-1]) for column in ("gflop", "training_rms"))
+                    text = progress_text(chosen.sizes[int(saved["level"])], rms)
+                    progress(name, gflop, chosen.gflop_at_end(gflop, float(saved["cpu_s"])), text)
     return {name: future.result() for name, future in futures.items()}
-
-
-def _last_report(path: Path) -> tuple[str, float, float, str] | None:
-    try:
-        name, used, allotted, remark = json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError):
-        return None
-    return name, used, allotted, remark

@@ -56,6 +56,10 @@ class TrainingSettings:
         if self.max_iterations is None and isinf(self.max_gflop) and isinf(self.max_cpu_s):
             raise ValueError("no limit is set, expected an end to the fit: max_gflop, max_iterations or max_cpu_s")
 
+    def gflop_at_end(self, gflop: float, cpu_s: float) -> float:
+        """Work allotted to a fit that took so much for gflop; where a clock ends it, what its pace leads to."""
+        return min(self.max_gflop, gflop * self.max_cpu_s / cpu_s if cpu_s else inf)
+
 
 ERROR_REACHED = "error reached"
 BUDGET_USED = "budget used"

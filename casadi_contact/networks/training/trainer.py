@@ -72,12 +72,6 @@ class Trainer:
         return 1e-9 * self.flop
 
     @property
-    def gflop_at_end(self) -> float:
-        """Work allotted; where a clock ends the fit sooner, what its pace so far leads to."""
-        by_clock = self.gflop * self.settings.max_cpu_s / self.cpu_s if self.cpu_s else np.inf
-        return float(min(self.settings.max_gflop, by_clock))
-
-    @property
     def training_rms(self) -> float:
         """Error of the present network on the training rows."""
         return self._lm.rms
@@ -149,7 +143,7 @@ class Trainer:
         most = self.settings.max_iterations
         if most is not None and len(self.history["gflop"]) >= most:
             return ITERATION_LIMIT
-        return BUDGET_USED if self.gflop >= self.gflop_at_end else ""
+        return BUDGET_USED if self.gflop >= self.settings.gflop_at_end(self.gflop, self.cpu_s) else ""
 
     def _count(self) -> None:
         """Count the work of the present network since it was counted last."""
@@ -171,7 +165,7 @@ class Trainer:
         gflop = self.history["gflop"]
         if self.settings.max_iterations is not None:
             return np.arange(1.0, len(gflop) + 1.0), float(self.settings.max_iterations)
-        return np.array(gflop), self.gflop_at_end
+        return np.array(gflop), self.settings.gflop_at_end(self.gflop, self.cpu_s)
 
     def _can_begin_another(self) -> bool:
         effort, end = self._effort()

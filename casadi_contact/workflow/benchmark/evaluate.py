@@ -4,7 +4,6 @@ on [EF15 Table 4]."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -12,10 +11,9 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_t
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.settle import settle
 from casadi_contact.core.conventions import Array
-from casadi_contact.core.machine import machine_record
 from casadi_contact.samples.models import model_name_of, settings_of
 from casadi_contact.samples.reference import ReferenceMotion
-from casadi_contact.samples.samples import DOMAINS, TEST, LoadModel, Samples, domain_errors
+from casadi_contact.samples.samples import LoadErrors, LoadModel, Samples, domain_errors
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
@@ -48,27 +46,22 @@ def converged_elements(scene: Scene) -> tuple[int, int]:
     return 2 * along, 2 * across
 
 
-def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples) -> dict[str, Any]:
-    """What `cli.tables.evaluation_tables` shows, as plain JSON data: errors of each surrogate on the held-back samples.
+def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples) -> dict[str, dict[str, LoadErrors]]:
+    """Errors of each surrogate on the held-back samples, by model, domain and load.
 
     Also of the EF's fine and coarse grids, unless the samples are of a user's own contact model, from which an EF of
-    the scene differs by more than the surrogates do. teacher: what they were drawn from, the EF's grid or a name.
+    the scene differs by more than the surrogates do.
     """
     scene = samples.scene
-    drawn_from = model_name_of(samples)
-    compared = scene.layer is not None and drawn_from is not None
+    compared = scene.layer is not None and model_name_of(samples) is not None
     grids = (scene.grids["coarse"], scene.grids["fine"]) if compared else ()
     models: dict[str, LoadModel] = {f"EF {grid_text(grid)}": ElasticFoundation(scene, grid) for grid in grids}
-    models |= surrogates
-    test = samples.select(role=TEST)
-    return {
-        "format": "casadi_contact evaluation",
-        "format_version": 2,
-        "scene": scene.name,
-        "scene_digest": scene.digest,
-        "machine": machine_record(),
-        "loads": list(scene.load_names),
-        "teacher": grid_text(settings_of(samples).teacher_grid) if drawn_from == "elements" else drawn_from,
-        "test_samples": {d: int((test.domain == k).sum()) for k, d in enumerate(DOMAINS, start=1)},
-        "domain_errors": {name: domain_errors(model, samples) for name, model in models.items()},
-    }
+    return {name: domain_errors(model, samples) for name, model in (models | {**surrogates}).items()}
+
+
+def teacher_text(samples: Samples) -> str:
+    """What samples were drawn from, as titles say it: the EF's grid, another model's name, or themselves."""
+    drawn_from = model_name_of(samples)
+    if drawn_from == "elements":
+        return f"EF {grid_text(settings_of(samples).teacher_grid)}"
+    return {None: "the samples", "foundation": "cc.foundation"}.get(drawn_from, str(drawn_from))

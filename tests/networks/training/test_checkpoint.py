@@ -32,7 +32,7 @@ def test_kill_and_resume_is_as_if_nothing_happened(tmp_path, limit):
     whole, path = fit(smooth(), settings), tmp_path / "a.npz"
     for iterations in (1, 50):
         with pytest.raises(ZeroDivisionError):
-            fit(smooth(), settings, path, kill_after(iterations))
+            fit(smooth(), settings, path, progress=kill_after(iterations))
     resumed = fit(smooth(), settings, path)
     np.testing.assert_array_equal(flatten(resumed.network), flatten(whole.network))
     for column in ("training_rms", "validation_rms", "size", "gflop"):
