@@ -9,6 +9,7 @@ from casadi_contact.contact.elements.loops import block_bound, point_bound
 from casadi_contact.core.compiler import CACHE_VARIABLE
 from casadi_contact.geometry.moving_surface import MESH_FIELD
 from casadi_contact.pictures.contact_picture import contact_pose
+from tests.support.agreement import differences
 from tests.support.compiler import needs_compiler
 from tests.support.meshes import scene_of, sheet_mesh, torus_mesh
 
@@ -28,11 +29,6 @@ def case(request, tmp_path_factory):
         scene = cc.load_scene(request.param)
         first = contact_pose(cc.ElasticFoundation(scene, (40, 30), compiled=False))
     return scene, first + SPREAD * np.random.default_rng(1).normal(size=(60, 6))
-
-
-def differences(function, poses, step):
-    moved = [(function(poses + move) - function(poses - move)) / (2.0 * step) for move in step * np.eye(6)]
-    return np.stack(moved, axis=-1)
 
 
 def test_jacobians_are_differences_of_the_loads(case):

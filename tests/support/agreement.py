@@ -44,16 +44,21 @@ def close(got, want, digits):
     np.testing.assert_allclose(got, want, rtol=10.0**-digits, atol=10.0**-digits * np.abs(want).max())
 
 
+def differences(function, rows, steps):
+    """Central differences (n, ..., k) of a function of rows (n, k), by a step for each column, or one for all."""
+    moves = np.diag(np.broadcast_to(steps, rows.shape[1]))
+    return np.stack([(function(rows + move) - function(rows - move)) / (2.0 * move.sum()) for move in moves], -1)
+
+
 def check_jacobian(model, poses, tolerance):
     """Of loads and root loads, against central differences; an angle counts 25 mm to the radian."""
     scales = np.repeat([1.0, 25.0], 3)
-    steps = 1e-5 / scales
     for evaluate in (model.jacobian, model.root_loads):
-        slopes = evaluate(poses)[1] / scales
-        moves = np.diag(steps)
-        ends = [(evaluate(poses + move)[0], evaluate(poses - move)[0]) for move in moves]
-        differences = np.stack([(a - b) / 2e-5 for a, b in ends], -1)
-        np.testing.assert_allclose(slopes, differences, atol=tolerance * np.abs(slopes).max())
+        slopes, found = (
+            evaluate(poses)[1] / scales,
+            differences(lambda at, of=evaluate: of(at)[0], poses, 1e-5 / scales),
+        )
+        np.testing.assert_allclose(slopes, found / scales, atol=tolerance * np.abs(slopes).max())
 
 
 def check_hessians(model, poses, of_loads=2e-3, of_roots=2e-2):

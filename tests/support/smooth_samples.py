@@ -38,15 +38,6 @@ def smooth_samples(count=600, wrenches=smooth_wrenches, seed=0):
 NAMES = ("Fy", "Fx", "Tx")
 
 
-def differences(call, pose, steps):
-    """Central differences (..., 6) of call at a pose."""
-    columns = []
-    for column, step in enumerate(steps):
-        shift = step * np.eye(6)[column]
-        columns.append((np.array(call(pose + shift)) - np.array(call(pose - shift))) / (2.0 * step))
-    return np.stack(columns, axis=-1)
-
-
 FIXED = TrainingSettings(sizes=((6, 5),), max_iterations=40)  # ends by iterations, the same on any machine
 GROWING = TrainingSettings(sizes=((2,), (4,), (5, 5), (6, 6, 6)), max_iterations=160)
 
