@@ -205,17 +205,15 @@ class _Truth:
         self._selection = load_selection(scene.load_names, scene.patch_names)
         tolerances = scene.tolerances_of()
         rough, half, fine = (ElasticFoundation(scene, grid) for grid in (choice.rough, choice.half, choice.elements))
-        self.places: list[list[tuple[Array, Array]]] = []
+        self.poses: list[Array] = []
         self.wrenches: list[Array] = []
         cut, unsure = [], []
-        for p, patch in enumerate(
-            cell_patches(scene, choice.cells(choice.middling_mm, choice.middling_mm), self._charts)
-        ):
+        middling = cell_patches(scene, choice.cells(choice.middling_mm, choice.middling_mm), self._charts)
+        for p, patch in enumerate(middling):
             drawn = poses_of.pressed(rough, p, forces_tried(scene), choice.tries)
             poses = np.vstack([drawn, poses_of.seated(rough, p, forces_tried(scene))])
-            places = list(zip(rotation(poses[:, 3:]), poses[:, :3], strict=True))
             wrenches = fine.wrenches(poses)[:, p]
-            errors, cut_off = self._errors(p, patch, places, wrenches)
+            errors, cut_off = self._errors(p, patch, poses, wrenches)
             at_rim = cut_off | fine.at_edge(poses)[:, p] | (share_at_sharp_edges(half, poses) > choice.sharp_share)
             relative = (errors / tolerances).max(axis=1)
             between = np.abs((half.wrenches(poses)[:, p] - wrenches) @ self._selection[:, p].T)
@@ -227,7 +225,7 @@ class _Truth:
             kept = np.unique(
                 np.concatenate([inside[: choice.drawn], worst[: choice.worst], outside[: choice.at_rim], always])
             )
-            self.places.append([places[k] for k in kept])
+            self.poses.append(poses[kept])
             self.wrenches.append(wrenches[kept])
             cut.append(at_rim[kept])
             unsure.append(~known)
@@ -248,14 +246,12 @@ class _Truth:
     def errors(self, cells: Cells) -> Errors:
         """Of the named loads, each pose with one patch pressed."""
         patches = enumerate(cell_patches(self.scene, cells, self._charts))
-        errors = [self._errors(p, patch, self.places[p], self.wrenches[p])[0] for p, patch in patches]
+        errors = [self._errors(p, patch, self.poses[p], self.wrenches[p])[0] for p, patch in patches]
         forces = np.linalg.norm(np.concatenate(self.wrenches)[:, :3], axis=1)
         return Errors(self.scene, np.concatenate(errors), forces, self.at_rim)
 
-    def _errors(
-        self, p: int, patch: Quadrature, places: list[tuple[Array, Array]], wrenches: Array
-    ) -> tuple[Array, np.ndarray]:
+    def _errors(self, p: int, patch: Quadrature, poses: Array, wrenches: Array) -> tuple[Array, np.ndarray]:
         """Absolute errors of the named loads (n, L), and whether the rim cuts contact (n,)."""
-        found = [patch.wrench_and_cut(*place) for place in places]
+        found = [patch.wrench_and_cut(*place) for place in zip(rotation(poses[:, 3:]), poses[:, :3], strict=True)]
         off = np.array([wrench for wrench, _ in found]).reshape(-1, 6) - wrenches
         return np.abs(off @ self._selection[:, p].T), np.array([cut for _, cut in found], dtype=bool)
