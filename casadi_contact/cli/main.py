@@ -34,13 +34,10 @@ export knee --foundation
 export knee --fmu
 chart knee --preset standard
 speed knee
-speed knee --preset standard
 choose knee --force-tol 2 --torque-tol 50
 choose knee --force-tol 2 --loads Fy_med,Fy_lat --preset standard
 info knee
-info results/knee-quick/patch.h5
 report knee --out knee.html
-report results/knee-quick/patch.h5
 cycle walk.mot --map knee_angle_r=-rz:deg --map knee_rot_r=-ry:deg --map F_med=Fy_med:N --map F_lat=Fy_lat:N \
 --map cop_x=cop_ap:m --map cop_z=cop_ml:m
 cycle fluoroscopy.sto --map t_x=tx:m --map t_y=ty:m --map t_z=tz:m --map r_x=rx --map r_y=ry --map r_z=rz

@@ -111,14 +111,11 @@ def checked_mesh(
     smallest_mm: float = 4.0,
     largest_mm: float = 1000.0,
     least_height: float = 1e-6,
-    most_dropped: float = 0.5,
 ) -> TriangleMesh:
     """A mesh with equal vertices merged and without degenerate and repeated triangles; raises as `load_mesh` does.
-
     smallest_mm, largest_mm: extent of a joint's parts, to detect wrong units. least_height: of a triangle over its
-    longest edge, below which it has no usable normal. most_dropped: share of triangles that may be dropped; a sheet
-    written twice is still the same sheet.
-    """
+    longest edge, below which it has no usable normal. Half of the triangles may be dropped: a sheet written twice is
+    still the same sheet."""
     if units not in MM_PER_UNIT:
         raise ValueError(f"mesh {name}: units = {units!r}, expected {' or '.join(MM_PER_UNIT)}")
     vertices, faces = np.asarray(vertices, dtype=float), np.asarray(faces, dtype=np.int64)
@@ -126,10 +123,8 @@ def checked_mesh(
         if array.size and (array.ndim != 2 or array.shape[1] != 3):
             raise ValueError(f"mesh {name}: its {what} have shape {array.shape}, expected (n, 3)")
     if not len(vertices) or not len(faces):
-        raise ValueError(
-            f"mesh {name} is empty ({len(vertices)} vertices, {len(faces)} triangles), expected triangles: is the file "
-            "whole?"
-        )
+        got = f"{len(vertices)} vertices, {len(faces)} triangles"
+        raise ValueError(f"mesh {name} is empty ({got}), expected triangles: is the file whole?")
     if len(wrong := faces[(faces < 0) | (faces >= len(vertices))]):
         raise ValueError(f"mesh {name}: a triangle names vertex {wrong[0]} of {len(vertices)}: the file is damaged")
     used, index = np.unique(faces, return_inverse=True)
@@ -156,11 +151,9 @@ def checked_mesh(
             f"mesh {name} is {across:.3g} mm across with units = {units!r}, expected {smallest_mm:g} to "
             f"{largest_mm:g} mm: {remedy}"
         )
-    if mesh.dropped > most_dropped * len(faces):
-        raise ValueError(
-            f"mesh {name}: {mesh.dropped} of {len(faces)} triangles are degenerate or repeated, expected "
-            f"{most_dropped:.0%} at most: the file was misread or is damaged, export it again"
-        )
+    if 2 * mesh.dropped > len(faces):
+        dropped = f"{mesh.dropped} of {len(faces)} triangles are degenerate or repeated"
+        raise ValueError(f"mesh {name}: {dropped}, expected half at most: the file is damaged, export it again")
     check_joined(mesh)
     check_manifold(mesh, contact)
     check_orientation(mesh)

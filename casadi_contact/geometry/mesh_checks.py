@@ -18,8 +18,7 @@ def check_joined(mesh: TriangleMesh, few_pieces: int = 20) -> None:
     pieces = int(mesh.pieces.max()) + 1
     if pieces > few_pieces and 2 * pieces > len(mesh.faces):
         raise ValueError(
-            f"mesh {mesh.name}: its {len(mesh.faces)} triangles are {pieces} pieces that share no edges, expected a "
-            "surface: are corners of neighbours written with different digits? Merge vertices that lie close together"
+            f"mesh {mesh.name}: {pieces} pieces share no edges, expected a surface: merge vertices that lie close"
         )
 
 
@@ -29,10 +28,8 @@ def check_manifold(mesh: TriangleMesh, contact: Sequence[Box] | None) -> None:
     near = _near(ends, contact)
     if near.any():
         where = "" if contact is None else " near contact"
-        raise ValueError(
-            f"mesh {mesh.name} is not manifold{where}: {int(near.sum())} edges join more than two triangles, first at "
-            f"{point_words(ends[near][0].mean(axis=0))} mm: remove the extra sheets"
-        )
+        at = f"{int(near.sum())} edges join 3 triangles or more, first at {point_words(ends[near][0].mean(axis=0))} mm"
+        raise ValueError(f"mesh {mesh.name} is not manifold{where}: {at}: remove the extra sheets")
 
 
 def check_orientation(mesh: TriangleMesh) -> None:
@@ -42,9 +39,9 @@ def check_orientation(mesh: TriangleMesh) -> None:
     directed = np.stack([codes // size, codes % size], axis=1)
     twice = directed[(count > 1) & ~np.isin(np.sort(directed, axis=1) @ [size, 1], mesh.nonmanifold_edges @ [size, 1])]
     if len(twice):
+        at = point_words(mesh.vertices_mm[twice[0]].mean(axis=0))
         raise ValueError(
-            f"mesh {mesh.name}: neighbouring triangles face opposite ways at {len(twice)} edges, first at "
-            f"{point_words(mesh.vertices_mm[twice[0]].mean(axis=0))} mm: make the normals consistent"
+            f"mesh {mesh.name}: neighbours face opposite ways at {len(twice)} edges, first at {at} mm: turn them"
         )
 
 
@@ -78,12 +75,10 @@ def check_apart(
     deep_mm: float = 10.0,
     least_mm2: float = 1.0,
 ) -> None:
-    """No piece lies in the solid of another near the contact boxes (without boxes: anywhere).
-
-    There the nearest surface would lie inside the body, and distances from it would have the wrong sign. An outward ray
-    from such a triangle leaves the other piece. Triangles deeper than ``deep_mm`` do not change distances, and areas
-    below ``least_mm2`` are folds of a scan.
-    """
+    """No piece lies in the solid of another near the contact boxes (without boxes: anywhere). There the nearest surface
+    would lie inside the body, and distances from it would have the wrong sign. An outward ray from such a triangle
+    leaves the other piece. Triangles deeper than ``deep_mm`` do not change distances, and areas below ``least_mm2`` are
+    folds of a scan."""
     if mesh.pieces.max() == 0:
         return
     out, middles = mesh.normals, mesh.corners_mm.mean(axis=1)

@@ -95,10 +95,8 @@ class TriangleMesh:
         lowest, highest = (corners.min(axis=1), corners.max(axis=1)) if reaching else (corners.mean(axis=1),) * 2
         inside = np.all((highest >= low) & (lowest < high), axis=1)
         if not inside.any():
-            raise ValueError(
-                f"mesh {self.name}: no triangle between {point_words(low)} and {point_words(high)} mm, "
-                f"expected a part of {self.extent}: check the box, units and axes"
-            )
+            box = f"between {point_words(low)} and {point_words(high)} mm"
+            raise ValueError(f"mesh {self.name}: no triangle {box} of {self.extent}: check the box, units and axes")
         return self.part(inside)
 
     def part(self, chosen: np.ndarray) -> TriangleMesh:

@@ -95,12 +95,10 @@ _COLOURS = 64
 
 
 def joint_page(scene: str, poses: str | None = None, surrogate: str | None = None) -> tuple[str, PageCycle]:
-    """HTML of a scene, and the cycle that it shows.
-
-    poses: a file of poses to scrub through, the scene's reference cycle if left out. surrogate: a ready name or file,
-    the shipped one of the scene, if any, if left out. Raises ValueError for a surrogate of another scene and for a
-    scene without `cc.foundation`, ImportError without the extra `page`.
-    """
+    """HTML of a scene, and the cycle that it shows. poses: a file of poses to scrub through, the scene's reference
+    cycle if left out. surrogate: a ready name or file, the shipped one of the scene, if any, if left out. Raises
+    ValueError for a surrogate of another scene and for a scene without `cc.foundation`, ImportError without the extra
+    `page`."""
     contact = page_contact(load_scene(scene))
     learned, python = _surrogate(contact, surrogate)
     python = python or f"cc.foundation({scene!r})"

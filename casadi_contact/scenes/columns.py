@@ -32,13 +32,10 @@ class TextColumns:
 
     @classmethod
     def read(cls, path: str | Path, what: str = "file") -> TextColumns:
-        """Read a file; what names it in messages.
-
-        Lines without any text are skipped, as other readers do, rows of empty cells at the end, and lines above the
-        header with less than half of its cells. Raises
-        FileNotFoundError for no file, and ValueError, naming file and line, for what is no CSV text, ragged rows, a row
-        of empty cells before a full one, and a file without rows.
-        """
+        """Read a file; what names it in messages. Lines without any text are skipped, as other readers do, rows of
+        empty cells at the end, and lines above the header with less than half of its cells. Raises FileNotFoundError
+        for no file, and ValueError, naming file and line, for what is no CSV text, ragged rows, a row of empty cells
+        before a full one, and a file without rows."""
         path = existing_file(path, what, "a CSV file")
         checked_size(path, MOST_TEXT)
         rows: list[tuple[int, list[str]]] = []
@@ -147,10 +144,7 @@ def check_size(where: str, column: str, numbers: Array, largest: float = 1e15) -
     """ValueError for numbers (n,) beyond 1e15, which other programs write for a missing value."""
     if (large := np.abs(numbers) > largest).any():
         row = int(large.argmax())
-        raise ValueError(
-            f"{where}: {column} is {numbers[row]:g} in row {row + 1}, expected numbers within {largest:g}: remove "
-            "rows of missing values"
-        )
+        raise ValueError(f"{where}: {column} is {numbers[row]:g} in row {row + 1}: remove rows of missing values")
 
 
 def check_rising(where: str, time_s: Array) -> None:
@@ -160,8 +154,7 @@ def check_rising(where: str, time_s: Array) -> None:
     if np.any(still := np.diff(time_s) <= 0.0):
         frame = int(still.argmax()) + 1
         raise ValueError(
-            f"{where}: time does not rise at frame {frame}, {time_s[frame]:g} s after {time_s[frame - 1]:g} s, "
-            "expected rows sorted by time, and none twice"
+            f"{where}: time does not rise at frame {frame}, {time_s[frame]:g} s: sort rows, remove repeated ones"
         )
 
 

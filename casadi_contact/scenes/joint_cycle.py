@@ -84,12 +84,9 @@ def driving_loads(scene: Scene) -> tuple[str, ...]:
 
 def read_joint_cycle(path: str | Path, scene: Scene) -> JointCycle:
     """Read a cycle from a CSV file: time_s, and those of the scene's pose parameters, `driving_loads` and centres of
-    pressure (cop_x, cop_y, cop_z; cop_ap, cop_ml) that were measured.
-
-    A column's name ends with its unit: rz_rad or rz_deg, tx_mm or tx_m, Fy_N or Fy_kN, Tx_Nmm or Tx_Nm. Other columns
-    are ignored. Raises FileNotFoundError, and ValueError naming file, line and column, also for a column with a
-    quantity's name without a known unit.
-    """
+    pressure (cop_x, cop_y, cop_z; cop_ap, cop_ml) that were measured. A column's name ends with its unit: rz_rad or
+    rz_deg, tx_mm or tx_m, Fy_N or Fy_kN, Tx_Nmm or Tx_Nm. Other columns are ignored. Raises FileNotFoundError, and
+    ValueError naming file, line and column, also for a column with a quantity's name without a known unit."""
     path = Path(path)
     known = driving_loads(scene)
     table = TextColumns.read(path, "cycle file")

@@ -58,10 +58,8 @@ class LoadCycle(OverTime):
         for key in ("fy_med", "fy_lat"):
             if getattr(self, key).max() > 0.0:
                 frame = int(np.argmax(getattr(self, key)))
-                raise ValueError(
-                    f"cycle {self.name}: {COLUMNS[key]} is {getattr(self, key)[frame]:g} at frame {frame}, expected "
-                    "compression as negative numbers (contact cannot pull)"
-                )
+                what = f"cycle {self.name}: {COLUMNS[key]} is {getattr(self, key)[frame]:g} at frame {frame}"
+                raise ValueError(f"{what}, expected compression as negative numbers (contact cannot pull)")
         centres = {"cop_ap": self.cop_ap_mm, "cop_ml": self.cop_ml_mm}
         check_reach(f"cycle {self.name}", {**self.measured_pose(), **centres})
         check_centre(self.name, self.estimation_targets())
@@ -136,9 +134,8 @@ def cycle_from_curves(name: str, curves: Mapping[str, Array]) -> LoadCycle:
     needed = {"time", "rz", "ry", "Fy_med", "Fy_lat"}
     if set(curves) - chosen[0] - chosen[1] != needed or any(len(either & set(curves)) != 1 for either in chosen):
         raise ValueError(
-            "a load cycle needs the curves time, rz, ry, Fy_med, Fy_lat, cop_ap (or Tz) and cop_ml (or Tx), and has no "
-            f"place for others; there are {', '.join(curves)}; poses need tx, ty, tz, rx, ry, rz and no loads, another "
-            "joint's cycle its scene (--scene)"
+            "a load cycle needs time, rz, ry, Fy_med, Fy_lat, cop_ap (or Tz), cop_ml (or Tx), poses tx ... rz "
+            f"alone, another joint's cycle its scene (--scene); there are {', '.join(curves)}"
         )
     fy = curves["Fy_med"] + curves["Fy_lat"]
     if not {"cop_ap", "cop_ml"} <= set(curves) and not np.all(fy < 0.0):

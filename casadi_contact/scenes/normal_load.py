@@ -82,10 +82,7 @@ def normal_loads(names: Sequence[str], patch_names: Sequence[str]) -> tuple[Norm
     by_patch = {load.patch: load for load in (_normal_load(name, patch_names) for name in names)}
     missing = [patch for patch in patch_names if patch not in by_patch]
     if missing or len(names) != len(patch_names):
-        raise ValueError(
-            f"scene: loads.sensitive = {list(names)!r}, expected one load for each of the patches "
-            f"{', '.join(patch_names)}"
-        )
+        raise fail("loads.sensitive", list(names), f"one load for each of the patches {', '.join(patch_names)}")
     return tuple(by_patch[patch] for patch in patch_names)
 
 

@@ -53,9 +53,9 @@ def _opensim_curves(path: Path) -> dict[str, Array]:
     table = read_opensim_table(path)
     missing = [name for name in POSE_NAMES if name not in table.columns]
     if missing:
+        there = ", ".join(table.columns)
         raise ValueError(
-            f"{path} lacks the columns {', '.join(missing)}; it has {', '.join(table.columns)}: "
-            "name them with casadi-contact cycle --map"
+            f"{path} lacks {', '.join(missing)}; it has {there}: name them with casadi-contact cycle --map"
         )
     return mapped_curves(table, [ColumnMap(name, name) for name in POSE_NAMES])
 

@@ -96,10 +96,8 @@ class PoseSpace:
             ties = {POSE_NAMES[j]: self.matrix[k, j] for j in np.flatnonzero(self.matrix[k])}
             target = self.offset[k] + sum(slope * np.asarray(curves.get(to, np.nan)) for to, slope in ties.items())
             if not np.abs(np.asarray(curve) - target).max(initial=0.0) <= OFF_SPACE:
-                raise ValueError(
-                    f"{what}: {name} is {self.constraint_text(name)} by the scene, expected {name} within "
-                    f"{OFF_SPACE:g} of that: leave {name} out there, or out of the scene's [pose]"
-                )
+                locked = f"{name} is {self.constraint_text(name)} by the scene"
+                raise ValueError(f"{what}: {locked}, expected it there: leave {name} out, or out of the scene's [pose]")
         return {name: curve for name, curve in curves.items() if not self.constraint_text(name)}
 
     @classmethod

@@ -135,10 +135,7 @@ class Scene:
     def material(self) -> Material:
         """The elastic layer; raises ValueError for a scene without geometry."""
         if self.layer is None:
-            raise ValueError(
-                f"scene {self.name} has no geometry for an elastic foundation (shape {self.shape}): "
-                "give your own contact model (cc.CallableModel), or a table of samples"
-            )
+            raise ValueError(f"scene {self.name} ({self.shape}) has no geometry: give a cc.CallableModel, or samples")
         return self.layer
 
     @property

@@ -94,7 +94,7 @@ def _knee_cycle(path: Path, scene: Scene) -> LoadCycle | JointCycle:
         return read_joint_cycle(path, scene)
     if beside := [column for column in header if (column.rpartition("_")[0] or column) in POSE_NAMES]:
         raise ValueError(
-            f"{path} has {', '.join(beside)} beside a knee's own columns, which would not be held: rename "
-            f"{COLUMNS['rz']} and {COLUMNS['ry']} to rz_rad and ry_rad, or leave out {', '.join(beside)}"
+            f"{path} has {', '.join(beside)} beside a knee's own columns: leave them out, or "
+            f"rename {COLUMNS['rz']} and {COLUMNS['ry']} to rz_rad and ry_rad"
         )
     return read_cycle(path)

@@ -75,7 +75,7 @@ def test_poses_are_read_back_from_csv_bit_by_bit_and_from_opensims_in_mm_and_rad
         ("tx_mm,ty_mm\n1,2\n", "lacks the columns tz_mm, rx_rad, ry_rad, rz_rad"),
         ("tx_m,ty_m,tz_m,rx_deg,ry_deg,rz_deg\n1,2,3,4,5,6\n", "lacks the columns tx_mm"),
         ("tx,ty,tz,rx,ry,rz\n1,2,3,0,0,60\n", "rz reaches 60, expected radians"),
-        ("time,tx,ty,tz,rx,ry,rz\n1,1,2,3,0,0,0\n0,1,2,3,0,0,0\n", "sorted by time"),
+        ("time,tx,ty,tz,rx,ry,rz\n1,1,2,3,0,0,0\n0,1,2,3,0,0,0\n", "sort rows"),
     ],
 )
 def test_files_without_poses_are_refused(tmp_path, text, said):

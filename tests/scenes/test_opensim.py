@@ -178,7 +178,7 @@ def test_the_command_writes_the_cycle_that_a_file_holds(tmp_path):
         np.testing.assert_allclose(getattr(back, key), getattr(walk, key), rtol=1e-12, atol=1e-12)
 
 
-@pytest.mark.parametrize(("names", "said"), [(("F=Fy_med", "ty=ty"), "curves"), (("knee=rz", "ty=ty"), "poses")])
+@pytest.mark.parametrize(("names", "said"), [(("F=Fy_med", "ty=ty"), "load cycle"), (("knee=rz", "ty=ty"), "poses")])
 def test_a_mixture_that_is_neither_poses_nor_a_load_cycle_is_refused(tmp_path, names, said):
     with pytest.raises(ValueError, match=said):
         written(tmp_path, TABLE, *names)

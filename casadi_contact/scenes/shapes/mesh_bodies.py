@@ -152,9 +152,8 @@ def _mesh(source: _Source) -> TriangleMesh:
     outer, both = outer_side(mesh, np.array(source.about_mm))
     if both > MOST_BOTH_SIDES:
         raise ValueError(
-            f"scene: geometry.shell = 'outer' keeps both sides of the moving mesh {mesh.name} over {both:.0%} of what "
-            "it keeps, expected one (no saddle or flat shell): cut the mesh to the side that touches, or set "
-            "geometry.shell to 'whole' where overlaps are far smaller"
+            f"scene: geometry.shell = 'outer' keeps both sides of {mesh.name} over {both:.0%}, expected one: "
+            "cut the mesh to the side that touches, or set it to 'whole' where overlaps are far smaller"
         )
     return mesh.part(outer)
 

@@ -77,12 +77,9 @@ def find_cuts(
     settings: CutSettings | None = None,
 ) -> list[PatchCuts]:
     """The cuts of each patch. Parts are added until small networks meet the scene's least tolerance of a force, or one
-    more part removes too little of the error.
-
-    samples: of the scene with whole patches; test rows are not used. Loads of the strips come from a foundation in
-    cells of medium size. Raises ValueError for a scene that is cut already or is no mesh, and for samples without
-    contact.
-    """
+    more part removes too little of the error. samples: of the scene with whole patches; test rows are not used. Loads
+    of the strips come from a foundation in cells of medium size. Raises ValueError for a scene that is cut already or
+    is no mesh, and for samples without contact."""
     settings = settings or CutSettings()
     if scene.shape != "mesh":
         raise ValueError(f"scene {scene.name} has the shape {scene.shape}, expected a mesh: other shapes are not cut")

@@ -45,9 +45,9 @@ def frame_of(geometry: JointGeometry, side: str | None = None, axes: Sequence[st
     if turned_deg := float(np.degrees(Rotation.from_matrix(geometry.rotation).magnitude())):
         findings.append(f"the bodies stand askew by {turned_deg:.0f} degrees: turned, see placement")
     if axes is not None and patches.axis is not None and not axes_rotation(axes)[2, patches.axis]:
+        beside = "xyz"[patches.axis]
         raise ValueError(
-            f"--axes {','.join(axes)}: the patches lie beside each other along the file's "
-            f"{'xyz'[patches.axis]}, expected it as the third axis, z"
+            f"--axes {','.join(axes)}: the patches lie side by side along {beside}, expected it third, as z"
         )
     if patches.exchanged:
         questions.append(

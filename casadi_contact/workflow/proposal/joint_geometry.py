@@ -318,8 +318,7 @@ def joint_of(
     expected = {"knee": 2, "hip": 1, "patella": 2}.get(kind, count)
     if count != expected:
         raise ValueError(
-            f"the bodies come near each other in {'one place' if count == 1 else f'{count} places side by side'}, a "
-            f"{kind} in {expected}: choose another --joint, or cut the meshes to the surfaces that touch"
+            f"the bodies touch in {count} places, a {kind} in {expected}: choose another --joint, or cut the meshes"
         )
     if count == 1:
         names: Sequence[str] = ("contact",)

@@ -159,8 +159,7 @@ def contact_placement(pair: Pair, ways: Array = AXES) -> ContactPlacement:
     placement = _as_placed(pair)
     if placement is None and pair.is_open and _near_as_placed(pair, backs=True) is not None:
         raise ValueError(
-            "where the files place them the bodies nearly touch, but the fixed surface faces away from the moving one, "
-            "expected its outside towards it: turn its triangles round"
+            "the fixed surface faces away from the moving one, which it nearly touches: turn its triangles round"
         )
     placement = placement or _after_drop(pair, ways) or _after_drop(pair)
     if placement is None:
@@ -184,10 +183,8 @@ def _check_moving_outside(pair: Pair, placement: ContactPlacement, most_gain: fl
         for of, at in ((pair, placement), (turned, other))
     )
     if turned_area > most_gain * area:
-        raise ValueError(
-            f"the moving surface {moving.name} comes near the fixed one over {area:.3g} mm², and over "
-            f"{turned_area:.3g} mm² with its inside out, expected its outside towards it: turn its triangles round"
-        )
+        areas = f"{turned_area:.3g} mm² with its inside out, {area:.3g} mm² as it is"
+        raise ValueError(f"the moving surface {moving.name} touches {areas}: turn its triangles round")
 
 
 def _as_placed(pair: Pair) -> ContactPlacement | None:

@@ -302,12 +302,9 @@ def thin_spacing(
     shares: Sequence[float] = (0.15, 0.25),
 ) -> dict[str, float]:
     """The spacing [mm] of each body's distance field: of thin bodies a share of the thickness, the first that fits into
-    memory.
-
-    Half way through a body of thickness t its distance has a kink, which a cubic spline carries to both of its
-    surfaces: at a spacing of t/4 by up to 0.004 t, at 0.15 t by 0.0005 t.
-    thickness_mm: of both bodies, infinite for open surfaces.
-    """
+    memory. Half way through a body of thickness t its distance has a kink, which a cubic spline carries to both of its
+    surfaces: at a spacing of t/4 by up to 0.004 t, at 0.15 t by 0.0005 t. thickness_mm: of both bodies, infinite for
+    open surfaces."""
     tried = [
         {body: min(usual_mm, round(share * thickness, 3)) for body, thickness in thickness_mm.items()}
         for share in shares
