@@ -8,13 +8,13 @@
                 the travel between + and - within bounds
 
 All poses are in balance at every solution of the constraints, so the gradient by the radii includes how the femur
-moves. Derivatives are exact to first order; IPOPT builds up the Hessian (limited memory). The check: both dishes are
+moves. IPOPT builds up the Hessian (limited memory). The check: both dishes are
 settled once more on the scene's finest elements.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -25,14 +25,10 @@ import numpy as np
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
-from casadi_contact.contact.polar.peak import deepest_within, peak
-from casadi_contact.contact.polar.quadrature import integration, patch_loads
-from casadi_contact.contact.polar.ray_hits import LocalDepth, RayHits, fixed_point
-from casadi_contact.contact.polar.surfaces import SmoothPatch, Torus
-from casadi_contact.contact.pressure_law import layer_modulus, pressure_derivatives
+from casadi_contact.contact.pressure_law import layer_modulus
 from casadi_contact.contact.settle import settle
 from casadi_contact.contact.symbolic import contact_callback
-from casadi_contact.core.conventions import Array, load_selection, rotation, twist_to_pose_gradient, wrench_about_origin
+from casadi_contact.core.conventions import Array
 from casadi_contact.core.terminal import numbers, run_program
 from casadi_contact.optimisation.knee import SIDES, check_knee
 from casadi_contact.optimisation.starts import KNEE_STEPS, settle_in_range
@@ -47,59 +43,8 @@ BALANCED = (*SIDES, "Fx", "Fz")
 LAXITY = (("tx", "Fx", 100.0), ("tz", "Fz", 50.0))  # travel along, push [N] and its opposite
 RAYS = Rays(24, 3)
 
-
 RADII = ("dish_sagittal_radius", "dish_frontal_radius")
-STEP_MM = 1e-3  # of differences of the dish's own surface
-
-
-def dish_of(radii_mm: Array) -> Torus:
-    """The dish with a sagittal and a frontal radius (2,)."""
-    sagittal, frontal = map(float, radii_mm)
-    return Torus(sagittal - frontal, frontal, sagittal, 1.0, -1.0)
-
-
-def dish_derivatives(
-    patch: SmoothPatch, radii_mm: Array, law: tuple[int, float, float], R: Array, t: Array
-) -> tuple[Array, LocalDepth, Array]:
-    """d wrench/d radii (n, 6, 2) [N/mm, N], the deepest point, and d its depth/d radii (n, 2), radii as in `RADII`, in
-    n poses; zero without contact. Where the rim cuts the contact, the change of the rim with the radii is left out.
-
-    With subscripts for derivatives by a radius S at a fixed (u, v) of the chart and n = N/|N|, the depth's end on the
-    moving surface gives d_S = G·(c_S - d·n_S)/σ. The pressure is zero at the edge of contact, so that only the
-    integrand changes:
-
-        W_S = -∫ [p'·d_S·V + p·V_S] du dv,   V = (N, c × N),   V_S = (N_S, c_S × N + c × N_S)
-    """
-    m = peak(patch, R, t)
-    found = integration(patch, R, t, m, RAYS)
-    ends, depth = found.ends, m.local.depth
-    p, dp = pressure_derivatives(*law, ends.depth)
-    weight = np.where((depth > 0.0)[:, None, None], found.weight, 0.0)
-    there = deepest_within(patch, R, t, m.local.u, m.local.v)
-    V = np.concatenate([ends.N, np.cross(ends.c, ends.N)], -1)
-    by_radius, deepest_by_radius = [], []
-    for step in STEP_MM * np.eye(2):
-        dishes = [replace(patch, torus=dish_of(radii_mm + way * step)) for way in (1.0, -1.0)]
-        c, N = _surface_derivatives(dishes, found.u, found.v)
-        by_depth = np.einsum("nmg,nmgk->nk", weight * dp * _depth_derivative(ends, c, N), V)
-        turned = np.concatenate([N, np.cross(c, ends.N) + np.cross(ends.c, N)], -1)
-        by_radius.append(-by_depth - np.einsum("nmg,nmgk->nk", weight * p, turned))
-        at_deepest = _depth_derivative(there.ends, *_surface_derivatives(dishes, there.u, there.v))
-        deepest_by_radius.append(np.where(depth > 0.0, at_deepest, 0.0))
-    return np.stack(by_radius, -1), there, np.stack(deepest_by_radius, -1)
-
-
-def _surface_derivatives(dishes: list[SmoothPatch], u: Array, v: Array) -> list[Array]:
-    """c and N (..., 3) by a radius at a fixed (u, v): differences between dishes with a little more and less of it."""
-    more, less = (fixed_point(dish, u, v)[:2] for dish in dishes)
-    return [(a - b) / (2.0 * STEP_MM) for a, b in zip(more, less, strict=True)]
-
-
-def _depth_derivative(ends: RayHits, c: Array, N: Array) -> Array:
-    """Depth by a radius (...) where the fixed point and its normal change by c and N (..., 3)."""
-    n = ends.N / ends.length[..., None]
-    turned = (N - n * np.sum(n * N, -1)[..., None]) / ends.length[..., None]
-    return np.asarray(np.sum(ends.G * (c - ends.depth[..., None] * turned), -1) / ends.cosine)
+STEP_MM = 1e-4  # of differences by radii
 
 
 class DishContact:
@@ -110,8 +55,7 @@ class DishContact:
         if scene.shape != "knee" or own or scene.material.law != "linear":
             raise ValueError(f"scene {scene.name}: expected the shape knee, one dish for both sides and the linear law")
         check_knee("the design of a dish", scene, scene.load_names, BALANCED)
-        self.scene, self._model = scene, PolarFoundation(scene, RAYS, compiled=False)
-        self._selection = load_selection(scene.load_names, scene.patch_names)
+        self.scene = scene
 
     def with_radii(self, radii_mm: Array) -> Scene:
         """The scene with other dishes."""
@@ -122,24 +66,19 @@ class DishContact:
         return PolarFoundation(self.with_radii(radii_mm), RAYS, compiled=False)
 
     def evaluate(self, poses: Array, radii_mm: Array) -> tuple[Array, Array]:
-        """Loads, then penetrations (n, L + P) [N, N·mm, mm], and their derivatives by pose and radii (n, L + P, 8)."""
-        R, t, law, L = rotation(poses[:, 3:]), poses[:, :3], self._model.law, len(self.scene.load_names)
-        values = np.zeros((len(poses), L + len(self.scene.patch_names)))
-        slopes = np.zeros((*values.shape, 8))
-        for p, patch in enumerate(self._model.patches):
-            dish = replace(patch, torus=dish_of(radii_mm))
-            loads = patch_loads(dish, law, RAYS, R, t)
-            by_radii, deepest, deepest_by_radii = dish_derivatives(dish, radii_mm, law, R, t)
-            touching = deepest.depth > 0.0
-            by_twist = -wrench_about_origin(deepest.ends.G, deepest.ends.x - t) / deepest.ends.cosine[:, None]
-            rows = self._selection[:, p]
-            values[:, :L] += loads.wrench @ rows.T
-            slopes[:, :L, :6] += rows @ twist_to_pose_gradient(loads.stiffness, poses)
-            slopes[:, :L, 6:] += rows @ by_radii
-            values[:, L + p] = np.where(touching, deepest.depth, 0.0)
-            slopes[:, L + p, :6] = touching[:, None] * twist_to_pose_gradient(by_twist, poses)
-            slopes[:, L + p, 6:] = deepest_by_radii
-        return values, slopes
+        """Loads, then penetrations (n, L + P) [N, N·mm, mm], and their derivatives by pose and radii (n, L + P, 8);
+        those by radii are differences of smooth integrals."""
+        values, by_pose = self._by_pose(poses, radii_mm)
+        by_radii = [(self._by_pose(poses, radii_mm + step)[0] - values) / STEP_MM for step in STEP_MM * np.eye(2)]
+        return values, np.concatenate([by_pose, np.stack(by_radii, axis=-1)], axis=2)
+
+    def _by_pose(self, poses: Array, radii_mm: Array) -> tuple[Array, Array]:
+        """Loads, then penetrations (n, L + P), and their derivatives by the pose (n, L + P, 6)."""
+        model = self.foundation(radii_mm)
+        loads, slopes = model.jacobian(poses)
+        gaps, gap_slopes = model.gap_jacobian(poses)
+        penetration_slopes = np.where((gaps < 0.0)[..., None], -gap_slopes, 0.0)
+        return np.hstack([loads, np.maximum(-gaps, 0.0)]), np.concatenate([slopes, penetration_slopes], axis=1)
 
     def function(self, poses: int) -> ca.Function:
         """casadi.Function (poses, pose after pose, then radii) (6n + 2) -> loads and penetrations, with Jacobian."""

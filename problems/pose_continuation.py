@@ -61,29 +61,16 @@ def _on_reference(problem: PoseEstimation, result: PoseResult, reference: Contac
     targets, names = problem.targets, problem.targets.load_names
     poses, found = _search(problem, result, reference, left)
     columns = [reference.load_names.index(name) for name in names]
-    loads, outcome, iterations = result.loads.copy(), result.outcome.copy(), 0
+    loads, outcome, final = result.loads.copy(), result.outcome.copy(), result.poses.copy()
     rows = np.flatnonzero(left & found)
     loads[rows] = reference(poses[rows])[:, columns]
     rows = rows[targets.met(targets.errors(loads))[rows]]
-    final = result.poses.copy()
-    begin = problem.contact.variables(poses).reshape(len(poses), -1)
-    for k in rows.tolist():
-        answer, spent = problem.solve_frame(begin[k], k) if problem.in_range(poses[[k]])[0] else (None, 0)
-        iterations += spent
-        if answer is None:
-            final[k], outcome[k] = poses[k], FrameOutcome.ON_REFERENCE
-        else:
-            final[[k]], outcome[k] = problem.contact.poses_with(poses[[k]], answer), FrameOutcome.SOLVED
+    final[rows] = poses[rows]
+    outcome[rows] = FrameOutcome.SOLVED
+    outcome[problem.settle_rows(final, rows)] = FrameOutcome.ON_REFERENCE
     own = outcome != FrameOutcome.ON_REFERENCE
     loads[own] = problem.model(final[own], names)
-    return replace(
-        result,
-        poses=final,
-        loads=loads,
-        errors=targets.errors(loads),
-        outcome=outcome,
-        ipopt=result.ipopt.plus(iterations),
-    )
+    return replace(result, poses=final, loads=loads, errors=targets.errors(loads), outcome=outcome)
 
 
 def _search(

@@ -154,7 +154,7 @@ class CallableModel(WrenchLoads):
         wrenches, jacobian = self.wrench_jacobian(poses)
 
         def gaps(rows: np.ndarray) -> tuple[Array, Array]:
-            found, by_pose = self._gap_jacobian(poses[rows])
+            found, by_pose = self.gap_jacobian(poses[rows])
             if len(wrong := np.argwhere(overlaps_without_load(wrenches[rows], found))):
                 raise ValueError(
                     f"the contact model returned the {self._gap_text(poses[rows], found, *wrong[0])}, where it "
@@ -164,7 +164,7 @@ class CallableModel(WrenchLoads):
 
         return wrenches, jacobian, *signed_roots(self.scene, wrenches, jacobian, gaps)
 
-    def _gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
+    def gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Gaps, with differences of the user's, else by the motion of the anchors."""
         gaps = self.gaps(poses)
         if self._gaps is not None:

@@ -111,7 +111,7 @@ class CompiledFoundation(WrenchLoads, SymbolicContact, PressureOutputs):
     @batched
     def gaps(self, poses: Array) -> Array:
         """Distance of each patch (n, patches) [mm] from the moving body; below zero, minus the largest overlap."""
-        return self._gap_jacobian(poses)[0]
+        return self.gap_jacobian(poses)[0]
 
     @batched
     def at_edge(self, poses: Array) -> np.ndarray:
@@ -229,7 +229,8 @@ class CompiledFoundation(WrenchLoads, SymbolicContact, PressureOutputs):
         loads = found.wrench, found.stiffness
         return *loads, *signed_roots(self.scene, *loads, lambda rows: (found.gap[rows], found.gap_gradient[rows]))
 
-    def _gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
+    def gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
+        """Gaps (n, patches) [mm] and their derivatives by the pose (n, patches, 6)."""
         found = self._evaluate(poses, wrenches=False, gaps=True)
         return found.gap, found.gap_gradient
 

@@ -177,7 +177,7 @@ class WrenchLoads(ContactModel):
         self._selection = load_selection(self.load_names, self.patch_names)
 
     @abstractmethod
-    def _gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
+    def gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Gaps (n, patches) [mm] and their derivatives by the pose (n, patches, 6)."""
 
     def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
@@ -219,5 +219,5 @@ class WrenchLoads(ContactModel):
     def _wrenches_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
         """All that `wrench_jacobian` and `root_loads` return."""
         wrenches, jacobian = self.wrench_jacobian(poses)
-        roots = signed_roots(self.scene, wrenches, jacobian, lambda rows: self._gap_jacobian(poses[rows]))
+        roots = signed_roots(self.scene, wrenches, jacobian, lambda rows: self.gap_jacobian(poses[rows]))
         return wrenches, jacobian, *roots

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
@@ -76,10 +76,6 @@ class IpoptOutcome:
         if status == "User_Requested_Stop" or (status == "NonIpopt_Exception_Thrown" and was_interrupted()):
             raise KeyboardInterrupt
         return cls(status, int(stats["iter_count"]))
-
-    def plus(self, iterations: int) -> IpoptOutcome:
-        """The same with the iterations of further, smaller problems."""
-        return replace(self, iterations=self.iterations + iterations)
 
     @property
     def solved(self) -> bool:

@@ -9,13 +9,14 @@ about the fixed origin and E of `angular_velocity_map`.
 
 from __future__ import annotations
 
+import itertools
 import warnings
 from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
 
-from casadi_contact.contact.continuity import leaps
+from casadi_contact.contact.continuity import Motion
 from casadi_contact.contact.settle import settle
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import LEVER_MM, POSE_NAMES, Array
@@ -25,6 +26,7 @@ from casadi_contact.scenes.scene import Scene
 
 SIDES = ("Fy_med", "Fy_lat")
 KNEE_LOADS = (*SIDES, "Fx", "Fz", "Tx", "Ty", "Tz")
+FREE = ("tx", "ty", "tz", "rx")
 PRESSED_N = 500.0  # of each side, where a pose without shear is sought
 
 
@@ -78,11 +80,10 @@ def shear_free_poses(model: SymbolicContact, ry: Array, rz: Array) -> Array:
     """Poses (n, 6) at given rotations (n,), (n,) [rad] where vertical forces of 500 N on both sides cause no shear,
     Fx = Fz = 0. That fixes the pose parameters that nothing else does.
 
-    A convex tibia has several such poses. Frames that find none from the middle pose, or another than their neighbours
-    (`leaps`), are followed outwards from up to five frames in turn, and the motion with the fewest faults is
-    taken. Where there is none the femur stands where shear is least, with a RuntimeWarning.
-    Raises ValueError where rotations lie outside what the surrogate learned, the least shear exceeds 50 N,
-    or the scene locks or ties pose parameters.
+    Frames that find none settle from a neighbour's pose. A convex tibia has several such poses: where neighbouring
+    frames lead to others, the shortest motion is taken (`Motion.without_leaps`). Where there is none the femur stands
+    where shear is least, with a RuntimeWarning. Raises ValueError where rotations lie outside what the surrogate
+    learned, the least shear exceeds 50 N, or the scene locks or ties pose parameters.
     """
     model.scene.pose_space.check_unconstrained("a pose without shear")
     low, high = pose_bounds(model)
@@ -95,15 +96,17 @@ def shear_free_poses(model: SymbolicContact, ry: Array, rz: Array) -> Array:
                 f"{name} reaches from {angle.min():.3g} to {angle.max():.3g} rad, the surrogate learned "
                 f"{low[column]:.3g} to {high[column]:.3g}: train one around your own cycles"
             )
-    alone, without = _without_shear(model, poses)
-    best, shear = alone, without
-    firsts = np.flatnonzero(without == 0.0)
-    for first in firsts[:: max(1, len(firsts) // 5)].tolist():
-        if _faults(best, shear) == (0, 0, 0):
-            break
-        tried = _outwards(model, poses, alone[first], first)
-        if _faults(*tried) < _faults(best, shear):
-            best, shear = tried
+    poses, shear = _without_shear(model, poses)
+    for frame, beside in (*itertools.pairwise(range(len(rz) - 1, -1, -1)), *itertools.pairwise(range(len(rz)))):
+        if shear[frame] == 0.0 and shear[beside] > 0.0:  # from a neighbour's pose
+            tried, left = _without_shear(model, np.append(poses[frame, :4], poses[beside, 4:])[None])
+            if left[0] < shear[beside]:
+                poses[beside], shear[beside] = tried[0], left[0]
+    everyone = np.ones(len(poses), dtype=bool)
+    targets = {name: np.full(len(poses), load) for name, load in _targets(model).items()}
+    motion = Motion(model, FREE, targets, np.full(len(poses), 0.1), everyone, low, high)
+    poses = motion.without_leaps(poses, shear == 0.0)
+    poses, shear = _without_shear(model, poses)
     for rows, limit in (
         (np.isinf(shear), f"more than {0.1 * PRESSED_N:g} N"),
         (shear > 0.0, f"up to {shear.max():.2g} N"),
@@ -116,37 +119,22 @@ def shear_free_poses(model: SymbolicContact, ry: Array, rz: Array) -> Array:
             if np.isinf(shear).any():
                 raise ValueError(f"{said}, expected 0: are flexion and rotation those of this knee?")
             warnings.warn(f"{said}; there the femur stands where shear is least", RuntimeWarning, stacklevel=2)
-    return best
+    return poses
 
 
-def _faults(poses: Array, shear: Array) -> tuple[int, int, int]:
-    """Numbers of frames without a pose, of frames with shear (n,) [N], and of leaps of free parameters."""
-    return int(np.isinf(shear).sum()), int((shear > 0.0).sum()), int(leaps(poses)[:, :4].sum())
+def _targets(model: SymbolicContact) -> dict[str, float]:
+    return {**dict.fromkeys(model.scene.sensitive_loads, -PRESSED_N), "Fx": 0.0, "Fz": 0.0}
 
 
 def _without_shear(model: SymbolicContact, poses: Array) -> tuple[Array, Array]:
     """Poses (n, 6) settled without shear, and the shear left (n,) [N]: 0 where settled, infinite where the sides do not
     carry 500 N or more than a tenth of it is left."""
-    sides = dict.fromkeys(model.scene.sensitive_loads, -PRESSED_N)
+    targets = _targets(model)
+    sides = {name: targets[name] for name in model.scene.sensitive_loads}
     poses, _ = settle(model, poses, ("ty", "rx"), sides, tolerance=1.0)
-    targets = {**sides, "Fx": 0.0, "Fz": 0.0}
-    poses, report = settle(model, poses, ("tx", "ty", "tz", "rx"), targets, tolerance=0.1)
+    poses, report = settle(model, poses, FREE, targets, tolerance=0.1)
     loads = dict(zip(model.load_names, model(poses).T, strict=True))
     shear = np.hypot(loads["Fx"], loads["Fz"])
     carried = np.all([np.abs(loads[name] - force) < 0.1 * PRESSED_N for name, force in sides.items()], axis=0)
     left = np.where(carried & (shear <= 0.1 * PRESSED_N), shear, np.inf)
     return poses, np.where(report.converged, 0.0, left)
-
-
-def _outwards(model: SymbolicContact, poses: Array, pose: Array, first: int) -> tuple[Array, Array]:
-    """`_without_shear` frame by frame, each from its neighbour's pose, outwards from the pose (6,) of the first frame;
-    it ends at a frame without a pose."""
-    poses, shear = poses.copy(), np.full(len(poses), np.inf)
-    poses[first], shear[first] = pose, 0.0
-    for frames, step in ((range(first + 1, len(poses)), -1), (range(first - 1, -1, -1), 1)):
-        for frame in frames:
-            poses[frame, :4] = poses[frame + step, :4]
-            poses[[frame]], shear[[frame]] = _without_shear(model, poses[[frame]])
-            if np.isinf(shear[frame]):
-                return poses, shear
-    return poses, shear

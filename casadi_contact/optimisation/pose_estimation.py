@@ -22,7 +22,6 @@ import time
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -72,8 +71,7 @@ class PoseEstimation:
         result = problem.solve()
 
     targets: measured loads and centres of pressure, measured: pose parameters, by name, each (n,). smoothness
-    [N²/mm²] weighs the change from frame to frame. compiled: as a C kernel, which solves several times faster once it
-    is compiled; if left out, a foundation is and a surrogate is not.
+    [N²/mm²] weighs the change from frame to frame. compiled: as for the model's `function`.
 
     nlp: CasADi's x and f; contact: variables with bounds and scales (`ContactFrames`); residuals: scaled free
     parameters (f, n) -> r (targets, n) [N]. Raises ValueError for loads that the scene lacks, measured parameters that
@@ -91,7 +89,7 @@ class PoseEstimation:
     ) -> None:
         if not 0.0 <= smoothness < np.inf:
             raise ValueError(f"smoothness is {smoothness}, expected a finite number >= 0")
-        self.model, self.smoothness, self.compiled = model, smoothness, compiled
+        self.model, self.smoothness = model, smoothness
         self.targets = targets if isinstance(targets, PoseTargets) else PoseTargets.of(model.scene, targets)
         self.measured = model.scene.pose_space.free_curves(measured, "measured pose")
         self.frames = len(self.targets)
@@ -134,7 +132,7 @@ class PoseEstimation:
     def solve(self, start: Array | None = None, max_iterations: int = 300) -> PoseResult:
         """Settle a start (n, 6), by default the middle of the range, and solve with IPOPT.
 
-        Without smoothness, which couples frames, those left unsolved are then solved alone from solved neighbours.
+        Without smoothness, which couples frames, those left unsolved then settle alone from solved neighbours.
         Frames that do not converge are reported, never raised. Frames without load stay where they begin.
         """
         began, loaded = time.perf_counter(), self.targets.loaded
@@ -145,11 +143,10 @@ class PoseEstimation:
         fixed = np.repeat(~loaded & (self.smoothness == 0.0), len(self.free))
         answer = solver(x0=x0, lbx=np.where(fixed, x0, lower), ubx=np.where(fixed, x0, upper))
         ipopt = IpoptOutcome.of(solver)
-        x = np.asarray(answer["x"]).reshape(self.frames, -1)
-        result = self.evaluate(self.contact.poses_with(poses, x), ipopt)
+        result = self.evaluate(self.contact.poses_with(poses, answer["x"]), ipopt)
         if self.smoothness == 0.0 and result.solved.any() and not result.solved[loaded].all():
-            more_iterations = self._solve_from_neighbours(x, result.solved)
-            result = self.evaluate(self.contact.poses_with(poses, x), ipopt.plus(more_iterations))
+            self._solve_from_neighbours(result.poses, result.solved)
+            result = self.evaluate(result.poses, ipopt)
         return replace(result, seconds=time.perf_counter() - began)
 
     def evaluate(self, poses: Array, ipopt: IpoptOutcome) -> PoseResult:
@@ -162,43 +159,22 @@ class PoseEstimation:
         outcome = frame_outcomes(met, (~targets.loaded, FrameOutcome.NO_LOAD))
         return PoseResult(poses, loads, errors, outcome, ipopt, 0.0)
 
-    @cached_property
-    def _frame_solver(self) -> ca.Function:
-        """nlpsol of one frame alone, whose parameters are its targets and measured pose parameters, objective ½|r|²."""
-        names, locked = tuple(self.targets.values), tuple(self.measured)
-        given = ca.MX.sym("given", len(names) + len(locked))
-        parts = ca.vertsplit(given)
-        targets, measured = dict(zip(names, parts, strict=False)), dict(zip(locked, parts[len(names) :], strict=True))
-        contact = ContactFrames(self.model, 1, locked=measured, loads=self.targets.load_names, compiled=self.compiled)
-        nlp = {"x": ca.vec(contact.q), "p": given, "f": 0.5 * ca.sumsqr(contact.misfit(targets))}
-        return ca.nlpsol("one_frame", "ipopt", nlp, least_squares_options(max_iterations=100))
-
-    def solve_frame(self, x: Array, frame: int) -> tuple[Array | None, int]:
-        """One frame alone from x (f,): the solution, None where none leaves |r| <= 0.01 N, and IPOPT's iterations."""
-        lower, upper = (bound[: len(self.free)] for bound in (self.contact.lower, self.contact.upper))
-        given = [curve[frame] for curve in (*self.targets.values.values(), *self.measured.values())]
-        answer = self._frame_solver(x0=np.clip(x, lower, upper), p=given, lbx=lower, ubx=upper)
-        ipopt = IpoptOutcome.of(self._frame_solver)
-        solved = ipopt.solved and np.sqrt(2.0 * float(answer["f"])) <= 0.01
-        return np.asarray(answer["x"]).ravel() if solved else None, ipopt.iterations
-
-    def _solve_from_neighbours(self, x: Array, solved: np.ndarray) -> int:
-        """Solve loaded frames (rows of x (n, f), in place) alone, solved ones from where they are, the others outwards
-        from these; returns IPOPT iterations. In one problem all frames share step lengths: a few hard ones use up the
-        iterations of all, and leave solved ones short of IPOPT's tolerance."""
-        loaded, iterations = self.targets.loaded, 0
-        done = np.zeros(len(x), dtype=bool)
-        waiting = deque((k, k) for k in np.flatnonzero(solved).tolist())
+    def _solve_from_neighbours(self, poses: Array, solved: np.ndarray) -> None:
+        """Settle loaded frames of poses (n, 6) that are not solved (n,), in place, outwards from those that are. In one
+        problem all frames share step lengths: a few hard ones use up the iterations of all, and leave solved ones
+        short of IPOPT's tolerance."""
+        self.settle_rows(poses, np.flatnonzero(solved))
+        done, waiting, columns = solved.copy(), deque(np.flatnonzero(solved).tolist()), self.contact.columns
         while waiting:
-            begin, frame = waiting.popleft()
-            if not 0 <= frame < len(x) or done[frame] or not loaded[frame]:
-                continue
-            answer, spent = self.solve_frame(x[begin], frame)
-            iterations += spent
-            if answer is not None:
-                x[frame], done[frame] = answer, True
-                waiting.extend([(frame, frame - 1), (frame, frame + 1)])
-        return iterations
+            begin = waiting.popleft()
+            for frame in (begin - 1, begin + 1):
+                if not 0 <= frame < self.frames or done[frame] or not self.targets.loaded[frame]:
+                    continue
+                tried = poses.copy()
+                tried[frame, columns] = poses[begin, columns]
+                if not len(self.settle_rows(tried, np.array([frame]))):
+                    poses[frame], done[frame] = tried[frame], True
+                    waiting.append(frame)
 
     def settle_start(self, poses: Array) -> Array:
         """Poses (n, 6) settled frame by frame: the sensitive parameters under the normal loads, inside the learned
@@ -207,17 +183,18 @@ class PoseEstimation:
         settle from a little beyond the first touch."""
         pressing = self.targets.pressing
         poses = settle_in_range(self.model, poses, self.contact.start_poses({}), self.free, pressing, tolerance_n=0.1)
-        left = self._settle_rows(poses, np.arange(self.frames))
+        left = self.settle_rows(poses, np.arange(self.frames))
         return poses if pressing else self._settle_from_touch(poses, left)
 
-    def _settle_rows(self, poses: Array, rows: np.ndarray) -> np.ndarray:
-        """Settle all free parameters of these rows under all targets, in place where that ends inside the learned
-        range; returns the other rows."""
+    def settle_rows(self, poses: Array, rows: np.ndarray) -> np.ndarray:
+        """Settle all free parameters of these rows (k,) of poses (n, 6) under all targets, in place where that ends
+        inside the learned range; returns the other rows."""
         loads = self.targets.as_loads()
         if not loads or not len(rows):
             return rows
         given = {name: curve[rows] for name, curve in loads.items()}
-        found, report = settle(self.model, poses[rows], self.free, given, tolerance=0.01, max_iterations=60)
+        tolerance_n = float(self.targets.settle_tolerance_n[rows].min())
+        found, report = settle(self.model, poses[rows], self.free, given, tolerance=tolerance_n)
         good = report.converged & self.in_range(found)
         poses[rows[good]] = found[good]
         return rows[~good]
@@ -238,5 +215,5 @@ class PoseEstimation:
             again = np.isin(left, rows)
             poses[rows] = touched[again]
             poses[rows, :3] += beyond_mm * along[again]
-            rows = self._settle_rows(poses, rows)
+            rows = self.settle_rows(poses, rows)
         return poses

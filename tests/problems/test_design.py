@@ -37,8 +37,9 @@ def test_derivatives_by_pose_and_radii_are_those_of_loads_and_penetrations(conta
 
 def test_elements_of_other_dishes_change_alike(contact):
     """Another code: 320×160 elements, differenced over a tenth of a millimetre."""
-    pose, radii = [[-1.0, 27.3, 0.4, 0.002, 0.06, -0.15]], [contact.scene.geometry[name] for name in design.RADII]
-    slopes = contact.evaluate(np.array(pose), np.array(radii))[1][0, :-2, -2:]
+    pose = [[-1.0, 27.3, 0.4, 0.002, 0.06, -0.15]]
+    radii = np.array([contact.scene.geometry[name] for name in design.RADII])
+    slopes = contact.evaluate(np.array(pose), radii)[1][0, :-2, -2:]
     for k, step in enumerate(0.05 * np.eye(2)):
         more, less = (cc.ElasticFoundation(contact.with_radii(radii + s * step), (320, 160))(pose)[0] for s in (1, -1))
         np.testing.assert_allclose(slopes[:, k], (more - less) / 0.1, atol=2e-3 * np.abs(more - less).max() / 0.1)

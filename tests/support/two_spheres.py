@@ -47,9 +47,9 @@ class TwoSpheres(WrenchLoads):
         return self.wrench_jacobian(poses)[0]
 
     def gaps(self, poses):
-        return self._gap_jacobian(as_poses(poses))[0]
+        return self.gap_jacobian(as_poses(poses))[0]
 
-    def _gap_jacobian(self, poses):
+    def gap_jacobian(self, poses):
         c, dc = self._centres(poses)
         return c[..., 1] - RADIUS_MM, dc[..., 1, :]
 

@@ -247,7 +247,8 @@ class ElasticFoundation(WrenchLoads):
             return wrenches, np.empty(0)
         return wrenches, twist_to_pose_gradient(np.stack([k for _, k in results], axis=1), poses)
 
-    def _gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
+    def gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
+        """Gaps (n, patches) [mm] and their derivatives by the pose (n, patches, 6)."""
         return self._gaps(self._patches, poses)
 
     def _gaps(self, beds: Sequence[PatchElements], poses: Array) -> tuple[Array, Array]:

@@ -171,7 +171,7 @@ class FiniteElements(WrenchLoads):
     @batched
     def gaps(self, poses: Array) -> Array:
         """Distance of each patch (n, patches) [mm] from the moving body; below zero, minus the largest overlap."""
-        return self._gap_jacobian(poses)[0]
+        return self.gap_jacobian(poses)[0]
 
     @batched
     def part_gaps(self, poses: Array) -> Array:
@@ -222,7 +222,8 @@ class FiniteElements(WrenchLoads):
                 pressed = [body.press(R, t, self.reach_mm) for body in self._bodies]
             yield pressed
 
-    def _gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
+    def gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
+        """Gaps (n, patches) [mm] and their derivatives by the pose (n, patches, 6)."""
         gaps, slopes = self._elements._gaps(
             [elements for body in self._bodies for elements in body.part_elements], poses
         )
