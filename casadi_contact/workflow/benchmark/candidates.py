@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
@@ -32,7 +32,7 @@ from casadi_contact.workflow.benchmark.timing import (
     time_single_calls,
 )
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
-from casadi_contact.workflow.presets import ChartEffort, Effort
+from casadi_contact.workflow.presets import Effort
 from casadi_contact.workflow.project import Project, exclusive, shipped_surrogates, trained_surrogates
 
 EF_FAMILY, FOUNDATION_FAMILY = "EF", "foundation"
@@ -110,39 +110,21 @@ def _symbolic_candidate(point: Point, model: SymbolicContact, *, compiled: bool 
     return Candidate(replace(point, remark=remark), model, stopwatches)
 
 
-@dataclass(frozen=True)
-class Sized:
-    """A surrogate to train: structure and effort (see `project.presets.Effort`)."""
-
-    structure: str
-    effort: Effort
-
-    @property
-    def name(self) -> str:
-        """Name on the chart: "patch 12-12"."""
-        return f"{self.structure} {size_text(self.effort.sizes[-1])}"
-
-    @property
-    def stem(self) -> str:
-        """Name of its file and of its folder of checkpoints."""
-        return self.name.replace(" ", "_")
-
-    @property
-    def efforts(self) -> dict[str, Effort]:
-        """Effort by the start of a network's name, with the structure's shares of the budget."""
-        shares = {"": 1.0, **STRUCTURES[self.structure].budget_shares}
-        return {name: replace(self.effort, gflop=share * self.effort.gflop) for name, share in shares.items()}
+def chart_sizes(project: Project) -> dict[str, tuple[str, dict[str, Effort]]]:
+    """Structure and efforts of every surrogate that the preset's chart shows, of the structures that fit the scene, by
+    its name on the chart: "patch 12-12"."""
+    found = {}
+    for structure, efforts in project.preset.chart.sizes.items():
+        shares = {"": 1.0, **STRUCTURES[structure].budget_shares}
+        for effort in efforts if STRUCTURES[structure].fits(project.scene) else ():
+            by_network = {name: replace(effort, gflop=share * effort.gflop) for name, share in shares.items()}
+            found[f"{structure} {size_text(effort.sizes[-1])}"] = structure, by_network
+    return found
 
 
-def chart_surrogates(chart: ChartEffort, scene: Scene) -> list[Sized]:
-    """Every surrogate that a preset's chart shows, of the structures that fit the scene."""
-    fitting = {structure: efforts for structure, efforts in chart.sizes.items() if STRUCTURES[structure].fits(scene)}
-    return [Sized(structure, effort) for structure, efforts in fitting.items() for effort in efforts]
-
-
-def sized_path(project: Project, sized: Sized) -> Path:
-    """Where a sized surrogate lies in the project's folder."""
-    return project.folder / "sizes" / f"{sized.stem}.h5"
+def sized_path(project: Project, name: str) -> Path:
+    """Where a surrogate of the chart lies in the project's folder."""
+    return project.folder / "sizes" / f"{name.replace(' ', '_')}.h5"
 
 
 def on_disk(project: Project, path: Path | str) -> Surrogate | None:
@@ -163,28 +145,21 @@ def _made(project: Project, path: Path, learned: Samples) -> bool:
 
 
 @exclusive
-def train_sizes(
-    project: Project,
-    wanted: Sequence[Sized] | None = None,
-    update: Update | None = None,
-    executor: Executor | None = None,
-) -> list[Path]:
-    """Train the sized surrogates (the preset's, if none are given) that are not on disk yet; return their paths.
+def train_sizes(project: Project, update: Update | None = None, executor: Executor | None = None) -> None:
+    """Train the surrogates of the preset's chart that are not on disk yet.
 
     Goes on from checkpoints where an earlier run stopped. Raises FileNotFoundError without samples, ValueError for
     samples of another scene.
     """
-    wanted = chart_surrogates(project.preset.chart, project.scene) if wanted is None else list(wanted)
     samples = replace(project.samples(), scene=project.scene)  # its tolerances are those of now
-    missing = [sized for sized in wanted if not _made(project, sized_path(project, sized), samples)]
-    if missing:
-        writable_folder(project.folder / "sizes")
-        with worker_pool(executor) as workers:
-            for sized in missing:
-                folder = project.training_folder("sizes", sized.stem)
-                fitting = Fitting(sized.structure, sized.efforts, folder, project.command("chart"), sized.name)
-                fit_surrogate(project, samples, fitting, update, workers).save(sized_path(project, sized))
-    return [sized_path(project, sized) for sized in wanted]
+    writable_folder(project.folder / "sizes")
+    for name, (structure, efforts) in chart_sizes(project).items():
+        path = sized_path(project, name)
+        if not _made(project, path, samples):
+            folder = project.training_folder("sizes", path.stem)
+            fitting = Fitting(structure, efforts, folder, project.command("chart"), name)
+            with worker_pool(executor) as workers:
+                fit_surrogate(project, samples, fitting, update, workers).save(path)
 
 
 def charted_surrogates(project: Project) -> Iterator[tuple[str, Surrogate]]:
@@ -192,9 +167,9 @@ def charted_surrogates(project: Project) -> Iterator[tuple[str, Surrogate]]:
     yield from shipped_surrogates(project.scene).items()
     for structure, surrogate in trained_surrogates(project).items():
         yield own_name(structure), surrogate
-    for sized in chart_surrogates(project.preset.chart, project.scene):
-        if (found := on_disk(project, sized_path(project, sized))) is not None:
-            yield sized.name, found
+    for name in chart_sizes(project):
+        if (found := on_disk(project, sized_path(project, name))) is not None:
+            yield name, found
 
 
 def own_name(structure: str) -> str:

@@ -18,7 +18,6 @@ from casadi_contact.workflow.benchmark.candidates import (
     EF_FAMILY,
     FOUNDATION_FAMILY,
     MX_SUFFIX,
-    chart_surrogates,
     on_disk,
     own_name,
     refuse_without_elements,
@@ -190,9 +189,9 @@ def surrogate_file(project: Project, name: str) -> Path | str | None:
     base = name.removesuffix(MX_SUFFIX)
     if base in ready_surrogates():
         return base
-    paths = [project.surrogate_path(structure) for structure in STRUCTURES if own_name(structure) == base]
-    paths += [sized_path(project, s) for s in chart_surrogates(project.preset.chart, project.scene) if s.name == base]
-    return next((path for path in paths if on_disk(project, path) is not None), None)
+    own = {own_name(structure): project.surrogate_path(structure) for structure in STRUCTURES}
+    path = own.get(base, sized_path(project, base))
+    return path if on_disk(project, path) is not None else None
 
 
 def python_line(scene: str, name: str, loads: Sequence[str], file: Path | str | None) -> str:

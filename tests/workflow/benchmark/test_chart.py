@@ -4,6 +4,7 @@ import shutil
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,28 +19,24 @@ from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.quantities import FORCE, quantity
 from casadi_contact.samples.samples import TEST, write_samples
 from casadi_contact.workflow import samples as sampling
-from casadi_contact.workflow.benchmark.candidates import Candidate, chart_surrogates, sized_path, train_sizes
+from casadi_contact.workflow.benchmark.candidates import Candidate, chart_sizes, sized_path, train_sizes
 from casadi_contact.workflow.benchmark.choose import python_line
 from casadi_contact.workflow.benchmark.evaluate import unseen_walking
 from casadi_contact.workflow.benchmark.front_file import Point, read_front
 from casadi_contact.workflow.benchmark.measure import measure, measure_project
 from casadi_contact.workflow.presets import PRESETS, ChartEffort, Effort, Preset
-from casadi_contact.workflow.project import read_motion
+from casadi_contact.workflow.project import Project, read_motion
 
+PATCH = {"patch": (Effort(((4, 4),), 0.2),)}
 TINY = Preset(
     sampling_scale=0.005,
     efforts={"patch": {"": Effort(((5, 5),), 0.3)}},
-    chart=ChartEffort(
-        sizes={
-            "patch": (Effort(((4, 4),), 0.2),),
-            "two_stage": (Effort(((4,),), 0.05, "tanh", max_rows=300),),
-        }
-    ),
+    chart=ChartEffort({**PATCH, "two_stage": (Effort(((4,),), 0.05, "tanh", max_rows=300),)}),
 )
 
 
 @pytest.fixture(scope="module")
-def project(tmp_path_factory):
+def project(tmp_path_factory, quick_calibration):
     folder = tmp_path_factory.mktemp("front")
     (folder / "knee.toml").write_text(cc.load_scene("knee", settle=(40, 20), teacher=(80, 40)).to_toml())
     with pytest.MonkeyPatch.context() as patch, ThreadPoolExecutor(1) as here:
@@ -59,15 +56,18 @@ def project(tmp_path_factory):
 def test_sizes_of_other_tolerances_or_samples_are_trained_anew_and_kept_after_that(project, tmp_path):
     shutil.copytree(project.folder, tmp_path / "out")
     half = project.scene.with_tolerances(**{name: 0.5 * most for name, most in project.scene.tolerances.items()})
-    other, sized = replace(project, scene=half, folder=tmp_path / "out"), chart_surrogates(TINY.chart, half)[0]
+    other = replace(project, scene=half, folder=tmp_path / "out", own=replace(TINY, chart=ChartEffort(PATCH)))
+    path = sized_path(other, "patch 4-4")
     with ThreadPoolExecutor(1) as here:
-        times = [train_sizes(other, [sized], executor=here)[0].stat().st_mtime_ns for _ in range(2)]
-        assert cc.load_surrogate(sized_path(other, sized)).scene.tolerances == half.tolerances
-        assert times[0] == times[1]
+        train_sizes(other, executor=here)
+        made = path.stat().st_mtime_ns
+        train_sizes(other, executor=here)
+        assert cc.load_surrogate(path).scene.tolerances == half.tolerances
+        assert made == path.stat().st_mtime_ns
         samples = other.samples()
         write_samples(other.samples_path, samples.rows(np.arange(len(samples)) % 7 > 0))
-        shutil.rmtree(other.training_folder("sizes", sized.stem), ignore_errors=True)
-        (path,) = train_sizes(other, [sized], executor=here)
+        shutil.rmtree(other.training_folder("sizes", path.stem), ignore_errors=True)
+        train_sizes(other, executor=here)
     trained = sum(cc.load_surrogate(path).record["samples"].values())
     assert trained == (other.samples().role != TEST).sum() < (samples.role != TEST).sum()
 
@@ -111,7 +111,7 @@ def test_the_foundation_stands_beside_networks_coarser_and_finer(project, measur
 
 
 def test_sizes_on_disk_are_kept_and_damaged_ones_made_again(project):
-    first, second = (sized_path(project, sized) for sized in chart_surrogates(TINY.chart, cc.load_scene("knee"))[:2])
+    first, second = (sized_path(project, name) for name in chart_sizes(project))
     kept, good = first.stat().st_mtime_ns, cc.load_surrogate(second)
     second.write_bytes(b"damaged")
     with ThreadPoolExecutor(1) as here:
@@ -167,6 +167,6 @@ def test_command_line_names_the_choice(project):
 
 def test_the_chart_leaves_out_structures_that_do_not_fit_the_scene():
     """The shoulder's head presses along +z, which two_stage clamps: it was tried, and failed after minutes."""
-    chart = PRESETS["quick"].chart
-    assert {sized.structure for sized in chart_surrogates(chart, cc.load_scene("knee"))} == {"patch", "two_stage"}
-    assert {sized.structure for sized in chart_surrogates(chart, cc.load_scene("glenohumeral"))} == {"patch"}
+    for scene, wanted in (("knee", {"patch", "two_stage"}), ("glenohumeral", {"patch"})):
+        project = Project(cc.load_scene(scene), "quick", Path("none"))
+        assert {structure for structure, _ in chart_sizes(project).values()} == wanted
