@@ -17,7 +17,7 @@ import numpy as np
 from casadi_contact.core.compiler import CompilerError, shared_library, warn_once
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.threads import call_in_shares
-from casadi_contact.networks.kernel.networks import Bundle, filled_up
+from casadi_contact.networks.kernel.networks import Bundle, filled_up, padded
 from casadi_contact.networks.kernel.source import Kernel, c_text, external_function, guards, table
 from casadi_contact.surrogate.confidence import SURE, Confidence
 from casadi_contact.surrogate.patch.networks import with_all_inputs
@@ -46,14 +46,17 @@ def confidence_kernel(
         output_scale=np.broadcast_to(network.output_scale, network.outputs)[outputs],
     )
     numbers = {
-        "CENTRES": len(confidence.centres),
+        "PADDED_CENTRES": padded(len(confidence.centres)),
         "SHARPNESS": float(confidence.sharpness),
         "EDGE": float(confidence.edge),
         "SURE": SURE,
     }
+    centres = confidence.centres.T / confidence.bandwidth
+    half = 0.5 * (centres**2).sum(axis=0)
     tables = {
         "whitening": confidence.whitening / confidence.bandwidth,
-        "centres": filled_up(confidence.centres.T / confidence.bandwidth),
+        "centres": filled_up(centres),
+        "half_squares": np.pad(half, (0, padded(len(half)) - len(half)), constant_values=1e300),  # only fills up
         "growth": np.array([np.nan if k is None else confidence.growth[k] for k in known]),
     }
     code = [own.code] if own else []

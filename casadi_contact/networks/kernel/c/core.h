@@ -159,13 +159,15 @@ INLINE void times(int n, const double *u, const double *v, double *product) {
 
 /* Sums of weight_i Z_i Z_i^T over the lower triangle, in parts that `curved` adds up; column t of Z begins at z + t n */
 INLINE void curvature(int inputs, int n, const double *weight, const double *z, double (*sums)[WIDTH]) {
-  for (int t = 0; t < inputs; t++) {
-    for (int u = 0; u <= t; u++, sums++) {
-      for (int i = 0; i < n; i += WIDTH) {
-        UNROLL for (int l = i; l < i + WIDTH; l += VECTOR) {
-          *(Stored *)(sums[0] + l - i) += loaded(weight + l) * loaded(z + t * n + l) * loaded(z + u * n + l);
-        }
+  for (int t = 0; t < inputs; sums += ++t) {
+    UNROLL for (int l = 0; l < WIDTH; l += VECTOR) {
+      Vector sum[16];
+      UNROLL for (int u = 0; u <= t; u++) sum[u] = loaded(sums[u] + l);
+      for (int i = l; i < n; i += WIDTH) {
+        const Vector scaled = loaded(weight + i) * loaded(z + t * n + i);
+        UNROLL for (int u = 0; u <= t; u++) sum[u] += scaled * loaded(z + u * n + i);
       }
+      UNROLL for (int u = 0; u <= t; u++) *(Stored *)(sums[u] + l) = sum[u];
     }
   }
 }
@@ -206,19 +208,20 @@ INLINE Vector reciprocal_root(Vector x) {
   return y + y * miss * (0.5 + miss * (0.375 + miss * 0.3125));
 }
 
-INLINE Vector at_most(double most, Vector x) {
-#if defined(__GNUC__)
-  const Vector zero = {0}, limit = zero + most;
-  const Bits within = (Bits)(x < limit);
-  return (Vector)((within & (Bits)x) | (~within & (Bits)limit));
+INLINE Vector smaller_vector(Vector a, Vector b) {
+#if defined(__AVX512F__) && defined(__GNUC__)
+  return (Vector)_mm512_min_pd((__m512d)a, (__m512d)b); /* which compilers do not see */
+#elif defined(__GNUC__)
+  const Bits within = (Bits)(a < b);
+  return (Vector)((within & (Bits)a) | (~within & (Bits)b));
 #else
-  return x < most ? x : most;
+  return a < b ? a : b;
 #endif
 }
 
 /* exp(-x) for x >= 0: 2^n exp(r) with |r| <= ln(2)/2, Taylor's terms up to r^12. */
 INLINE Vector decay(Vector x) {
-  const Vector y = -at_most(700.0, x), shifted = y * 1.4426950408889634 + 6755399441055744.0;
+  const Vector zero = {0}, y = -smaller_vector(x, zero + 700.0), shifted = y * 1.4426950408889634 + 6755399441055744.0;
   const Vector n = shifted - 6755399441055744.0;
   const Vector r = (y - n * 0.693147180369123816490) - n * 1.90821492927058770002e-10;
   Vector p = r * (1.0 / 479001600.0) + 1.0 / 39916800.0, power;
