@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import partial
 
 import casadi as ca
 import numpy as np
@@ -116,7 +117,7 @@ class PressureOutputs(ABC):
         """casadi.Function pose (6) -> the named outputs (m), with its Jacobian; Hessians are differences of it. Raises
         ValueError for an unknown name."""
         chosen = self._checked(names)
-        return contact_callback(name, [("pressures", len(chosen), lambda poses: self.pressures(poses, chosen))])
+        return contact_callback(name, [("pressures", len(chosen), partial(self.pressures, names=chosen))])
 
     def _checked(self, names: Iterable[str] | None) -> tuple[str, ...]:
         known = self.pressure_names

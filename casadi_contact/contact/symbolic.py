@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from operator import attrgetter
 from typing import Any
 
@@ -54,11 +55,18 @@ def contact_callback(name: str, outputs: Sequence[Output], size: int = 6) -> ca.
         return _Called(name, inputs, jacobians, lambda arg: evaluated(arg, 1), options=options)
 
     columns = {key: ca.Sparsity.dense(rows, 1) for key, rows, _ in outputs}
-    return _Called(check_name(name), {"pose": vector}, columns, lambda arg: evaluated(arg, 0), jacobian)
+    made = _Called(check_name(name), {"pose": vector}, columns, lambda arg: evaluated(arg, 0), jacobian)
+    made.made_by = (contact_callback, (name, outputs, size))
+    return made
 
 
 class _Called(ca.Callback):
-    """A Python function for CasADi: shapes of inputs and outputs by name; what makes its Jacobian, if it has one."""
+    """A Python function for CasADi: shapes of inputs and outputs by name; what makes its Jacobian, if it has one.
+
+    made_by: what makes it anew in another process, with arguments that can be pickled.
+    """
+
+    made_by: tuple[Any, ...] = ()
 
     def __init__(
         self,
@@ -92,6 +100,15 @@ class _Called(ca.Callback):
     def get_sparsity_out(self, i: int) -> ca.Sparsity:
         return self._shapes[1][i][1]
 
+    def __copy__(self) -> _Called:
+        return self
+
+    def __deepcopy__(self, memo: Any) -> _Called:
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self.made_by
+
     def eval(self, arg: Sequence[Any]) -> list[Array]:
         """CasADi's call."""
         return self._function(arg)
@@ -103,16 +120,16 @@ class _Called(ca.Callback):
         return self._jacobian(name, opts)  # type: ignore[misc]
 
 
+def _some_loads(model: ContactModel, rows: Sequence[int], poses: Array) -> tuple[Array, Array]:
+    values, jacobian = model.jacobian(poses)
+    return values[:, rows], jacobian[:, rows]
+
+
 def model_callback(
     model: ContactModel, name: str, loads: Sequence[str], outputs: Sequence[str], batch: int | None = None
 ) -> ca.Function:
     """casadi.Function pose (6) -> outputs of a contact model, some of "loads" and "roots"; batch: number of poses."""
-    rows = [model.load_names.index(load) for load in loads]
-
-    def some_loads(poses: Array) -> tuple[Array, Array]:
-        values, jacobian = model.jacobian(poses)
-        return values[:, rows], jacobian[:, rows]
-
+    some_loads = partial(_some_loads, model, [model.load_names.index(load) for load in loads])
     known = {"loads": (len(loads), some_loads), "roots": (len(model.patch_names), model.root_loads)}
     function = contact_callback(name, [(key, *known[key]) for key in outputs])
     return function if batch is None else function.map(batch)

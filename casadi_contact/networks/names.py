@@ -52,6 +52,9 @@ _OF_C = (  # and of C++, whose programs include the header; last, macros of comp
 RESERVED_NAMES = frozenset(("jac", "hess", "null", *_OF_C.split()))
 _DECLARED = re.compile(r"^(?:[A-Za-z_][^\n(\[=;]*[\s*]|#define\s+)(\w+)", re.MULTILINE)  # at file scope of our C
 _C_LIBRARY = ctypes.CDLL(None)
+_GIVEN = ("loads", "roots", "loads_and_roots", "validity", "expected_error", "pressures")
+DEFAULT_NAMES = tuple(f"contact_{given}{frames}" for given in _GIVEN for frames in ("", "_of_frames"))
+"""Names of functions where none is asked for."""
 
 
 def check_name(name: str) -> str:
@@ -66,7 +69,8 @@ def check_name(name: str) -> str:
 def check_unused(name: str, source: str, *, suffixes: Iterable[str] = ("",)) -> None:
     """ValueError for a name that the C library has (types end in _t), or, with such a suffix, C source itself."""
     named = {f"{name}{suffix}" for suffix in suffixes}
-    if name.endswith("_t") or hasattr(_C_LIBRARY, name) or named & set(_DECLARED.findall(source)):
+    of_c = name.endswith("_t") or (name not in DEFAULT_NAMES and hasattr(_C_LIBRARY, name))
+    if of_c or named & set(_DECLARED.findall(source)):
         raise ValueError(f"function name {name!r} is not usable, C or the C of contact models has it: choose another")
 
 

@@ -53,35 +53,18 @@ INLINE void confidence_at(const double *q, Confidence *of, double *slopes) {
   for (int i = 0; slopes && i < 6; i++) of->mean[i] = dot(PADDED_CENTRES, of->share, centres[i]);
 }
 
-INLINE void inner_at(const double *pose, const double *roots, double *q) {
+INLINE void inner_at(const double *pose, double *q) {
   for (int j = 0; j < 6; j++) q[j] = pose[j] > FAR ? FAR : (pose[j] < -FAR ? -FAR : pose[j]);
-  memcpy(q + 6, roots, ROOTS * sizeof(double));
-}
-
-INLINE void confidence_values(const double *pose, const double *roots, double *errors, double *validity) {
-  double q[INNER];
-  Confidence of;
-  inner_at(pose, roots, q);
-  confidence_at(q, &of, 0);
-  for (int k = 0; errors && k < LOADS; k++) errors[k] = exp(of.y[1 + k]) + growth[k] * of.grown[0];
-  if (validity) *validity = of.valid[0];
 }
 
 FUNCTION void confidence_kernel_value(const double *pose, double *errors, double *validity) {
-  double roots[ROOTS];
-  ROOTS_OF(value)(pose, 0, roots);
-  confidence_values(pose, roots, errors, validity);
-}
-
-FUNCTION void confidence_kernel_batch(const double *pose, double (*errors)[LANES], double (*validity)[LANES]) {
-  double roots[ROOTS][LANES], of_pose[ROOTS], e[LOADS], valid;
-  ROOTS_OF(batch)(pose, 0, roots);
-  for (int l = 0; l < LANES; l++) {
-    for (int p = 0; p < ROOTS; p++) of_pose[p] = roots[p][l];
-    confidence_values(pose + 6 * l, of_pose, errors ? e : 0, &valid);
-    for (int k = 0; errors && k < LOADS; k++) errors[k][l] = e[k];
-    if (validity) validity[0][l] = valid;
-  }
+  double q[INNER];
+  Confidence of;
+  inner_at(pose, q);
+  ROOTS_OF(value)(pose, 0, q + 6);
+  confidence_at(q, &of, 0);
+  for (int k = 0; errors && k < LOADS; k++) errors[k] = exp(of.y[1 + k]) + growth[k] * of.grown[0];
+  if (validity) *validity = of.valid[0];
 }
 
 /* dq/dpose; of the network the slopes by q; of y_0, u_1 and u those by the pose */
@@ -90,10 +73,10 @@ typedef struct {
 } Slopes;
 
 INLINE void confidence_slopes(const double *pose, double *q, Confidence *of, Slopes *slopes) {
-  double roots[ROOTS], miss[6];
+  double miss[6];
   for (int i = 0; i < 6; i++) for (int j = 0; j < 6; j++) slopes->by_pose[i][j] = i == j;
-  ROOTS_OF(jacobian)(pose, 0, roots, 0, slopes->by_pose + 6);
-  inner_at(pose, roots, q);
+  inner_at(pose, q);
+  ROOTS_OF(jacobian)(pose, 0, q + 6, 0, slopes->by_pose + 6);
   confidence_at(q, of, slopes->dy[0]);
   through(INNER, slopes->dy[0], slopes->by_pose, slopes->d_class);
   for (int i = 0; i < 6; i++) miss[i] = SHARPNESS * (of->z[i] - of->mean[i]);

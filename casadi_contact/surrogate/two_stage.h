@@ -76,21 +76,3 @@ FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, con
   first_hessian(pose, on_force, raw, d_all, d2);
   add_through(6, d2, by_pose, hessian);
 }
-
-FUNCTION void kernel_batch(const double *pose, double (*loads)[LANES], double (*roots)[LANES]) {
-  double u[INPUTS * LANES], raw[FORCES * LANES], y[(OUTPUTS + 1) * LANES];
-  for (int l = 0; l < LANES; l++) for (int j = 0; j < 6; j++) u[j * LANES + l] = pose[6 * l + j];
-  first_batch(u, raw);
-  for (int f = 0; f < FORCES; f++) {
-    for (int l = 0; l < LANES; l++) {
-      const double force = raw[f * LANES + l];
-      u[(6 + f) * LANES + l] = force < 0.0 ? force : 0.0;
-      if (roots) roots[f][l] = root_of(force, REFERENCE_LOAD, ROUNDING).value;
-    }
-  }
-  if (!loads) return;
-  second_batch(u, y);
-  for (int k = 0; k < LOADS; k++) {
-    memcpy(loads[k], SOURCE[k] < FORCES ? u + (6 + SOURCE[k]) * LANES : y + (SOURCE[k] - FORCES) * LANES, sizeof loads[k]);
-  }
-}

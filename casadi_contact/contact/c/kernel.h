@@ -139,7 +139,3 @@ FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, con
     }
   }
 }
-
-FUNCTION void kernel_batch(const double *pose, double (*loads)[LANES], double (*roots)[LANES]) {
-  kernel_value(pose, loads ? loads[0] : 0, roots ? roots[0] : 0);
-}

@@ -38,43 +38,29 @@ INLINE void depth_slope(const Place *p, const Ray *ray, Lanes arm[3], Lanes slop
   for (int k = 0; k < 6; k++) slope[k] *= -sigma;
 }
 
-INLINE void polar_wrench(const Surfaces *s, const Place *p, const Points *points, double wrench[6]) {
-  Lanes sum[6] = {{0.0}};
-  for (int i = 0; i < points->count; i++) {
-    const Lanes u = points->at[i].u, v = points->at[i].v;
-    Lanes load[6], force;
-    Ray ray;
-    cast(s, p, u, v, points->at[i].arc, DEPTH_ONLY, &ray);
-    force = points->at[i].weight * pressure_at(ray.step * ray.length);
-    load_of(&ray, u, v + s->z_0, load);
-    for (int k = 0; k < 6; k++) sum[k] -= force * load[k];
-  }
-  for (int k = 0; k < 6; k++) wrench[k] = sum_of(sum[k]);
-}
-
-/* -sum weight p' V d_a */
-INLINE void polar_stiffness(const Surfaces *s, const Place *p, const Points *points, double wrench[6],
-                            double stiffness[6][6]) {
+/* -sum weight p V; with order FIRST also its slopes, -sum weight p' V d_a */
+INLINE void polar_wrench(const Surfaces *s, const Place *p, const Points *points, int order, double wrench[6],
+                         double stiffness[6][6]) {
   Lanes load[6][ENDS], slope[6][ENDS], sum[6] = {{0.0}};
   for (int i = 0; i < points->count; i++) {
     const Lanes u = points->at[i].u, v = points->at[i].v, weight = points->at[i].weight;
     Lanes here[6], d[6], arm[3], depth, force, scale;
     Ray ray;
-    cast(s, p, u, v, points->at[i].arc, TO_END, &ray);
+    cast(s, p, u, v, points->at[i].arc, order == FIRST ? TO_END : DEPTH_ONLY, &ray);
     depth = ray.step * ray.length;
     force = weight * pressure_at(depth);
-    scale = -weight * pressure_slope_at(depth);
     load_of(&ray, u, v + s->z_0, here);
+    for (int k = 0; k < 6; k++) sum[k] -= force * here[k];
+    if (order != FIRST) continue;
+    scale = -weight * pressure_slope_at(depth);
     depth_slope(p, &ray, arm, d);
-    for (int k = 0; k < 6; k++) {
-      sum[k] -= force * here[k];
-      load[k][i] = here[k];
-      slope[k][i] = scale * d[k];
-    }
+    for (int k = 0; k < 6; k++) load[k][i] = here[k], slope[k][i] = scale * d[k];
   }
   KEEP_LOOP for (int k = 0; k < 6; k++) {
     wrench[k] = sum_of(sum[k]);
-    KEEP_LOOP for (int a = 0; a < 6; a++) stiffness[k][a] = sum_of(product_sum(points->count, load[k], slope[a]));
+    KEEP_LOOP for (int a = 0; a < 6 && order == FIRST; a++) {
+      stiffness[k][a] = sum_of(product_sum(points->count, load[k], slope[a]));
+    }
   }
 }
 
@@ -223,8 +209,7 @@ INLINE void loads_of_patch(int patch, const double *pose, const Frame *frame, in
     lines_of(s, &place, &middle, &lines);
     place_points(&lines, &points);
     out->cut = lines.cut;
-    if (order == VALUE) polar_wrench(s, &place, &points, out->wrench);
-    if (order == FIRST) polar_stiffness(s, &place, &points, out->wrench, out->stiffness);
+    if (order != SECOND) polar_wrench(s, &place, &points, order, out->wrench, out->stiffness);
     if (order == SECOND) {
       double turned_weights[6];
       turn_twist(s->turn, weights, turned_weights);

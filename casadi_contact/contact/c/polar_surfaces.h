@@ -170,9 +170,9 @@ INLINE Lanes edge_of(Lanes depth, Lanes slope, Lanes curvature) {
 }
 
 /* One ray: depth at (u, v), its slopes, and the curvatures (uu, uv, vv) of the moving surface relative to the fixed
- * one; the fixed surface's own, towards the body; the end on the body. AT_START: all of -g instead of the depth. */
+ * one; the end on the body. AT_START: all of -g instead of the depth. */
 typedef struct {
-  double u, v, depth, slope[2], curvature[3], fixed_form[3];
+  double u, v, depth, slope[2], curvature[3];
   double tangent[2][3], end[3], along[3], kappa;
   int arc;
 } Spot;
@@ -199,10 +199,7 @@ INLINE Spot spot_at(const Surfaces *s, const Place *p, double u, double v, int w
   k_1 = 1.0 / (s->tube_radius + (what == AT_START ? ray.g[0] : 0.0));
   for (int i = 0; i < 2; i++) spot.slope[i] = dot3(tau[i], gradient) * inverse;
   for (int i = 0, k = 0; i < 2; i++) {
-    for (int j = i; j < 2; j++, k++) {
-      spot.curvature[k] = form(tau[i], tau[j], across, k_1, spot.along, spot.kappa);
-      spot.fixed_form[k] = 0.0;
-    }
+    for (int j = i; j < 2; j++, k++) spot.curvature[k] = form(tau[i], tau[j], across, k_1, spot.along, spot.kappa);
   }
 #if TORUS
   {
@@ -215,8 +212,7 @@ INLINE Spot spot_at(const Surfaces *s, const Place *p, double u, double v, int w
         spot.slope[i] += spot.depth * inverse * form(tau[i], gradient, across_fixed, fixed_k_1, along_fixed, k_2);
       }
       for (int j = i; j < 2; j++, k++) {
-        spot.fixed_form[k] = bend * form(tau[i], tau[j], across_fixed, fixed_k_1, along_fixed, k_2);
-        spot.curvature[k] -= spot.fixed_form[k];
+        spot.curvature[k] -= bend * form(tau[i], tau[j], across_fixed, fixed_k_1, along_fixed, k_2);
       }
     }
   }

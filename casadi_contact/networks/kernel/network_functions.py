@@ -1,4 +1,4 @@
-"""C functions that evaluate networks: value, gradient, weighted Hessian, a batch of poses.
+"""C functions that evaluate networks: value, gradient, weighted Hessian.
 
 The formulas are those of `networks.graph`. Networks of one input share the loops of each layer, so that their
 short chains of sums overlap in the processor.
@@ -13,15 +13,14 @@ from casadi_contact.networks.kernel.networks import Bundle, Shape, padded
 
 NEURONS_SIDE_BY_SIDE = 64  # of a layer, in networks that are evaluated together: more would leave the registers
 MOST_SIDE_BY_SIDE = {"value": (4, 2), "gradient": (2,)}  # slopes take registers too
-LANES = 16  # poses worked on at once in a batch: so many that all of a layer stays in the nearest cache
 
 
 def network_functions(bundles: Sequence[Bundle]) -> str:
-    """Weights, and SHAPE_value, _gradient, _hessian, _batch of every shape, each once."""
+    """Weights, and SHAPE_value, _gradient, _hessian of every shape, each once."""
     groups = [group for bundle in bundles for group in bundle.groups]
     shapes = dict.fromkeys(group.shape for group in groups)
     loops = [activation_loops(name) for name in dict.fromkeys(shape.activation for shape in shapes)]
-    of_shapes = ["\n".join(part(shape)) for shape in shapes for part in (_value, _gradient, _hessian, _batch)]
+    of_shapes = ["\n".join(part(shape)) for shape in shapes for part in (_value, _gradient, _hessian)]
     return "\n\n".join([*(group.declaration() for group in groups), *loops, *of_shapes])
 
 
@@ -247,39 +246,6 @@ def _hessian(shape: Shape) -> list[str]:
     return [*lines, f"  curved({k}, sums, h);", "}"]
 
 
-def _batch(shape: Shape) -> list[str]:
-    """Without padding: vectors run over poses, not over neurons."""
-    k, here, there = shape.inputs, "a", "b"
-    further = len(shape.hidden) > 1
-
-    def lanes(count: int, array: str) -> str:
-        return f"{array} + m * {count * LANES}"
-
-    first = f"lanes({k}, {shape.hidden[0]}, {shape.stacked[0]}, {_of(shape, 0, f'w + {shape.layer(0)}')}, offset, "
-    lines = [
-        "/* LANES poses at once: x[t][lane] -> y[m][lane] */",
-        f"FUNCTION void {shape.symbol}_batch(const double *w, const double *x, double *y) {{",
-        f"  double offset[{k} * LANES], a[WIDEST * LANES]{', b[WIDEST * LANES]' if further else ''};",
-        f"  for (int i = 0; i < {k} * LANES; i++) offset[i] = bounded(x[i] - w[i / LANES]);",
-        "  " + _each(shape, f"{first}{lanes(shape.hidden[0], here)});"),
-        f"  {shape.activation}_0({shape.count * shape.hidden[0]} * LANES, {here});",
-    ]
-    for layer in range(1, len(shape.hidden)):
-        sizes = f"{shape.hidden[layer - 1]}, {shape.hidden[layer]}, {shape.rows[layer]}"
-        arrays = f"{lanes(shape.hidden[layer - 1], here)}, {lanes(shape.hidden[layer], there)}"
-        lines += [
-            "  " + _each(shape, f"lanes({sizes}, {_weights(shape, layer)}, {arrays});"),
-            f"  {shape.activation}_0({shape.count * shape.hidden[layer]} * LANES, {there});",
-        ]
-        here, there = there, here
-    if shape.outputs > 1:
-        sizes = f"{shape.hidden[-1]}, {shape.outputs}, {padded(shape.outputs)}"
-        return [*lines, f"  lanes({sizes}, w + {shape.output}, {here}, y);", "}"]
-    output = f"{_of(shape, shape.last, f'w + {shape.output}')}, w[{shape.output_bias} + m]"
-    result = f"{lanes(shape.hidden[-1], here)}, y + m * LANES"
-    return [*lines, "  " + _each(shape, f"lanes_out({shape.hidden[-1]}, {output}, {result});"), "}"]
-
-
 def bundle_functions(bundle: Bundle) -> str:
     """The groups of a bundle one after the other."""
     symbol, k = bundle.symbol, bundle.inputs
@@ -287,7 +253,6 @@ def bundle_functions(bundle: Bundle) -> str:
         "value": ("const double *x, double *y", "x, y + {m}"),
         "gradient": ("const double *x, double *y, double *g", f"x, y + {{m}}, g + {k} * {{m}}"),
         "hessian": ("const double *x, const double *c, double *y, double *g, double *h", "x, c + {m}, y + {m}, g, h"),
-        "batch": ("const double *x, double *y", "x, y + {m} * LANES"),
     }
     functions = []
     for what, (parameters, call) in arguments.items():

@@ -3,8 +3,10 @@ by which casadi.external finds it and its derivatives."""
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from string import Template
@@ -13,13 +15,9 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.core.compiler import copied_library, shared_library
-from casadi_contact.networks.kernel.network_functions import (
-    LANES,
-    bundle_functions,
-    network_functions,
-)
+from casadi_contact.networks.kernel.network_functions import bundle_functions, network_functions
 from casadi_contact.networks.kernel.networks import WIDTH, Bundle
-from casadi_contact.networks.names import check_name, check_unused, name_of_batch
+from casadi_contact.networks.names import DEFAULT_NAMES, check_name, check_unused, name_of_batch
 
 
 def c_text(name: str, package: str = f"{__package__}.c") -> str:
@@ -29,27 +27,27 @@ def c_text(name: str, package: str = f"{__package__}.c") -> str:
 
 @dataclass(frozen=True)
 class Kernel:
-    """Networks, and C code that calls them and defines four functions for LOADS loads and ROOTS root loads:
+    """Networks, and C code that calls them and defines three functions for LOADS loads and ROOTS root loads:
 
     kernel_value(pose, loads, roots), kernel_jacobian(pose, loads, roots, loads_jacobian, roots_jacobian),
-    kernel_hessian(pose, loads_weight, roots_weight, hessian): of the weighted sum, 6 x 6 in full,
-    kernel_batch(pose, loads, roots): LANES poses at once. Loads or roots that are 0 are not computed.
+    kernel_hessian(pose, loads_weight, roots_weight, hessian): of the weighted sum, 6 x 6 in full.
+    Loads or roots that are 0 are not computed.
     """
 
     bundles: Sequence[Bundle]
     code: str
 
     def source(self, *, loads: int, roots: int, beside: Kernel | None = None) -> str:
-        """C99 up to guarded_value, _jacobian, _hessian and _batch: the four, and NaN where a pose is not finite.
+        """C99 up to guarded_value, _jacobian, _hessian and values_of: these, and NaN where a pose is not finite.
 
         beside: another whose networks and code come after it, with other names.
         """
         bundles = [*self.bundles, *(beside.bundles if beside else ())]
         widest = max(group.shape.widest for bundle in bundles for group in bundle.groups)
-        sizes = {"LOADS": loads, "ROOTS": roots, "WIDEST": widest, "WIDTH": WIDTH, "LANES": LANES}
+        sizes = {"LOADS": loads, "ROOTS": roots, "WIDEST": widest, "WIDTH": WIDTH}
         definitions = "\n".join(f"#define {name} {value}" for name, value in sizes.items())
         networks = "\n\n".join([network_functions(bundles), *map(bundle_functions, bundles)])
-        head = [definitions, "", c_text("core.h"), c_text("batch.h")]
+        head = [definitions, "", c_text("core.h")]
         return "\n".join([*head, networks, "", self.code, guards(), beside.code if beside else ""])
 
 
@@ -202,6 +200,16 @@ def _functions(name: str, outputs: Mapping[str, int], kernel: Sequence[str]) -> 
     )
 
 
+@cache
+def _stop_generated_code() -> None:
+    """Code that CasADi generates calls an external function by its name alone. Where CasADi compiles it itself
+    (``jit``) no library has that name, which would end Python: let the default names be there, and fail."""
+    message = "contact functions cannot be called under jit: export the model as C, or take compiled=False\\n"
+    symbols = [f"{order}{name}" for name in DEFAULT_NAMES for order in ("", "jac_", "adj1_", "jac_adj1_", "jac_jac_")]
+    lines = [f'int {symbol}(void) {{ fputs("{message}", stderr); return 1; }}' for symbol in symbols]
+    ctypes.CDLL(str(shared_library("\n".join(["#include <stdio.h>", *lines]))), mode=ctypes.RTLD_GLOBAL)
+
+
 def external_function(
     library: Path, name: str, sizes: Mapping[str, int], outputs: Sequence[str], frames: int = 1, before: str = ""
 ) -> ca.Function:
@@ -218,4 +226,5 @@ def external_function(
     numbers = [f"#define {key} {size}" for key, size in zip(("LOADS", "ROOTS"), sizes.values(), strict=True)]
     interface = casadi_interface({name: {key: sizes[key] for key in outputs}}, list(sizes))
     beside = shared_library("\n".join([*renamed, c_text("frames.h"), *numbers, interface]), linked=library)
+    _stop_generated_code()
     return ca.external(name, str(beside if frames == 1 else copied_library(beside, f"x{frames}-{beside.name}")))

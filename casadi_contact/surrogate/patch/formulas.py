@@ -194,7 +194,6 @@ def _part_functions(
         ratio_sum=_lines(f"phi += c[{m}] * ratio[{m}];" for m in range(len(ratios))),
         loads=sums("loads[{load}]", f"{sign}normal", "normal * ratio[{m}]"),
         rows=sums("loads_jacobian[{load}][j]", f"({sign}d_normal)", slope),
-        lane_loads=sums("loads[{load}][l]", f"{sign}normal", "normal * all_ratios[{m} * LANES + l]"),
         ratio_weights=", ".join(weight([k]) for k in ratios) or "0.0",
         sign=sign,
         sensitive_weight=weight(np.flatnonzero(part.own).tolist()),
@@ -249,7 +248,6 @@ def patch_kernel(
         values=each("if (normal[{p}] > 0.0) loads_on_{name}(normal[{p}], ratio[{p}], loads);"),
         jacobians=each(f"if (normal[{{p}}] > 0.0) slopes_on_{{name}}({slopes});"),
         hessians=each("BENT({p}) hessian_on_{name}(pose, &frame, loads_weight, roots_weight, hessian);"),
-        batches=each("batch_on_{name}(pose, frame, loads, roots);"),
     )
     code = [
         c_text("pose.h"),

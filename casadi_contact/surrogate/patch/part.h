@@ -33,20 +33,3 @@ $ratio_sum
   }
   patch_hessian_in_pose(frame, &local, $n0, s, ds, roots_weight ? roots_weight[$row] : 0.0, d2s, phi, d_phi, d2_phi, hessian);
 }
-
-INLINE void batch_on_${patch}(const double *pose, const Frame *frame, double (*loads)[LANES], double (*roots)[LANES]) {
-  double x[6 * LANES], s[LANES], all_ratios[RATIOS * LANES];
-  for (int l = 0; l < LANES; l++) {
-    const Local local = local_of(pose + 6 * l, frame + l, $anchor, 0);
-    for (int j = 0; j < 6; j++) x[j * LANES + l] = local.x[j];
-  }
-  root_${patch}_batch(x, s);
-  if (roots) memcpy(roots[$row], s, sizeof s);
-  if (!loads) return;
-  ratios_${patch}_batch(x, all_ratios);
-  for (int l = 0; l < LANES; l++) {
-    const double normal = $n0 * pressed_square(s[l]);
-    (void)normal;
-$lane_loads
-  }
-}

@@ -79,14 +79,3 @@ $hessians
   for (int k = 0; k < 6; k++) gradient_by_free(hessian + 6 * k, 1);
   for (int k = 0; k < 6; k++) gradient_by_free(hessian + k, 6);
 }
-
-FUNCTION void ${before}kernel_batch(const double *given, double (*loads)[LANES], double (*roots)[LANES]) {
-  Frame frame[LANES];
-  double pose[6 * LANES];
-  for (int l = 0; l < LANES; l++, given += 6) {
-    memcpy(pose + 6 * l, $held, 6 * sizeof(double));
-    frame[l] = frame_of(pose + 6 * l);
-  }
-  if (loads) memset(loads, 0, LOADS * sizeof(double[LANES]));
-$batches
-}

@@ -58,12 +58,3 @@ FUNCTION void ${before}kernel_hessian(const double *pose, const double *loads_we
   ${before}parts_kernel_hessian(pose, loads_weight, roots_weight ? weights : 0, hessian);
   for (int k = 0; k < 36; k++) hessian[k] += bent[k];
 }
-
-FUNCTION void ${before}kernel_batch(const double *pose, double (*loads)[LANES], double (*roots)[LANES]) {
-  double all[$parts][LANES], s[$parts], slopes[$parts], bends[$parts], whole;
-  ${before}parts_kernel_batch(pose, loads, roots ? all : 0);
-  for (int l = 0; roots && l < LANES; l++) {
-    for (int i = 0; i < $parts; i++) s[i] = all[i][l];
-    for (int p = 0; p < ROOTS; p++) roots[p][l] = union_of(p, s, slopes, bends, &whole);
-  }
-}

@@ -36,17 +36,3 @@ FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, con
     for (int j = 0; j < 6; j++) hessian[6 * i + j] = i < j ? h[6 * j + i] : h[6 * i + j];
   }
 }
-
-FUNCTION void kernel_batch(const double *pose, double (*loads)[LANES], double (*roots)[LANES]) {
-  double x[6 * LANES], y[NETWORKS * LANES];
-  for (int l = 0; l < LANES; l++) {
-    for (int j = 0; j < 6; j++) x[j * LANES + l] = pose[6 * l + j];
-  }
-  networks_batch(x, y);
-  for (int m = 0; m < NETWORKS; m++) {
-    for (int l = 0; l < LANES; l++) {
-      if (loads && LOAD_OF_NETWORK[m] >= 0) loads[LOAD_OF_NETWORK[m]][l] = y[m * LANES + l];
-      if (roots && ROOT_OF_NETWORK[m] >= 0) roots[ROOT_OF_NETWORK[m]][l] = -y[m * LANES + l] / REFERENCE_LOAD;
-    }
-  }
-}

@@ -121,15 +121,8 @@ INLINE void layer(int biased, int inputs, int outputs, const double *w, const do
   else if (outputs - i >= 8) layer_block(biased, inputs, 8, outputs, w + i, a, z + i);
 }
 
-/* z = W a + b */
-INLINE void affine(int inputs, int outputs, const double *w, const double *a, double *z) {
-  layer(1, inputs, outputs, w, a, z);
-}
-
-/* z = W a */
-INLINE void linear(int inputs, int outputs, const double *w, const double *a, double *z) {
-  layer(0, inputs, outputs, w, a, z);
-}
+#define affine(...) layer(1, __VA_ARGS__) /* z = W a + b */
+#define linear(...) layer(0, __VA_ARGS__) /* z = W a */
 
 INLINE double sum_of_lanes(const double *sum) {
   return ((sum[0] + sum[4]) + (sum[1] + sum[5])) + ((sum[2] + sum[6]) + (sum[3] + sum[7]));

@@ -29,25 +29,9 @@ ENTRY void ${before}guarded_hessian(const double *pose, const double *loads_weig
   else fill_nan(36, hessian);
 }
 
-FUNCTION void ${before}guarded_batch(const double *pose, double (*loads)[LANES], double (*roots)[LANES]) {
-  ${before}kernel_batch(pose, loads, roots);
-  for (int l = 0; l < LANES; l++) {
-    if (finite_pose(pose + 6 * l)) continue;
-    for (int k = 0; loads && k < LOADS; k++) loads[k][l] = NAN;
-    for (int k = 0; roots && k < $roots; k++) roots[k][l] = NAN;
-  }
-}
-
-/* Of n poses (n x 6); an array that is 0 is left out. The last block is filled up with its last pose: no result depends on
- * how many poses there are, or on which thread takes them. */
+/* Of n poses (n x 6); an array that is 0 is left out. */
 ENTRY void ${before}values_of(long long n, const double *poses, double *loads, double *roots) {
-  for (long long i = 0; i < n; i += LANES) {
-    double block[6 * LANES], f[LOADS + 1][LANES], s[$roots + 1][LANES];
-    for (int l = 0; l < LANES; l++) memcpy(block + 6 * l, poses + 6 * (i + l < n ? i + l : n - 1), 6 * sizeof(double));
-    ${before}guarded_batch(block, loads ? f : 0, roots ? s : 0);
-    for (int l = 0; l < LANES && i + l < n; l++) {
-      for (int k = 0; loads && k < LOADS; k++) loads[LOADS * (i + l) + k] = f[k][l];
-      for (int k = 0; roots && k < $roots; k++) roots[$roots * (i + l) + k] = s[k][l];
-    }
+  for (long long i = 0; i < n; i++) {
+    ${before}guarded_value(poses + 6 * i, loads ? loads + LOADS * i : 0, roots ? roots + $roots * i : 0);
   }
 }
