@@ -16,7 +16,7 @@ C_FOLDER = "casadi_contact.contact.c"
 
 def kernel_source(scene: Scene, loads: Sequence[str], roots: int, patch_source: str, lanes: int) -> str:
     """C99 of a scene's named loads and root loads (of all patches, or 0), up to guarded_value, _jacobian, _hessian and
-    values_of, all static. patch_source defines ``patch_loads`` (``c/foundation.h``), up to `lanes` numbers in a vector."""
+    values_of, all static. patch_source defines ``patch_loads``, with up to `lanes` numbers in a vector."""
     selection = load_selection(loads, scene.patch_names)
     sizes = {
         **{"LOADS": len(loads), "ROOTS": roots, "PATCHES": len(scene.patch_names)},
