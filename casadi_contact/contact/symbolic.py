@@ -103,7 +103,7 @@ class _Called(ca.Callback):
     def __copy__(self) -> _Called:
         return self
 
-    def __deepcopy__(self, memo: Any) -> _Called:
+    def __deepcopy__(self, memo: Any = None) -> _Called:
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -130,7 +130,7 @@ def model_callback(
 ) -> ca.Function:
     """casadi.Function pose (6) -> outputs of a contact model, some of "loads" and "roots"; batch: number of poses."""
     some_loads = partial(_some_loads, model, [model.load_names.index(load) for load in loads])
-    known = {"loads": (len(loads), some_loads), "roots": (len(model.patch_names), model.root_loads)}
+    known: dict[str, Any] = {"loads": (len(loads), some_loads), "roots": (len(model.patch_names), model.root_loads)}
     function = contact_callback(name, [(key, *known[key]) for key in outputs])
     return function if batch is None else function.map(batch)
 
