@@ -190,12 +190,9 @@ def unmodelled_load_shares(model: ElasticFoundation, poses: Array) -> dict[str, 
 
 
 def unmodelled_fraction(model: ElasticFoundation, poses: Array) -> Array:
-    """Share of the load (n,) in poses (n, 6) where the scene has no elements, on walls and outside of all patches:
-    a/(a + c) and b/(b + c) combined into (a + b)/(a + b + c). Raises ValueError for bad poses."""
-    with np.errstate(divide="ignore"):  # where nothing is counted, c = 0, a share is 1
-        shares = (share_on_walls(model, poses), share_outside_patches(model, poses))
-        to_counted = sum(share / (1.0 - share) for share in shares)
-    return np.asarray(1.0 - 1.0 / (1.0 + to_counted))
+    """Share of the load (n,) in poses (n, 6) where the scene has no elements: at most what lies on walls and outside of
+    all patches. Raises ValueError for bad poses."""
+    return np.minimum(share_on_walls(model, poses) + share_outside_patches(model, poses), 1.0)
 
 
 def unmodelled_load_words(shares: Mapping[str, Array]) -> dict[str, str]:

@@ -15,7 +15,7 @@ from casadi_contact.contact.settle import settle
 from casadi_contact.core.conventions import Array
 from casadi_contact.samples.chunk import WrenchModel, part_wrenches
 from casadi_contact.samples.reference import Cycle, reference_poses
-from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Dropped, Samples
+from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.scenes.joint_cycle import scene_cycles
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.walking import has_gait, reference_cycles
@@ -120,16 +120,12 @@ def cycle_poses(surrogate: ContactModel, samples: Samples, count: int = 3) -> Ar
 def label_poses(model: WrenchModel, scene: Scene, poses: Array) -> Samples:
     """Poses (n, 6) with the model's loads, also where contact runs off its elements; validation and test rows in turn.
 
-    Gaps are NaN: they take longer and are not needed. Poses at which the model gives no finite loads are among the
-    dropped ones.
+    Loads are NaN where the model gives none, gaps everywhere: they take longer and are not needed.
     """
     count, width, at_once = len(poses), len(scene.parts), 1000
     wrenches = np.zeros((count, width, 6))
     for first in range(0, count, at_once):
         wrenches[first : first + at_once] = part_wrenches(model, poses[first : first + at_once], width)
-    kept = np.isfinite(wrenches).all(axis=(1, 2))
+    wrenches[~np.isfinite(wrenches).all(axis=(1, 2))] = np.nan
     role = np.where(np.arange(count) % 2 == 0, VALIDATION, TEST).astype(np.uint8)
-    domain = np.ones(count, dtype=np.uint8)
-    dropped = Dropped(poses[~kept], domain[~kept])
-    gaps = np.full((int(kept.sum()), width), np.nan)
-    return Samples(scene, poses[kept], wrenches[kept], gaps, domain[kept], role[kept], dropped=dropped)
+    return Samples(scene, poses, wrenches, np.full((count, width), np.nan), np.ones(count, dtype=np.uint8), role)

@@ -10,11 +10,9 @@ import numpy as np
 
 from casadi_contact import __version__
 from casadi_contact.contact.approach import touching_start
-from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.contact.choice import foundation
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.core.conventions import Array
 from casadi_contact.samples.chunk import WrenchModel
 from casadi_contact.samples.samples import Samples
 from casadi_contact.samples.settings import SamplingSettings
@@ -22,34 +20,6 @@ from casadi_contact.scenes.scene import Scene
 
 # Makes the model that poses are settled on and the one that samples are evaluated on, in each worker process.
 ModelPair = Callable[[Scene, SamplingSettings], tuple[ContactModel, WrenchModel]]
-
-
-class WithinElements:
-    """A cell foundation with the rim of an element grid.
-
-    A cell is several times as wide as an element: cells at the rim would reject a third of a mesh's samples.
-    """
-
-    def __init__(self, model: CellFoundation, elements: ElasticFoundation) -> None:
-        self.model, self.elements = model, elements
-
-    def wrenches(self, poses: Array) -> Array:
-        """Those of the cells (n, patches, 6)."""
-        return self.model.wrenches(poses)
-
-    def edge_share(self, poses: Array) -> Array:
-        """Share of the load (n,) at the edges of the elements."""
-        return self.elements.edge_share(poses)
-
-    def edge_wrenches(self, poses: Array) -> Array:
-        """What the elements carry there (n, patches, 6)."""
-        return self.elements.edge_wrenches(poses)
-
-    def __getattr__(self, name: str) -> Any:
-        """All else is that of the cells: gaps, part_wrenches, part_gaps, record."""
-        if name in ("model", "elements"):  # not set yet
-            raise AttributeError(name)
-        return getattr(self.model, name)
 
 
 def elastic_foundations(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
@@ -60,9 +30,7 @@ def elastic_foundations(scene: Scene, settings: SamplingSettings) -> tuple[Conta
 def foundations(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
     """The scene's `cc.foundation`, both to settle on and to evaluate samples on."""
     model = foundation(scene)
-    if not isinstance(model, CellFoundation):
-        return model, model
-    return model, WithinElements(model, ElasticFoundation(scene, settings.teacher_grid))
+    return model, model
 
 
 def finite_elements(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:

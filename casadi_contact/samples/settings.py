@@ -111,7 +111,7 @@ class SamplingSettings:
     settle_grid: tuple[int, int] = (40, 30)
     teacher_grid: tuple[int, int] = (80, 40)
     settle_tolerance_n: float = 1e-3
-    most_edge_share: float = 0.2
+    most_edge_share: float = 0.5
     chunk_size: int = 500
     most_dropped: float = 0.3
     inputs: tuple[str, ...] = ()

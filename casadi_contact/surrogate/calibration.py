@@ -11,7 +11,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,7 +31,7 @@ from casadi_contact.samples.chunk import WrenchModel
 from casadi_contact.samples.models import model_name_of
 from casadi_contact.samples.samples import DOMAINS, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.confidence import SURE, SURELY_INVALID, SURELY_VALID, VALID, Confidence, growth_outside
+from casadi_contact.surrogate.confidence import SURE, SURELY_VALID, VALID, Confidence, growth_outside
 
 _OF_THE_MODEL = ("model_errors", "model_errors_against")  # keys of the record
 
@@ -211,28 +210,25 @@ def _rows(
     scene = surrogate.scene
     for k, part in enumerate([validation, *others]):
         chosen = part if k else part.rows(np.sort(rng.permutation(len(part))[: settings.rows]))
-        target, lost = chosen.loads(names), part.dropped.poses if k else np.empty((0, 6))
-        errors, nowhere = np.abs(surrogate(chosen.poses) - target), np.full((len(lost), len(names)), np.inf)
+        poses, target = chosen.poses, chosen.loads(names)
+        errors = np.abs(surrogate(poses) - target)
         load = np.linalg.norm(chosen.wrenches[..., :3], axis=2).sum(axis=1) / scene.reference_load
         share = settings.light + (1.0 - settings.light) * np.minimum(load, 1.0)
         allowed = settings.tolerances * share[:, None] * scene.tolerances_of(names)
         unsure = errors
-        if (edges := getattr(model, "edge_wrenches", None)) is not None and len(chosen):
+        if (edges := getattr(model, "edge_wrenches", None)) is not None and len(poses):
             selection = load_selection(names, scene.patch_names)
-            unsure = errors + np.abs(np.einsum("lpk,npk->nl", selection, edges(chosen.poses)))
-        poses = np.concatenate([chosen.poses, lost])
-        group = chosen.domain.astype(int) if k == 0 else np.full(len(chosen), len(DOMAINS) + k)
-        parts.append(
-            _Rows(
-                poses,
-                surrogate.confidence_roots(poses),
-                np.concatenate([errors, nowhere]),
-                np.concatenate([(unsure / allowed).max(axis=1), np.full(len(lost), np.inf)]),
-                np.concatenate([target != 0.0, nowhere < 0.0]),
-                np.concatenate([group, np.zeros(len(lost), dtype=int)]),
-            )
-        )
+            unsure = errors + np.abs(np.einsum("lpk,npk->nl", selection, edges(poses)))
+        ratio = np.nan_to_num((unsure / allowed).max(axis=1), nan=np.inf)
+        group = np.full(len(poses), len(DOMAINS) + k) if k else chosen.domain.astype(int)
+        errors = np.nan_to_num(errors, nan=np.inf)
+        parts.append(_Rows(poses, surrogate.confidence_roots(poses), errors, ratio, _carried(target), group))
     return _Rows(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def _carried(loads: Array) -> np.ndarray:
+    """Which loads (n, L) are numbers, and not zero."""
+    return np.isfinite(loads) & (loads != 0.0)
 
 
 def _fit(surrogate: Surrogate, confidence: Confidence, rows: _Rows, settings: CalibrationSettings) -> Confidence:
@@ -362,24 +358,17 @@ def coverage_by_group(
 ) -> dict[str, dict[str, float]]:
     """By domain of the samples: share of poses with validity above 0.9 ("valid") and, by load, share of errors below
     the expected ones, over the poses that carry the load, where there are ten or more. By name of the others: the same
-    of those with validity above 0.5; "edge" those of all with validity between 0.1 and 0.9."""
+    of those with validity above 0.5."""
     groups = {domain: samples.select(domain) for domain in DOMAINS}
-    edge = []
-    for part in filter(len, (samples, *(others or {}).values())):
-        validity = surrogate.validity(part.poses)
-        edge.append(part.rows((validity > SURELY_INVALID) & (validity <= SURELY_VALID)))
     for name, part in (others or {}).items():
         groups[name] = part.rows(surrogate.validity(part.poses) > VALID) if len(part) else part
-    result = {name: dict(_coverage(surrogate, part)) for name, part in groups.items() if len(part)}
-    if others and any(len(part) for part in edge):
-        result["edge"] = dict(_coverage(surrogate, reduce(Samples.join_samples, edge)))
-    return result
+    return {name: dict(_coverage(surrogate, part)) for name, part in groups.items() if len(part)}
 
 
 def _coverage(surrogate: Surrogate, part: Samples) -> Iterator[tuple[str, float]]:
     target = part.loads(surrogate.load_names)
     below = np.abs(surrogate(part.poses) - target) <= surrogate.expected_error(part.poses)
     yield "valid", float(np.mean(surrogate.validity(part.poses) > SURELY_VALID))
-    for load, column, carried in zip(surrogate.load_names, below.T, (target != 0.0).T, strict=True):
+    for load, column, carried in zip(surrogate.load_names, below.T, _carried(target).T, strict=True):
         if carried.sum() >= 10:
             yield load, float(np.mean(column[carried]))

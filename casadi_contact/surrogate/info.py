@@ -43,7 +43,6 @@ _COVERAGE_ROWS = {  # see `calibration.coverage_by_group`
     "range": "poses of validity above 0.5, drawn evenly over the sampled ranges",
     "settled": "poses of validity above 0.5 at which the static solver ends on the surrogate, at a rim too",
     "cycles": "poses of validity above 0.5 of cycles that were never drawn around, found on the surrogate",
-    "edge": "all poses with validity from 0.1 to 0.9",
 }
 
 

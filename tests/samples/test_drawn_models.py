@@ -10,7 +10,7 @@ from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.samples.draw import draw_samples
-from casadi_contact.samples.models import MODELS, WithinElements, model_pair, teacher_of
+from casadi_contact.samples.models import MODELS, model_pair, teacher_of
 from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.samples import read_samples
 from casadi_contact.samples.settings import SamplingSettings
@@ -18,18 +18,13 @@ from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.walking import reference_motion_cycles
 
 
-def test_contact_that_ends_within_the_outermost_cell_does_not_reach_the_rim():
+def test_contact_that_ends_within_the_outermost_cell_has_no_load_at_the_edge():
     """A ball 0.1 mm deep in a plane of ±12 mm touches within 2.45 mm: up to 10.95 and 12.95 mm from the middle."""
-    scene = load_scene("sphere_on_plane")
-    cells = CellFoundation(scene, Cells(4.0, 4.0), compiled=False)
-    teacher = WithinElements(cells, ElasticFoundation(scene, (120, 120)))
+    cells = CellFoundation(load_scene("sphere_on_plane"), Cells(4.0, 4.0), compiled=False)
     poses = np.array([[x, 29.9, 0.0, 0.0, 0.0, 0.0] for x in (0.0, 8.5, 10.5)])
     assert cells.at_edge(poses)[:, 0].tolist() == [False, True, True]
-    assert (teacher.edge_share(poses) > 0.01).tolist() == [False, False, True]
-    np.testing.assert_array_equal(teacher.wrenches(poses), cells.wrenches(poses))
-    np.testing.assert_array_equal(teacher.gaps(poses), cells.gaps(poses))
-    cells.record = {"rms": {"Fy": 0.2}, "against": "EF 320×320"}
-    assert teacher.record is cells.record, "what a surrogate of it says that it is itself off by"
+    assert (cells.edge_share(poses) > 0.01).tolist() == [False, False, True]
+    assert (cells.edge_wrenches(poses)[:, 0, 1] < -1.0).tolist() == [False, False, True]
 
 
 def test_the_hip_on_its_foundation_has_the_element_grid_s_samples_with_less_error(tmp_path):

@@ -14,6 +14,7 @@ from casadi_contact.contact.cells.patches import lay_cells, patch_charts
 from casadi_contact.contact.cells.quadrature import Quadrature, cell_moments
 from casadi_contact.contact.cells.source import cell_source
 from casadi_contact.contact.compiled_foundation import CompiledFoundation
+from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.model import PatchLoads
 from casadi_contact.contact.pressure_law import law_of
 from casadi_contact.core.conventions import Array, batched
@@ -46,6 +47,18 @@ class CellFoundation(CompiledFoundation):
     def part_gaps(self, poses: Array) -> Array:
         """Distance of each part of the scene's patches (n, parts) [mm] from the moving body."""
         return self._parts.gaps(poses)
+
+    def edge_share(self, poses: Array) -> Array:
+        """`ElasticFoundation.edge_share`: cells at the rim are several times as wide as elements."""
+        return self._elements.edge_share(poses)
+
+    def edge_wrenches(self, poses: Array) -> Array:
+        """`ElasticFoundation.edge_wrenches` of the scene's teacher grid."""
+        return self._elements.edge_wrenches(poses)
+
+    @cached_property
+    def _elements(self) -> ElasticFoundation:
+        return ElasticFoundation(self.scene, self.scene.grids["teacher"])
 
     @cached_property
     def _parts(self) -> CellFoundation:
