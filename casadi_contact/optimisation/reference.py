@@ -75,6 +75,13 @@ def _scaled(model: ElasticFoundation, times: float, most_mm: float = 1.5) -> Ela
     return ElasticFoundation(scene, (int(np.ceil(times * nx)), int(np.ceil(times * nz))))
 
 
+def share_at_edges(model: ElasticFoundation, poses: Array) -> Array:
+    """Share (n,) of the patches' forces, by size, on elements at an edge (`ElasticFoundation.edge_wrenches`)."""
+    poses = as_poses(poses)
+    force = np.linalg.norm(model.wrenches(poses)[..., :3], axis=2)
+    return np.asarray((model.edge_share(poses) * force).sum(axis=1) / np.maximum(force.sum(axis=1), 1e-300))
+
+
 def share_on_walls(model: ElasticFoundation, poses: Array) -> Array:
     """Share (n,) of the pressing force Σ p·A on walls of the fixed mesh: triangles within the patches' boxes that are
     steeper than 78 degrees against the rays that lay out elements, or undercut. 0 out of contact and without a mesh."""
@@ -158,7 +165,7 @@ _PLACES = {
         "less",
     ),
     "at_edges": _Place(
-        ElasticFoundation.edge_share,
+        share_at_edges,
         "within 1 mm of an edge of the elements, where the surface goes on or was cut: beyond it none is counted; "
         'wider bounds in geometry.patches or a larger mesh count it; open_edges = "rim" says that the part ends',
     ),

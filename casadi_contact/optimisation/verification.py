@@ -13,7 +13,13 @@ from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import Array, as_poses, load_unit
 from casadi_contact.core.quantities import FORCE, format_above_limit, of_kind, three_digits
-from casadi_contact.optimisation.reference import loads_on, off_finer, reference_model, unmodelled_fraction
+from casadi_contact.optimisation.reference import (
+    loads_on,
+    off_finer,
+    reference_model,
+    share_at_edges,
+    unmodelled_fraction,
+)
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.tolerance import Tolerance
 
@@ -261,7 +267,7 @@ def verify(
         errors[~np.isfinite(errors)] = np.inf
         errors[rows["on_model"]], name = 0.0, type(model).__name__
         if isinstance(model, ElasticFoundation):
-            name, uncounted, at_edge = model.label, unmodelled_fraction(model, poses), model.edge_share(poses)
+            name, uncounted, at_edge = model.label, unmodelled_fraction(model, poses), share_at_edges(model, poses)
             ended = rows["solved"]
             finer[ended] = off_finer(model, poses[ended], names, allowed[ended])
     return Verification(

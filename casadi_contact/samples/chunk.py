@@ -27,8 +27,8 @@ _PULL_N = 1e-9
 class WrenchModel(Protocol):
     """The model that samples are evaluated on.
 
-    Optional: gaps(poses) and at_edge(poses), both (n, patches), and edge_share(poses) (n,); for patches in several
-    parts also part_wrenches(poses) (n, parts, 6) and part_gaps(poses) (n, parts).
+    Optional: gaps(poses), at_edge(poses) and edge_share(poses), all (n, patches); for patches in several parts also
+    part_wrenches(poses) (n, parts, 6) and part_gaps(poses) (n, parts).
     """
 
     def wrenches(self, poses: Array) -> Array:
@@ -198,10 +198,10 @@ def lift(model: ContactModel, poses: Array, gaps_mm: Array, newton_steps: int = 
 
 
 def edge_share(teacher: WrenchModel, poses: Array) -> Array:
-    """Share of the load (n,) at the elements' edges: the model's edge_share, else 1 where contact is at_edge."""
-    if hasattr(teacher, "edge_share"):
-        return np.asarray(teacher.edge_share(poses))
-    return teacher.at_edge(poses).any(axis=1).astype(float) if hasattr(teacher, "at_edge") else np.zeros(len(poses))
+    """The largest share of a patch's load (n,) at the elements' edges: by the model's edge_share, else 1 where contact
+    is at_edge."""
+    share = getattr(teacher, "edge_share", getattr(teacher, "at_edge", None))
+    return np.zeros(len(poses)) if share is None else share(poses).max(axis=1).astype(float)
 
 
 def part_wrenches(teacher: WrenchModel, poses: Array, parts: int) -> Array:

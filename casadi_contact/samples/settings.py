@@ -88,7 +88,7 @@ class SamplingSettings:
     the envelopes to D1, likewise D2; d3_fraction expands the extremes; d3_minimum_widths: least width of D3 in an
     input [mm, rad or N]; fixed_offsets: an input's offset in D1 and in D2 [mm, rad or N], whatever its curves (ry is
     known from a single curve: 1.1° and 3.4°); settle_tolerance_n: largest force error of a static analysis;
-    most_edge_share: of a sample's load, at the edges of the elements; poses with more of it become no samples;
+    most_edge_share: of a patch's load, at the edges of the elements; poses with more of it become no samples;
     most_dropped: share of a domain's plan that may become no samples; inputs: sample-point inputs, the scene's if
     empty; reach: ranges (low, high) of all inputs [mm, rad, N] of the plan `reach` (see `domains`).
     """
@@ -111,7 +111,7 @@ class SamplingSettings:
     settle_grid: tuple[int, int] = (40, 30)
     teacher_grid: tuple[int, int] = (80, 40)
     settle_tolerance_n: float = 1e-3
-    most_edge_share: float = 0.5
+    most_edge_share: float = 0.02
     chunk_size: int = 500
     most_dropped: float = 0.3
     inputs: tuple[str, ...] = ()

@@ -203,7 +203,7 @@ def test_poses_at_which_the_model_gives_no_number_are_wrong(surrogate, model, on
 
     poses = pressed_poses(surrogate, 2)
     validity = calibrate(surrogate, on_the_plane, Fails(surrogate), settings=RIM).validity(poses)
-    assert np.mean(validity[~model.on_the_plane(poses)] > 0.5) < 0.05
+    assert np.mean(validity[~model.on_the_plane(poses)] > 0.5) < 0.1
 
 
 def test_what_is_known_of_the_models_own_errors_is_kept(surrogate, samples):

@@ -174,12 +174,9 @@ class ElasticFoundation(WrenchLoads):
 
     @batched
     def edge_share(self, poses: Array) -> Array:
-        """Share (n,) of the patches' forces, by size, that `edge_wrenches` hold; 0 out of contact."""
-        edge, whole = (
-            np.linalg.norm(wrenches[..., :3], axis=2).sum(axis=1)
-            for wrenches in (self.edge_wrenches(poses), self.wrenches(poses))
-        )
-        return np.asarray(np.divide(edge, whole, where=whole > 0.0, out=np.zeros(len(poses))))
+        """Share (n, patches) of each patch's force, by size, that `edge_wrenches` hold; 0 out of contact."""
+        edge, whole = (np.linalg.norm(of(poses)[..., :3], axis=2) for of in (self.edge_wrenches, self.wrenches))
+        return np.asarray(np.divide(edge, whole, where=whole > 0.0, out=np.zeros(whole.shape)))
 
     def pressure_maps(self, pose: Array) -> list[PressureMap]:
         """Pressure of every element in one pose (6,), patch by patch."""

@@ -142,8 +142,8 @@ def propose(
     findings += [text] if off <= 1.0 else []
     questions += [f"enough elements: {text}"] if off > 1.0 else []
     model = ElasticFoundation(Scene.from_tables(tables))
-    if model.at_edge(poses).any():
-        tables["sampling"]["most_dropped"] = 0.6  # of its plan: poses whose contact reaches an edge are no samples
+    if model.edge_share(poses).max() > 0.0:  # networks learn what lies there, validity that it is unsure
+        tables["sampling"] |= {"most_edge_share": 0.5, "most_dropped": 0.6}
     questions += _questions_about_motion(model, poses, report)
     begin("done")
     frames = report.converged.size
