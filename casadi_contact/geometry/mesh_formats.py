@@ -136,12 +136,13 @@ def _of_vtk(content: bytes) -> tuple[Array, np.ndarray]:
     """`POINTS`, and `POLYGONS` or `CELLS` that are polygons: size and corners of each, since version 5.1 offsets and
     corners; text, or numbers with the high byte first. Source: VTK file formats, legacy formats."""
     head, _, form, rest = content.removeprefix(_BOM).split(b"\n", 3)
-    arrays: dict[str, np.ndarray] = {}
+    text, arrays = form.strip().upper() == b"ASCII", dict[str, np.ndarray]()
+    rest = rest.replace(b"\r", b"") if text else rest
     cells, counts = "", list[str]()
 
     def take(name: str, kind: str, count: int) -> bytes:
         """The next numbers, and what follows them."""
-        if form.strip().upper() == b"ASCII":
+        if text:
             words = rest.split(maxsplit=count)
             arrays[name] = np.array(words[:count], dtype=float)
             if len(words) < count:

@@ -82,7 +82,10 @@ def surrogate_page(
         parts.append(paragraph(f"{name}: {verdict}", "verdict" if verdict.usable else "verdict unfit"))
     parts += [heading("Scene"), _scene_picture(scene)]
     for name, surrogate in surrogates.items():
-        parts += _surrogate(name, surrogate)
+        tolerances, errors = surrogate.scene.tolerances, surrogate.info().test_errors
+        parts += [heading(f"{name}: reach"), *_reach(surrogate), heading(f"{name}: errors by domain")]
+        parts += [_errors(errors, surrogate.load_names, tolerances), heading(f"{name}: coverage"), _coverage(surrogate)]
+        parts += [heading(f"{name}: training"), _training(surrogate)]
     parts += [heading("Dropped samples"), *_dropped(samples)]
     chart = paragraph("No chart was measured for this scene: casadi-contact chart does.")
     if front is not None:
@@ -104,20 +107,6 @@ def _scene_picture(scene: Scene) -> str:
     except (ValueError, OSError, ImportError) as error:
         return paragraph(f"no picture: {one_line(error)}")
     return picture(lambda path: draw_contact(model, np.array([pose]), path), f"{scene.name} in contact")
-
-
-def _surrogate(name: str, surrogate: Surrogate) -> list[str]:
-    info, loads = surrogate.info(), surrogate.load_names
-    return [
-        heading(f"{name}: reach"),
-        *_reach(surrogate),
-        heading(f"{name}: errors by domain"),
-        _errors(info.test_errors, loads, surrogate.scene.tolerances),
-        heading(f"{name}: coverage"),
-        _coverage(surrogate),
-        heading(f"{name}: training"),
-        _training(surrogate),
-    ]
 
 
 def _reach(surrogate: Surrogate) -> list[str]:

@@ -51,7 +51,7 @@ FILES = {
     "exported.off": lambda *ball: trimesh.Trimesh(*ball, process=False).export(file_type="off"),
     "text.vtk": vtk,
     "binary.vtk": lambda *ball: vtk(*ball, binary=True),
-    "text_5.vtk": lambda *ball: vtk(*ball, modern=True),
+    "text_5.vtk": lambda *ball: vtk(*ball, modern=True).replace(b"\n", b"\r\n"),
     "binary_5.vtk": lambda *ball: vtk(*ball, binary=True, modern=True),
 }
 

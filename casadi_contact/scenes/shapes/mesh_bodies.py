@@ -166,17 +166,25 @@ def _field(mesh: TriangleMesh, spacing_mm: float) -> DistanceField:
     return kept_field(mesh, spacing_mm, partial(_surface, mesh))
 
 
+@lru_cache(maxsize=16)
+def _boxed(mesh: TriangleMesh, low: tuple[float, ...], high: tuple[float, ...]) -> TriangleMesh:
+    return mesh.inside_box(np.array(low), np.array(high), reaching=True)
+
+
+_divided = lru_cache(maxsize=16)(TriangleMesh.subdivided)
+
+
 def patch_mesh(geometry: Geometry, patch: str, *, reaching: bool = False) -> TriangleMesh:
     """All triangles of the fixed mesh that reach into a patch's box, or those that belong to it by their centres,
     divided until no edge is longer than 3 mm or, of a small moving body, a twelfth of its size, since contact counts
     at centres alone. Where the scene states `pressing` or `cup_centre`, or the patch `pressing`, only those that face
     the moving body."""
     box = patch_box(geometry, patch)
-    mesh = body_mesh(geometry, "fixed").inside_box(*box, reaching=True)
+    mesh = _boxed(body_mesh(geometry, "fixed"), tuple(box[0]), tuple(box[1]))
     if reaching:
         return mesh
     size_mm = float(np.ptp(body_mesh(geometry, "moving").vertices_mm, axis=0).max())
-    mesh = mesh.subdivided(min(LONGEST_MM, size_mm / 12.0)).inside_box(*box)
+    mesh = _divided(mesh, min(LONGEST_MM, size_mm / 12.0)).inside_box(*box)
     return mesh.part(_seen(geometry, patch, mesh.corners_mm.mean(axis=1), mesh.normals))
 
 
@@ -231,7 +239,7 @@ def check_patches(geometry: Geometry, least_mm2: float = 4.0, least_side_mm: flo
     """Raise ValueError for a patch with hardly any surface."""
     for patch in geometry["patches"]:
         low, high = patch_box(geometry, patch)
-        mesh = patch_mesh(geometry, patch, reaching=True).subdivided(LONGEST_MM)
+        mesh = _divided(patch_mesh(geometry, patch, reaching=True), LONGEST_MM)
         inside, thin = _in_box(geometry, patch, mesh.corners_mm.mean(axis=1)), (high - low).min() < least_side_mm
         area_mm2 = mesh.areas_mm2[inside].sum()
         if area_mm2 < least_mm2 or thin:

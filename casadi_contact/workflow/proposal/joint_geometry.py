@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from casadi_contact.core.conventions import WRENCH_NAMES, Array, rotation
 from casadi_contact.geometry.mesh import axes_rotation
-from casadi_contact.geometry.projection import LEAST_UPWARD, axis_name
+from casadi_contact.geometry.projection import LEAST_UPWARD
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.workflow.proposal.pair import (
     AXES,
@@ -228,10 +228,6 @@ class Joint:
         if len(self.patches) == 1:
             return [press]
         return [press, "tz" if self.kind == "patella" else "rx" if self.pressing[1] == "y" else "ry"]
-
-    def pressed_along(self, direction: Array) -> Joint:
-        """The joint in given axes, in which the moving body presses along `direction` (3,)."""
-        return replace(self, pressing=axis_name(direction)) if self.kind == "other" and self.pressing else self
 
     @property
     def _forces(self) -> list[str]:

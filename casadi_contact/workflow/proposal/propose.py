@@ -15,7 +15,7 @@ from casadi_contact.core.conventions import Array, Update
 from casadi_contact.core.quantities import FORCE, TORQUE, of_kind, quantity
 from casadi_contact.geometry.distance_field import SPACING_MM, field_fits
 from casadi_contact.geometry.mesh import MM_PER_UNIT, load_mesh
-from casadi_contact.geometry.projection import DOWN
+from casadi_contact.geometry.projection import DOWN, axis_name
 from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.optimisation.reference import unmodelled_load_shares, unmodelled_load_words
 from casadi_contact.samples.reference import ReferenceReport, reference_poses
@@ -95,9 +95,9 @@ def propose(
         )
     geometry = joint_geometry(meshes, kind, axes)
     frame = frame_of(geometry, side, axes)
-    if axes is not None:
-        along = frame.directions(geometry.placement.pressing)
-        geometry = replace(geometry, joint=geometry.joint.pressed_along(along))
+    if axes is not None and geometry.joint.kind == "other" and geometry.joint.pressing:
+        along = axis_name(frame.directions(geometry.placement.pressing))
+        geometry = replace(geometry, joint=replace(geometry.joint, pressing=along))
     made_of = material or ("cartilage" if geometry.placement.together else "polyethylene")
     findings, questions = _remarks(geometry, frame, unit, made_of, chosen=material is not None)
     tables = first_tables(geometry, frame, files, unit, MATERIALS[made_of], name)
@@ -120,7 +120,10 @@ def propose(
         tables["geometry"]["spacing"] = spacing
         findings.append(f"a distance field of {min(spacing.values()):g} mm, as thin bodies need")
     scene = Scene.from_tables(tables)
-    model = ElasticFoundation(scene)
+    try:
+        model = ElasticFoundation(scene)
+    except ValueError as error:  # its cures are keys of a scene file, which there is not
+        raise ValueError(f"{error} (of a scene that was tried: choose other --axes or --joint)") from None
     pose, found = rest_pose(model, joint, direction)
     if found:
         tables["geometry"]["start_pose"] = pose.round(4).tolist()
@@ -253,7 +256,8 @@ def _questions_about_motion(model: ElasticFoundation, poses: Array, report: Refe
         )
     if len(body_mesh(scene.geometry, "fixed").boundary_edges):
         questions.append("whether the part ends at the fixed mesh's open edges: taken as cut there (open_edges)")
-    unmodelled = unmodelled_load_words(unmodelled_load_shares(model, poses))
+    some = poses[:: max(1, len(poses) // 50)]
+    unmodelled = unmodelled_load_words(unmodelled_load_shares(model, some))
     questions += [f"{_UNMODELLED[where]}: {words}" for where, words in unmodelled.items()]
     return questions
 
