@@ -27,7 +27,7 @@ import numpy as np
 from scipy import ndimage
 
 from casadi_contact.core.compilation import njit
-from casadi_contact.core.compiler import cache_folder
+from casadi_contact.core.compiler import cache_folder, is_private
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.files.writing import replacing
 from casadi_contact.geometry.smooth_surface import SmoothSurface
@@ -93,7 +93,7 @@ def kept_field(
     path = folder / f"field-{digest.hexdigest()[:32]}.bin"
     with suppress(OSError, ValueError):
         numbers = np.fromfile(path)
-        if hashlib.sha256(numbers[4:].data).digest() == numbers[:4].tobytes():
+        if is_private(path) and hashlib.sha256(numbers[4:].data).digest() == numbers[:4].tobytes():
             rms, largest, dropped, edges = numbers[4:8]
             return DistanceField(numbers[8:], FieldFit(rms, largest, int(dropped), int(edges)))
     field = build_field(mesh, spacing_mm, surface())

@@ -66,7 +66,7 @@ def _of_obj(content: bytes) -> tuple[Array, np.ndarray]:
         kind, *words = line.split() or [b""]
         if kind == b"v":
             vertices.append([float(word) for word in words[:3]])
-        elif kind == b"f":
+        elif kind in (b"f", b"fo"):
             indices = [int(word.split(b"/")[0]) for word in words]
             if wrong := [k for k in indices if k == 0 or k < -len(vertices)]:
                 raise ValueError(f"a triangle names vertex {wrong[0]} after {len(vertices)} vertices")
@@ -165,9 +165,16 @@ def _of_vtk(content: bytes) -> tuple[Array, np.ndarray]:
             rest = take(key, "int", int(words[0]))
         elif key == "METADATA":
             rest = rest.partition(b"\n\n")[2]
+        elif key == "FIELD" and "POINTS" not in arrays:  # a time
+            for _ in range(int(words[1])):
+                line, _, rest = rest.lstrip().partition(b"\n")
+                _, width, count, kind = line.decode("latin1").split()
+                rest = take(key, kind, int(width) * int(count))
         elif key != "DATASET":
             break  # data of points and cells
     cells = "POLYGONS" if "CELL_TYPES" not in arrays else "CELLS"
+    if not {"POINTS", cells, cells + "OFFSETS"} & {*arrays} > {"POINTS"}:
+        raise ValueError("it has no points and polygons, expected POLYDATA or an UNSTRUCTURED_GRID")
     if wrong := {*arrays.get("CELL_TYPES", ())} - {5, 7, 9} or {*arrays} & {"TRIANGLE_STRIPS"}:
         raise ValueError(f"it has cells of the kind {min(wrong)}, expected polygons")
     points = arrays["POINTS"].astype(float).reshape(-1, 3)

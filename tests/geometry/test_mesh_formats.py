@@ -49,7 +49,7 @@ FILES = {
     "appended_plain.vtp": lambda *ball: appended(*ball, base64_array, raw=True),
     "colours.off": off,
     "exported.off": lambda *ball: trimesh.Trimesh(*ball, process=False).export(file_type="off"),
-    "text.vtk": vtk,
+    "text.vtk": lambda *ball: vtk(*ball).replace(b"POINTS", b"FIELD FieldData 1\nTIME 1 1 double\n0\nPOINTS"),
     "binary.vtk": lambda *ball: vtk(*ball, binary=True),
     "text_5.vtk": lambda *ball: vtk(*ball, modern=True).replace(b"\n", b"\r\n"),
     "binary_5.vtk": lambda *ball: vtk(*ball, binary=True, modern=True),
@@ -118,6 +118,7 @@ HOSTILE = {
     "a corner too few.off": (off(*BALL).replace("3  ", "5  ", 1), "cannot be read"),
     "cut.vtk": (vtk(*BALL, binary=True)[:4000], "cannot be read"),
     "cut text.vtk": (vtk(*BALL)[:-2000], "expected"),
+    "a grid.vtk": (b"# vtk\n\nASCII\nDATASET STRUCTURED_POINTS\nDIMENSIONS 2 2 2\n", "POLYDATA"),
     "tetrahedra.vtk": (vtk(*BALL, modern=True).replace(b" 7\n", b" 10\n"), "kind 10"),
     "xml.stl": ("<VTKFile>", "cannot be read|empty"),
 }
