@@ -53,7 +53,9 @@ def project(tmp_path_factory, quick_calibration):
         yield made
 
 
-def test_sizes_of_other_tolerances_or_samples_are_trained_anew_and_kept_after_that(project, tmp_path):
+def test_sizes_that_are_damaged_or_of_other_tolerances_or_samples_are_trained_anew_and_kept_after_that(
+    project, tmp_path
+):
     shutil.copytree(project.folder, tmp_path / "out")
     half = project.scene.with_tolerances(**{name: 0.5 * most for name, most in project.scene.tolerances.items()})
     other = replace(project, scene=half, folder=tmp_path / "out", own=replace(TINY, chart=ChartEffort(PATCH)))
@@ -64,6 +66,9 @@ def test_sizes_of_other_tolerances_or_samples_are_trained_anew_and_kept_after_th
         train_sizes(other, executor=here)
         assert cc.load_surrogate(path).scene.tolerances == half.tolerances
         assert made == path.stat().st_mtime_ns
+        path.write_bytes(b"damaged")
+        train_sizes(other, executor=here)  # from its checkpoints
+        assert cc.load_surrogate(path).scene.tolerances == half.tolerances
         samples = other.samples()
         write_samples(other.samples_path, samples.rows(np.arange(len(samples)) % 7 > 0))
         shutil.rmtree(other.training_folder("sizes", path.stem), ignore_errors=True)
@@ -108,17 +113,6 @@ def test_the_foundation_stands_beside_networks_coarser_and_finer(project, measur
         assert model.resolution in point.name
         rms = np.sqrt(np.mean((model(poses) - converged) ** 2, axis=0))
         np.testing.assert_allclose([point.load_rms[load] for load in model.load_names], rms, rtol=1e-4)
-
-
-def test_sizes_on_disk_are_kept_and_damaged_ones_made_again(project):
-    first, second = (sized_path(project, name) for name in chart_sizes(project))
-    kept, good = first.stat().st_mtime_ns, cc.load_surrogate(second)
-    second.write_bytes(b"damaged")
-    with ThreadPoolExecutor(1) as here:
-        train_sizes(project, executor=here)
-    assert first.stat().st_mtime_ns == kept
-    again, poses = cc.load_surrogate(second), project.samples().poses[:20]
-    np.testing.assert_array_equal(again(poses), good(poses))  # from its checkpoints: nothing was trained again
 
 
 @pytest.mark.parametrize("place", [0, 2, 4])

@@ -12,9 +12,8 @@ from casadi_contact.cli import pipeline
 from casadi_contact.core.quantities import quantity
 from casadi_contact.samples.samples import load_errors
 from casadi_contact.workflow.benchmark.evaluate import unseen_walking
-from casadi_contact.workflow.benchmark.front_file import read_front, shipped_front
+from casadi_contact.workflow.benchmark.front_file import shipped_front
 from casadi_contact.workflow.project import Project, available_surrogates, built_in_motion
-from problems.studies import shipped_front as measuring
 from tests.support.own_contact import SCENE as SOCKET
 
 
@@ -85,15 +84,3 @@ def test_a_folder_with_samples_speaks_for_itself_and_another_scene_has_nothing_s
         available_surrogates(project)
     with pytest.raises(ValueError, match="damaged"):
         cc.choose("knee", force_tolerance_n=1.0, torque_tolerance_nmm=50.0, folder=tmp_path)
-
-
-def test_measuring_again_writes_a_file_of_its_own(tmp_path, monkeypatch):
-    path, front = shipped_front(cc.load_scene("knee"))
-    before = path.read_bytes()
-    monkeypatch.setattr(measuring, "measure", lambda *_: front)
-    for slow in ("untrained_candidates", "surrogate_candidates", "unseen_walking", "built_in_motion"):
-        monkeypatch.setattr(measuring, slow, lambda *_, **__: ())
-    monkeypatch.chdir(tmp_path)
-    measuring.main()
-    assert read_front(tmp_path / "results" / "knee-front.csv") == front
-    assert path.read_bytes() == before
