@@ -170,7 +170,7 @@ def _optimisers_section(path: Path) -> list[str]:
     intro = (
         f"The root load of the knee's medial side, {found['rows']} samples in contact, a network of "
         f"{found['network']}, the same start, {number(found['cpu_s'])} CPU seconds on one thread for each method: RMS "
-        "errors. `python -m problems.studies.optimisers results/knee-quick/samples.h5` measures this."
+        "errors. `python -m problems.studies.optimisers samples.h5` measures this on the samples of any build."
     )
     rows = [[name, number(trained), number(held_back)] for name, (trained, held_back) in found["rms_n"].items()]
     columns = ["method", "rows for training [N]", "rows held back [N]"]
