@@ -17,7 +17,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -30,6 +29,7 @@ from casadi_contact.contact.settle import settle
 from casadi_contact.contact.symbolic import contact_callback
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.terminal import numbers, run_program
+from casadi_contact.optimisation.ipopt import ipopt_options
 from casadi_contact.optimisation.knee import SIDES, check_knee
 from casadi_contact.optimisation.starts import KNEE_STEPS, settle_in_range
 from casadi_contact.pictures.page import new_page, save_page
@@ -157,13 +157,10 @@ def design(contact: DishContact, bounds: Array, frames: int) -> tuple[Dish, Dish
     opti.set_initial(radii, own)
     opti.set_initial(peak, first.peaks_mpa.max())
     opti.set_initial(q, (first.poses[:, COLUMNS] / steps).T)
-    ipopt: dict[str, Any] = {
-        "hessian_approximation": "limited-memory",
-        "limited_memory_max_history": 30,
-        "mu_strategy": "adaptive",
-    }
-    options = {"print_time": False, "detect_simple_bounds": True}
-    opti.solver("ipopt", options, ipopt)
+    options = ipopt_options(
+        hessian_approximation="limited-memory", limited_memory_max_history=30, mu_strategy="adaptive"
+    )
+    opti.solver("ipopt", options | {"detect_simple_bounds": True})
     found = opti.solve()
     best, at = np.asarray(found.value(radii)), np.asarray(found.value(poses)).T
     return first, balanced(contact.foundation(best), best, loads, at), found.stats()["iter_count"]

@@ -26,6 +26,7 @@ from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, WRENCH_NAMES, Array
 from casadi_contact.core.quantities import newton_scales
 from casadi_contact.core.terminal import run_program
+from casadi_contact.optimisation.ipopt import ipopt_options
 from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection
 from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.optimisation.starts import pose_bounds, pose_steps, press_together
@@ -126,8 +127,8 @@ def solve(model: SymbolicContact, target: Target, intervals: int = 50, smoothing
         opti.set_initial(variables[0], (motion(at) / step).T)
         opti.set_initial(variables[1], (motion(at, 1) / step_v).T)
     opti.set_initial(u, (pushes(points_s) / step_u).T)
-    options = {"print_time": False, "detect_simple_bounds": True}
-    opti.solver("ipopt", options, {"print_level": 0, "sb": "yes", "tol": 1e-6, "max_iter": 200, "mu_init": 1e-3})
+    options = ipopt_options(tolerance=1e-6, max_iterations=200, mu_init=1e-3)
+    opti.solver("ipopt", options | {"detect_simple_bounds": True})
     found = opti.solve()
     poses, rates, actuators = (
         np.asarray(found.value(part)).T * unit for part, unit in ((q, step), (v, step_v), (u, step_u))

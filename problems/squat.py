@@ -35,12 +35,7 @@ from casadi_contact.core.terminal import numbers, run_program
 from casadi_contact.optimisation.ipopt import ipopt_options
 from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection
 from casadi_contact.optimisation.knee import SIDES, check_knee
-from casadi_contact.optimisation.muscle import (
-    MAX_FIBRE_SPEED_PER_S,
-    active_force_length,
-    force_velocity,
-    passive_force_length,
-)
+from casadi_contact.optimisation.muscle import MuscleParameters, rigid_tendon_forces
 from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.optimisation.starts import KNEE_STEPS, middle_pose, settle_in_range
 from casadi_contact.optimisation.verification import verify
@@ -66,6 +61,7 @@ MUSCLES = {
 FORCE_N, FIBRE_M, TENDON_M, LENGTH_M, HIP_M, KNEE_M, ANKLE_M, FRONTAL_M = np.array(
     [row[:8] for row in MUSCLES.values()]
 ).T
+GROUPS = MuscleParameters(tuple(MUSCLES), FORCE_N, FIBRE_M, TENDON_M, np.zeros(len(MUSCLES)))
 GRAVITY = 9.81
 FREE = ("tx", "ty", "rx")  # of the knee's pose; tz and ry are 0, rz is -flexion
 
@@ -82,34 +78,21 @@ class Body:
     ankle_height_m: float = 0.07
 
     @property
-    def masses(self) -> Array:
-        """Masses [kg]."""
-        return self.mass_kg * np.array([0.0465, 0.100, 0.5 * 0.678])
-
-    @property
-    def lengths(self) -> Array:
-        """Lengths [m]."""
-        return self.height_m * np.array([0.246, 0.245, 0.288])
-
-    @property
-    def centres(self) -> Array:
-        """Places of the centres of mass [m]."""
-        return self.lengths * np.array([0.567, 0.567, 0.626])
-
-    @property
-    def inertias(self) -> Array:
-        """Moments of inertia about the centres of mass [kg·m²]."""
-        return self.masses * (self.lengths * np.array([0.302, 0.323, 0.496])) ** 2
+    def segments(self) -> tuple[Array, Array, Array, Array]:
+        """Masses [kg], lengths [m], places of the centres of mass [m], moments of inertia about these [kg·m²]."""
+        mass, size = (
+            self.mass_kg * np.array([0.0465, 0.100, 0.5 * 0.678]),
+            self.height_m * np.array([0.246, 0.245, 0.288]),
+        )
+        return mass, size, size * np.array([0.567, 0.567, 0.626]), mass * (size * np.array([0.302, 0.323, 0.496])) ** 2
 
 
 def muscle_forces(phi: ca.SX, rates: ca.SX, a: ca.SX) -> ca.SX:
     """Forces along rigid tendons (10) [N]: length = length at zero angles - arms·angles."""
     to_angles = np.array([[0.0, -1.0, 1.0], [-1.0, 1.0, 0.0], [1.0, 0.0, 0.0]])  # hip flexion, knee extension, ankle
     arms = ca.DM(np.column_stack([HIP_M, KNEE_M, ANKLE_M]) @ to_angles)
-    fibre = (ca.DM(LENGTH_M - TENDON_M) - arms @ phi) / FIBRE_M
-    speed = -(arms @ rates) / (MAX_FIBRE_SPEED_PER_S * FIBRE_M)
-    active = a * active_force_length(fibre, ca) * force_velocity(speed, ca)
-    return ca.DM(FORCE_N) * (active + passive_force_length(fibre, ca))
+    active, passive, _ = rigid_tendon_forces(GROUPS, ca.DM(LENGTH_M) - arms @ phi, -(arms @ rates), ca)
+    return a * active + passive
 
 
 def leg(body: Body) -> ca.Function:
@@ -120,13 +103,13 @@ def leg(body: Body) -> ca.Function:
         ca.SX.sym(name, rows)
         for name, rows in (("phi", 3), ("rates", 3), ("bend", 3), ("a", 10), ("pose", 6), ("wrench", 6))
     ]
-    m, forces = body.masses, muscle_forces(phi, rates, a)
+    (m, lengths, centres, inertias), forces = body.segments, muscle_forces(phi, rates, a)
     hip, knee, ankle = (ca.dot(ca.DM(arms), forces) for arms in (HIP_M, KNEE_M, ANKLE_M))
     contact = generalised_forces(pose, wrench)  # on the insert
     knee = -knee + 1e-3 * contact[5]
     Q = ca.vertcat(ankle + knee, -knee - hip, hip)
-    along = np.tril(np.tile(body.lengths, (3, 1)), -1) + np.diag(body.centres)  # a_ki
-    c = ca.DM(along.T @ np.diag(m) @ along + np.diag(body.inertias))
+    along = np.tril(np.tile(lengths, (3, 1)), -1) + np.diag(centres)  # a_ki
+    c = ca.DM(along.T @ np.diag(m) @ along + np.diag(inertias))
     apart = ca.repmat(phi, 1, 3) - ca.repmat(phi.T, 3, 1)
     motion = (c * ca.cos(apart)) @ bend + (c * ca.sin(apart)) @ rates**2
     motion -= GRAVITY * ca.DM(along.T @ m) * ca.sin(phi) + Q

@@ -71,7 +71,7 @@ class PoseEstimation:
         result = problem.solve()
 
     targets: measured loads and centres of pressure, measured: pose parameters, by name, each (n,). smoothness
-    [N²/mm²] weighs the change from frame to frame. compiled: as for the model's `function`.
+    [N²/mm²] weighs the change from frame to frame.
 
     nlp: CasADi's x and f; contact: variables with bounds and scales (`ContactFrames`); residuals: scaled free
     parameters (f, n) -> r (targets, n) [N]. Raises ValueError for loads that the scene lacks, measured parameters that
@@ -85,7 +85,6 @@ class PoseEstimation:
         measured: Mapping[str, Array],
         *,
         smoothness: float = 0.0,
-        compiled: bool = True,
     ) -> None:
         if not 0.0 <= smoothness < np.inf:
             raise ValueError(f"smoothness is {smoothness}, expected a finite number >= 0")
@@ -93,9 +92,7 @@ class PoseEstimation:
         self.targets = targets if isinstance(targets, PoseTargets) else PoseTargets.of(model.scene, targets)
         self.measured = model.scene.pose_space.free_curves(measured, "measured pose")
         self.frames = len(self.targets)
-        self.contact = ContactFrames(
-            model, self.frames, locked=self.measured, loads=self.targets.load_names, compiled=compiled
-        )
+        self.contact = ContactFrames(model, self.frames, locked=self.measured, loads=self.targets.load_names)
         self._check_determined()
         q, r = self.contact.q, self.contact.misfit(self.targets.values)
         objective = 0.5 * ca.sumsqr(r)
@@ -108,7 +105,7 @@ class PoseEstimation:
 
     @classmethod
     def of_cycle(cls, model: SymbolicContact, cycle: LoadCycle | JointCycle, **settings: Any) -> PoseEstimation:
-        """The problem of a cycle's targets and measured pose; settings: smoothness and compiled."""
+        """The problem of a cycle's targets and measured pose; settings: smoothness."""
         return cls(model, cycle.estimation_targets(), cycle.measured_pose(), **settings)
 
     def _check_determined(self) -> None:

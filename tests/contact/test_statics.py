@@ -5,9 +5,8 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact.approach import advance_to_contact
-from casadi_contact.contact.relax import _conjugate_motion
 from casadi_contact.contact.settle import NOT_FINITE
-from casadi_contact.core.conventions import LEVER_MM, pose_index, rotation
+from casadi_contact.core.conventions import LEVER_MM, pose_index
 from casadi_contact.samples.reference import reference_poses
 from casadi_contact.scenes.joint_cycle import JointCycle
 from casadi_contact.scenes.loading import scene_from_text
@@ -142,22 +141,6 @@ def test_damped_dynamics_falls_into_contact():
     rest, report = cc.relax(model, at(33.0), ("ty",), {"Fy": -400.0})
     assert report.converged[0]
     assert model(rest)[0, 1] == pytest.approx(-400.0, abs=1e-3)
-
-
-def test_each_load_works_on_the_motion_of_where_it_acts():
-    """Central differences: of a patch's anchor for its force, of the rotation for a torque, of the origin else."""
-    knee, pose, step = TwoSpheres(two_spheres.knee()), np.array([1.0, 27.0, 2.0, 0.3, -0.4, -0.7]), 1e-6
-    motion = _conjugate_motion(knee, ("Fy_med", "Fy_lat", "Fx", "Fz", "Tx", "Ty", "Tz"), pose)
-
-    def places(q):
-        return np.vstack([q[:3] + (rotation(q[3:]) @ anchor) for anchor in (*knee.scene.anchors_mm, np.zeros(3))])
-
-    for k in range(6):
-        ahead, behind = pose + step * np.eye(6)[k], pose - step * np.eye(6)[k]
-        med, lat, origin = (places(ahead) - places(behind)) / (2.0 * step)
-        spin = (rotation(ahead[3:]) - rotation(behind[3:])) / (2.0 * step) @ rotation(pose[3:]).T
-        wanted = [med[1], lat[1], origin[0], origin[2], spin[2, 1], spin[0, 2], spin[1, 0]]
-        np.testing.assert_allclose(motion[:, k], wanted, atol=1e-6)
 
 
 @pytest.mark.parametrize("tolerance_n", [1e-3, 1.0, 30.0])

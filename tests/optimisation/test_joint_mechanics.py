@@ -55,16 +55,6 @@ def test_generalised_forces_do_the_work_of_forces_on_the_body(about):
     np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-6)
 
 
-def test_a_called_back_foundation_gives_its_wrench_and_analytic_jacobian():
-    foundation = cc.ElasticFoundation(cc.load_scene("knee"), (40, 30))
-    called, x = wrench_function(foundation), ca.MX.sym("x", 6)
-    slope = ca.Function("slope", [x], [ca.jacobian(called(x), x)])
-    pick = total_selection(foundation.load_names, foundation.patch_names)
-    wrench, jacobian = foundation.jacobian(POSE[None])
-    np.testing.assert_allclose(np.asarray(called(POSE)).ravel(), pick @ wrench[0], rtol=1e-12)
-    np.testing.assert_allclose(np.asarray(slope(POSE)), pick @ jacobian[0], rtol=1e-12)
-
-
 def test_a_called_back_model_has_second_derivatives_and_no_wrench_where_there_is_no_pose():
     model = cc.load_surrogate("knee")
     own, called = (wrench_function(each, "wrench") for each in (model, Bare(model)))
