@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 
 import casadi as ca
+import numpy as np
 
 from casadi_contact.contact.choice import foundation
 from casadi_contact.contact.convergence import NotGoodEnoughError
@@ -13,8 +15,9 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.symbolic import SymbolicContact, symbolic
 from casadi_contact.core.compiler import CompilerError, compiler_command
+from casadi_contact.core.conventions import Array
 from casadi_contact.optimisation.joint_mechanics import total_selection, whole_wrench
-from casadi_contact.samples.reference import found_sensitive_pose
+from casadi_contact.samples.reference import found_sensitive_pose, reference_poses
 from casadi_contact.scenes.joint_cycle import JointCycle
 from casadi_contact.scenes.load_cycle import LoadCycle
 from casadi_contact.scenes.loading import load_scene
@@ -23,12 +26,19 @@ from casadi_contact.scenes.walking import has_gait, reference_cycle, reference_m
 from casadi_contact.surrogate.load import load_surrogate
 
 
-def load_contact(surrogate: str | None = None, scene: str | None = None, *, whole: bool = False) -> SymbolicContact:
+def load_contact(
+    surrogate: str | None = None,
+    scene: str | None = None,
+    *,
+    whole: bool = False,
+    cycles: Sequence[LoadCycle | JointCycle] = (),
+) -> SymbolicContact:
     """A surrogate by name or path, or the foundation of a scene by name or path; that of the scene `knee` for neither,
     or with a warning the surrogate `knee` where there is no C compiler, without which a foundation takes minutes.
 
-    whole: a foundation has the whole wrench among its loads, as equations of motion need it. A scene that no foundation
-    fits takes its fine elements, with a warning. Raises ValueError for both names and unknown ones.
+    whole: a foundation has the whole wrench among its loads, as equations of motion need it. cycles: at whose poses a
+    mesh's foundation is tested too. A scene that no foundation fits takes its fine elements, with a warning. Raises
+    ValueError for both names and unknown ones.
     """
     if surrogate is not None and scene is not None:
         raise ValueError(f"got surrogate {surrogate} and scene {scene}, expected one of them")
@@ -41,7 +51,8 @@ def load_contact(surrogate: str | None = None, scene: str | None = None, *, whol
     if surrogate is not None:
         return load_surrogate(surrogate)
     known = load_scene(scene or "knee")
-    model = _untrained(whole_wrench(known) if whole else known)
+    poses = _poses_on_elements(known, cycles) if cycles and known.shape == "mesh" else None
+    model = _untrained(whole_wrench(known) if whole else known, poses)
     if not model.scene.sensitive_pose:
         found = found_sensitive_pose(model, reference_motion_cycles(model.scene, ()))
         model = _untrained(model.scene.with_sensitive_pose(found))
@@ -68,9 +79,16 @@ def wrench_function(model: ContactModel, name: str = "contact_wrench") -> ca.Fun
     return ca.Function(name, [pose], [ca.mtimes(total, loads)])
 
 
-def _untrained(scene: Scene) -> SymbolicContact:
+def _poses_on_elements(scene: Scene, cycles: Sequence[LoadCycle | JointCycle], frames: int = 25) -> Array:
+    """Poses (n, 6) that carry the cycles' loads on the elements that the scene settles on."""
+    elements = ElasticFoundation(scene, scene.grids["settle"])
+    found = [reference_poses(elements, [cycle], frames=frames, every_cycle=False) for cycle in cycles]
+    return np.concatenate([poses[report.converged] for poses, report in found])
+
+
+def _untrained(scene: Scene, poses: Array | None = None) -> SymbolicContact:
     try:
-        return foundation(scene)
+        return foundation(scene, poses=poses)
     except NotGoodEnoughError as error:
         elements = ElasticFoundation(scene, scene.grids["fine"])
         said = f"{error}; solved on {elements}, slower and with differenced second derivatives"

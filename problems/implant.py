@@ -56,7 +56,7 @@ def main(scene: Path, files: list[Path], out: Path = Path("results/implant")) ->
     steps, codes = ["contact model", *measured, "done"], list[int]()
     with progress_bars(PlainConsole(), cure="cycles that were done are kept") as progress:
         progress("poses on meshes", 0, len(steps) - 1, steps[0])
-        model = load_contact(scene=str(scene))
+        model = load_contact(scene=str(scene), cycles=[*measured.values()])
         for done, (name, cycle) in enumerate(measured.items(), start=1):
             progress("poses on meshes", done, len(steps) - 1, name)
             print(f"{name}: {len(cycle.time_s)} frames")

@@ -15,20 +15,25 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from numpy.typing import ArrayLike
+
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.choice import CellChoice, cell_foundation
 from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.contact.cells.patches import CELL_SHAPES
 from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.cup import CUP_SHAPE, CupFoundation, cup_foundation
+from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.foundation_source import C_LAWS
 from casadi_contact.contact.polar.foundation import PolarFoundation, polar_foundation
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.contact.polar.surfaces import POLAR_SHAPES
 from casadi_contact.core.compiler import cache_folder, check_private, is_private
+from casadi_contact.core.conventions import as_poses
 from casadi_contact.core.files.writing import write_bytes
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.tolerance import Tolerance
 
 _PACKAGE = Path(__file__).parents[1]
 
@@ -83,14 +88,17 @@ _KINDS = {**dict.fromkeys(CELL_SHAPES, _CELLS), **dict.fromkeys(POLAR_SHAPES, _P
 FOUNDATION_SHAPES = tuple(_KINDS)
 
 
-def foundation(scene: Scene | str | Path, *, compiled: bool = True) -> CompiledFoundation:
+def foundation(
+    scene: Scene | str | Path, *, compiled: bool = True, poses: ArrayLike | None = None
+) -> CompiledFoundation:
     """The cheapest elastic foundation of a scene (or its name, or file) that meets the scene's tolerances.
 
     Smooth shapes with one contact area a patch take polar quadrature, a ball in a cup its closed form, meshes and the
     rest cubic cells. Errors are taken against a much finer model of the same kind (cells: an element grid), over poses
     that press each patch within its rim from the scene's boundary load to 2.5 reference loads. Their RMS is within the
     tolerance of every load, and none is more than three times it. (Cells: 0.3 of both where that can be had; a single
-    error may grow in proportion to the force above the reference load.)
+    error may grow in proportion to the force above the reference load.) Cells are also tested at given poses (n, 6),
+    such as a measured cycle's on elements; where the tolerance is not met there, they are chosen anew with these.
 
     ``record`` of the model holds the choice and its errors, of polar quadrature also how often elements contradict it.
     It is kept in the cache folder, for pressure laws of the library. The kernel is compiled here, once for a machine.
@@ -98,6 +106,11 @@ def foundation(scene: Scene | str | Path, *, compiled: bool = True) -> CompiledF
     """
     model = _chosen(scene if isinstance(scene, Scene) else load_scene(scene), compiled)
     model.compile()
+    if isinstance(model, CellFoundation) and poses is not None:
+        given = as_poses(poses)
+        if not Tolerance.of(model.scene).met(model(given) - ElasticFoundation(model.scene, CellChoice.elements)(given)):
+            model = cell_foundation(model.scene, compiled=compiled, poses=given)
+            model.compile()
     return model
 
 

@@ -96,10 +96,8 @@ class Verification:
     def failing(self) -> np.ndarray:
         """True (n,) for frames unsolved, outside the learned region or with a single error that is too large; where an
         RMS is too large, frames with errors above it too."""
-        tolerance = self.tolerance
-        if not (tolerance.rms_ratios(self.rms) <= 1.0).all():
-            tolerance = tolerance.times(1.0 / tolerance.single)
-        return ~self.solved | self.outside | ~tolerance.met_by_each(self.errors)
+        single = self.tolerance.single if (self.tolerance.rms_ratios(self.rms) <= 1.0).all() else 1.0
+        return ~self.solved | self.outside | ~(np.abs(self.errors) <= single * self.tolerance.allowed).all(axis=1)
 
     @property
     def passed(self) -> bool:

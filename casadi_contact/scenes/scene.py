@@ -123,10 +123,10 @@ class Scene:
     @cached_property
     def digest(self) -> str:
         """SHA-256 of what determines loads and samples: the scene's TOML text without paths of meshes, tolerances and
-        the share of a sampling plan that may be dropped."""
+        what of a sampling plan may be dropped."""
         tables = {key: value for key, value in self.tables.items() if key != "tolerances"}
         tables["geometry"] = shape_named(self.shape).identity(self.tables["geometry"])
-        tables["sampling"] = {key: value for key, value in self.sampling.items() if key != "most_dropped"}
+        tables["sampling"] = {key: value for key, value in self.sampling.items() if not key.startswith("most_")}
         if not tables["sampling"]:
             del tables["sampling"]
         return hashlib.sha256(tomli_w.dumps(tables).encode()).hexdigest()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -45,10 +45,6 @@ class Tolerance:
                 raise ValueError(f"{kind.name} tolerance is {value!r}, expected {kind.unit} above 0")
         return cls(tuple(allowed), np.array(list(allowed.values()), dtype=float))
 
-    def times(self, factor: float) -> Tolerance:
-        """The tolerance with every allowed error multiplied."""
-        return replace(self, allowed=factor * self.allowed)
-
     def rms_ratios(self, rms: ArrayLike) -> Array:
         """RMS errors (..., L) over what is allowed; infinite where an error is not a number."""
         return np.nan_to_num(np.asarray(rms, dtype=float) / self.allowed, nan=np.inf)
@@ -68,7 +64,3 @@ class Tolerance:
     def met(self, errors: ArrayLike) -> bool:
         """Whether errors (n, L) are within tolerance."""
         return self.ratio(errors) <= 1.0
-
-    def met_by_each(self, errors: ArrayLike) -> np.ndarray:
-        """True (n,) for rows without a single error that is too large."""
-        return np.asarray((self.single_ratios(errors) <= 1.0).all(axis=-1))

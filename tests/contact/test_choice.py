@@ -88,7 +88,7 @@ def test_the_rim_decides_where_some_cells_are_good_enough_there(monkeypatch, at_
     class Truth:
         unsure = 0.0
 
-        def __init__(self, scene, choice):
+        def __init__(self, scene, choice, given):
             self.scene = scene
 
         def errors(self, cells):
@@ -101,6 +101,17 @@ def test_the_rim_decides_where_some_cells_are_good_enough_there(monkeypatch, at_
     scene = cc.load_scene("sphere_on_plane", patch_side=60.0)
     cells = choice.cell_foundation(scene, compiled=False).cells
     assert (cells.u_mm, cells.v_mm) == (chosen, chosen)
+
+
+@pytest.mark.parametrize(("tolerance", "anew"), [(1e4, False), (1e-6, True)])
+def test_cells_are_chosen_anew_where_they_miss_the_poses_of_a_cycle(monkeypatch, tolerance, anew):
+    scene, asked = cc.load_scene("sphere_on_plane"), []
+    coarse = cc.CellFoundation(scene.with_tolerances(**dict.fromkeys(scene.load_names, tolerance)), compiled=False)
+    monkeypatch.setattr(choices, "_chosen", lambda *_: coarse)
+    monkeypatch.setattr(choices, "cell_foundation", lambda _, poses, **options: asked.append(poses) or coarse)
+    poses = [[0.3, 29.9, 0.0, 0.0, 0.0, 0.0]]
+    assert cc.foundation(scene, compiled=False, poses=poses) is coarse
+    assert [given.tolist() for given in asked] == ([poses] if anew else [])
 
 
 @pytest.fixture

@@ -57,11 +57,9 @@ TOLERANCE = Tolerance(("Fy", "Tx"), np.array([2.0, 50.0]))
 def test_a_tolerance_is_met_by_the_worst_rms_and_single_error(errors, ratio):
     assert TOLERANCE.ratio(errors) == pytest.approx(ratio)
     assert TOLERANCE.met(errors) == (ratio <= 1.0)
-    assert TOLERANCE.times(2.0).ratio(errors) == pytest.approx(ratio / 2.0)
 
 
-def test_tolerances_of_rows_and_of_a_scenes_loads_in_the_order_of_the_names():
-    assert TOLERANCE.met_by_each([[6.0, 0.0], [6.1, 0.0], [0.0, np.nan]]).tolist() == [True, False, False]
+def test_tolerances_of_a_scenes_loads_come_in_the_order_of_the_names():
     scene = cc.load_scene("knee")
     assert Tolerance.of(scene, ("Tx", "Fy_med")).allowed.tolist() == [scene.tolerances[k] for k in ("Tx", "Fy_med")]
 

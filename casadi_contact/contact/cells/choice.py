@@ -62,17 +62,19 @@ class CellChoice:
         return self.cells(sizes_mm[u], sizes_mm[v])
 
 
-def cell_foundation(scene: Scene, *, compiled: bool = True, choice: CellChoice | None = None) -> CellFoundation:
+def cell_foundation(
+    scene: Scene, *, compiled: bool = True, choice: CellChoice | None = None, poses: Array | None = None
+) -> CellFoundation:
     """The foundation in the largest cells that meet the scene's tolerances: first along v, then along u.
 
-    Over poses that press each patch from the scene's boundary load to 2.5 reference loads,
+    Over poses that press each patch from the scene's boundary load to 2.5 reference loads, and those given (n, 6),
     errors against an element grid of `CellChoice.elements` are 0.3 of what `Tolerance` allows, or all of it where
     that cannot be had; where the rim cuts contact, and where sharp edges of the moving mesh bear, their RMS is what it
     allows, or as it comes where that cannot be had. Raises ValueError where nothing is good enough, and where no pose
     presses the patches.
     """
     choice = choice or CellChoice()
-    truth, sizes_mm = _Truth(scene, choice), choice.sizes_of(scene)
+    truth, sizes_mm = _Truth(scene, choice, np.empty((0, 6)) if poses is None else poses), choice.sizes_of(scene)
     errors_of = lru_cache(maxsize=None)(truth.errors)
 
     def misses(cells: Cells, share: float, at_rim: bool) -> float:
@@ -200,7 +202,7 @@ class _Truth:
     nothing: `unsure` is their share.
     """
 
-    def __init__(self, scene: Scene, choice: CellChoice) -> None:
+    def __init__(self, scene: Scene, choice: CellChoice, given: Array) -> None:
         self.scene, self._charts, poses_of = scene, patch_charts(scene), PressingPoses()
         self._selection = load_selection(scene.load_names, scene.patch_names)
         tolerances = scene.tolerances_of()
@@ -211,7 +213,8 @@ class _Truth:
         middling = cell_patches(scene, choice.cells(choice.middling_mm, choice.middling_mm), self._charts)
         for p, patch in enumerate(middling):
             drawn = poses_of.pressed(rough, p, forces_tried(scene), choice.tries)
-            poses = np.vstack([drawn, poses_of.seated(rough, p, forces_tried(scene))])
+            pressing = given[np.linalg.norm(rough.wrenches(given)[:, p, :3], axis=1) > scene.boundary_load]
+            poses = np.vstack([drawn, poses_of.seated(rough, p, forces_tried(scene)), pressing])
             wrenches = fine.wrenches(poses)[:, p]
             errors, cut_off = self._errors(p, patch, poses, wrenches)
             at_rim = cut_off | fine.at_edge(poses)[:, p] | (share_at_sharp_edges(half, poses) > choice.sharp_share)
