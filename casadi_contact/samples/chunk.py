@@ -101,10 +101,6 @@ class _Drawn:
         self.lost.append(self.poses[~good])
         self.poses, self.role = self.poses[good], self.role[good]
 
-    def replace(self, poses: Array) -> None:
-        """Take poses (n, k, 6), k made from each, in place of the n."""
-        self.poses, self.role = poses.reshape(-1, 6), np.repeat(self.role, poses.shape[1])
-
 
 def draw_chunk(
     settle_model: ContactModel, teacher: WrenchModel, chunk: Chunk, settings: SamplingSettings
@@ -132,18 +128,14 @@ def _settled(model: ContactModel, chunk: Chunk, settings: SamplingSettings) -> _
     starts = advance_to_contact(model, chunk.starts, chunk.loads) if settings.reach else chunk.starts
     poses, report = settle(model, starts, chunk.free, chunk.loads, tolerance=settings.settle_tolerance_n)
     drawn = _Drawn(poses, chunk.role)
-    drawn.drop(_at_stage("not settled", report.reason))
+    drawn.drop(np.array([why and f"not settled: {why.partition(':')[0]}" for why in report.reason], dtype=object))
     if DOMAINS[chunk.domain - 1] in ("D4", "D5"):
         lifted = _lifted(model, drawn.poses, chunk, settings)
         known = np.asarray(np.isfinite(lifted).all(axis=2))
-        drawn.replace(np.where(known[..., None], lifted, drawn.poses[:, None]))
+        drawn.poses = np.where(known[..., None], lifted, drawn.poses[:, None]).reshape(-1, 6)
+        drawn.role = np.repeat(drawn.role, settings.liftoff_steps)
         drawn.drop(np.where(known.ravel(), "", "not lifted off"))
     return drawn
-
-
-def _at_stage(stage: str, reasons: np.ndarray) -> np.ndarray:
-    """Reasons (n,), cut before their first colon, with the stage at which they arose."""
-    return np.array([reason and f"{stage}: {reason.partition(':')[0]}" for reason in reasons], dtype=object)
 
 
 def _lifted(model: ContactModel, poses: Array, chunk: Chunk, settings: SamplingSettings) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -59,20 +59,15 @@ class DrawnModel(ContactModel, WrenchModel, Protocol):
     """A contact model that samples can be drawn from."""
 
 
-@dataclass(frozen=True)
-class _Given:
+def _given(model: DrawnModel, scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
     """A user's own model, to settle on and to evaluate samples on."""
-
-    model: DrawnModel
-
-    def __call__(self, scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
-        return self.model, self.model
+    return model, model
 
 
 def model_pair(model: str | DrawnModel) -> ModelPair:
     """The model pair of a name in `MODELS`, or of a user's own model; raises ValueError for another name."""
     if not isinstance(model, str):
-        return _Given(model)
+        return partial(_given, model)
     if model not in MODELS:
         raise ValueError(f"model is {model!r}, expected one of {', '.join(MODELS)}")
     return MODELS[model]
@@ -80,7 +75,7 @@ def model_pair(model: str | DrawnModel) -> ModelPair:
 
 def model_name(models: ModelPair) -> str:
     """The name in `MODELS`, or the full name of a user's class or function."""
-    named: Any = type(models.model) if isinstance(models, _Given) else models
+    named: Any = type(models.args[0]) if isinstance(models, partial) else models
     own = f"{named.__module__}.{named.__qualname__}"
     return next((name for name, pair in MODELS.items() if pair is models), own)
 

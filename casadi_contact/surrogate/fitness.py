@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from casadi_contact.core.quantities import format_above_limit, of_kind, quantity, two_digits
-from casadi_contact.scenes.tolerance import Tolerance
 from casadi_contact.surrogate.base import Surrogate
 
 _MOST_DROPPED = 0.3  # share of a domain's plan, as in `SamplingSettings`
@@ -28,11 +25,7 @@ class Fitness:
 
     def failing(self, domain: str) -> list[str]:
         """Loads whose RMS error in a domain is above the tolerance: `verify` would not pass its samples."""
-        errors = self.errors[domain]
-        ratios = Tolerance(tuple(errors), np.array([self.tolerances[load] for load in errors])).rms_ratios(
-            [*errors.values()]
-        )
-        return [load for load, ratio in zip(errors, ratios, strict=True) if ratio > 1.0]
+        return [load for load, rms in self.errors[domain].items() if not rms <= self.tolerances[load]]
 
     @property
     def fit(self) -> list[str]:
