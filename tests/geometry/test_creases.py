@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from casadi_contact.geometry.creases import split_at_creases
 from casadi_contact.geometry.distance_field import build_field
 from casadi_contact.geometry.mesh import checked_mesh
 from casadi_contact.geometry.smooth_surface import SmoothSurface
-from tests.support.meshes import revolved, torus_mesh
+from tests.support.meshes import revolved
 
 HALF_MM = np.array([12.0, 5.0, 8.0])
 
@@ -28,14 +27,6 @@ def dish_mesh(rim_mm=9.0, radius_mm=11.0, low_mm=-21.0):
     r = np.linspace(rim_mm, 0.0, 26)
     profile = [(0.0, low_mm), (rim_mm, low_mm), *zip(r, -np.sqrt(radius_mm**2 - r**2), strict=True)]
     return checked_mesh("dish", *revolved(profile, 96))
-
-
-def test_a_box_has_a_vertex_for_each_of_the_three_sides_at_its_corners_and_a_torus_those_that_it_had():
-    assert len(split_at_creases(box_mesh()).vertices_mm) == 24
-    torus = checked_mesh("torus", *torus_mesh(18.0, 12.0, 1.2))
-    split = split_at_creases(torus)
-    assert len(split.vertices_mm) == len(torus.vertices_mm)
-    np.testing.assert_array_equal(split.corners_mm, torus.corners_mm)
 
 
 def test_the_distance_of_a_box_from_points_all_around_it():

@@ -108,29 +108,26 @@ def off(points, polygons):
 
 
 def vtk(points, polygons, binary=False, modern=False):
-    """Legacy VTK as ParaView (version 5.1: offsets and connectivity) or older programs write it, as meshio does."""
+    """Legacy VTK: sizes and corners of POLYGONS, or CELLS by offsets and connectivity (since version 5.1)."""
 
     def array(values, kind):
         return np.asarray(values, f">{kind}").tobytes() if binary else " ".join(map(str, values)).encode()
 
-    name, size = "CELLS" if modern else "POLYGONS", len(polygons)
-    flat = [k for each in polygons for k in each]
-    parts = [
-        f"# vtk DataFile Version {5.1 if modern else 3.0}\nby hand\n{'BINARY' if binary else 'ASCII'}\n",
-        f"DATASET {'UNSTRUCTURED_GRID' if modern else 'POLYDATA'}\nPOINTS {len(points)} double\n",
-        array(np.asarray(points, dtype=float).ravel().tolist(), "f8"),
-    ]
+    flat, count = [k for each in polygons for k in each], len(polygons)
+    sizes = [len(each) for each in polygons]
+    head = (
+        f"# vtk DataFile Version {5.1 if modern else 3.0}\nball\n{'BINARY' if binary else 'ASCII'}\nDATASET POLYDATA\n"
+    )
+    parts = [f"{head}POINTS {len(points)} double\n", array(np.asarray(points, dtype=float).ravel().tolist(), "f8")]
     if modern:
-        ends = [0, *np.cumsum([len(each) for each in polygons]).tolist()]
-        parts += [
-            f"\nMETADATA\nINFORMATION 0\n\n{name} {size + 1} {len(flat)}\nOFFSETS vtktypeint64\n",
-            array(ends, "i8"),
-        ]
-        parts += ["\nCONNECTIVITY vtktypeint64\n", array(flat, "i8"), f"\nCELL_TYPES {size}\n", array([7] * size, "i4")]
+        cells = f"CELLS {count + 1} {len(flat)}\nOFFSETS vtktypeint64\n"
+        parts += [f"\nMETADATA\nINFORMATION 0\n\n{cells}", array([0, *np.cumsum(sizes).tolist()], "i8")]
+        parts += ["\nCONNECTIVITY vtktypeint64\n", array(flat, "i8")]
+        parts += [f"\nCELL_TYPES {count}\n", array([7] * count, "i4")]
     else:
         packed = [k for each in polygons for k in (len(each), *each)]
-        parts += [f"\n{name} {size} {len(packed)}\n", array(packed, "i4")]
-    parts += [f"\nPOINT_DATA {len(points)}\n"]
+        parts += [f"\nPOLYGONS {count} {len(packed)}\n", array(packed, "i4")]
+    parts.append(f"\nPOINT_DATA {len(points)}\n")
     return b"".join(part.encode() if isinstance(part, str) else part for part in parts)
 
 

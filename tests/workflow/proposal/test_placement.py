@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from casadi_contact.core.conventions import rotation
 from casadi_contact.geometry.mesh import checked_mesh
-from casadi_contact.workflow.proposal.pair import Pair, centre_of_normals, contact_placement
+from casadi_contact.workflow.proposal.pair import Pair, contact_placement
 from tests.support.joint_meshes import DOWN, POLE, analysed, ball_in_cup
 from tests.support.meshes import ball_mesh, cap_mesh, sheet_mesh, slab_mesh
 
@@ -64,12 +63,3 @@ def test_parts_with_flat_backs_meet_with_the_sides_that_bear():
     placement = contact_placement(Pair.of(moving, checked_mesh("trough", *trough)))
     np.testing.assert_array_equal(placement.pressing, DOWN)
     assert not placement.together
-
-
-def test_lines_along_the_normals_of_a_sphere_meet_at_its_centre_and_those_of_a_plane_nowhere():
-    normals = rotation(np.random.default_rng(0).uniform(-0.5, 0.5, (200, 3)))[:, :, 1]
-    centre = np.array([3.0, -2.0, 1.0])
-    np.testing.assert_allclose(centre_of_normals(centre + 20.0 * normals, normals, np.ones(200)), centre, atol=0.3)
-    flat = np.random.default_rng(1).uniform(-5.0, 5.0, (200, 3)) * [1.0, 0.0, 1.0]
-    up = np.tile([0.0, 1.0, 0.0], (200, 1))
-    np.testing.assert_allclose(centre_of_normals(flat, up, np.ones(200)), flat.mean(axis=0), atol=1e-9)
