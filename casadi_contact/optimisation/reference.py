@@ -14,8 +14,8 @@ import numpy as np
 from casadi_contact.contact.elements.foundation import (
     SHARP_SHARE,
     ElasticFoundation,
-    pressed_elements,
     share_at_sharp_edges,
+    share_of_force,
 )
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.pressure_law import law_of, pressures
@@ -129,25 +129,13 @@ def _share_on_bare(
     return share
 
 
-def share_beyond_open_edges(model: ElasticFoundation, poses: Array, chunk: int = 200) -> Array:
-    """Share (n,) of the pressing force Σ p·A on elements nearest to an open edge of the moving mesh, where the surface
-    is taken to round off (`geometry.smooth_surface`) and the part may have ended. 0 out of contact and for closed
-    meshes. chunk: poses looked up at once, because the mesh's tree is built anew by each look."""
-    poses = as_poses(poses)
-    share = np.zeros(len(poses))
-    if model.scene.shape != "mesh" or not len(body_mesh(model.scene.geometry, "moving").boundary_edges):
-        return share
-    surface, turned = body_surface(model.scene.geometry, "moving"), rotation(poses[:, 3:])
-    for rows in np.array_split(np.arange(len(poses)), max(1, -(-len(poses) // chunk))):
-        pressed = [pressed_elements(model, poses[k]) for k in rows]
-        at = np.repeat(rows, [len(force) for _, force in pressed])
-        if not len(at):
-            continue
-        points, force = (np.concatenate(each) for each in zip(*pressed, strict=True))
-        beyond = surface.beyond_open_edges(np.einsum("ni,nij->nj", points - poses[at, :3], turned[at]))
-        total, lost = (np.bincount(at - rows[0], f, len(rows)) for f in (force, force * beyond))
-        share[rows] = np.divide(lost, total, where=total > 0.0, out=np.zeros(len(rows)))
-    return share
+def share_beyond_open_edges(model: ElasticFoundation, poses: Array) -> Array:
+    """`share_of_force` (n,) on elements nearest to an open edge of the moving mesh, where the surface is taken to round
+    off (`geometry.smooth_surface`) and the part may have ended. 0 for closed meshes."""
+    poses, geometry = as_poses(poses), model.scene.geometry
+    if model.scene.shape != "mesh" or not len(body_mesh(geometry, "moving").boundary_edges):
+        return np.zeros(len(poses))
+    return share_of_force(model, poses, body_surface(geometry, "moving").beyond_open_edges)
 
 
 class _Place(NamedTuple):

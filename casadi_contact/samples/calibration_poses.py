@@ -45,11 +45,9 @@ def poses_in_range(
     In every other pose about two parameters of six, chosen by chance, are drawn from a range that is wider by half of
     itself on either side: the surrogate extrapolates there. near: mask (n,) of poses (n, 6) to keep; roots: their
     root loads (n, P) on the surrogate. Two in three of the poses are in contact, with root loads of up to 1.2 times the
-    largest sampled ones. Raises ValueError where all samples are test rows.
+    largest sampled ones.
     """
     known, rng = samples.poses[samples.role != TEST], np.random.default_rng(13)
-    if not len(known):
-        raise ValueError(f"{len(samples)} samples, all of them test rows, expected some that were learned: no range")
     low, span = known.min(axis=0), np.ptp(known, axis=0)
     largest = 1.2 * np.maximum(roots(known).max(axis=0), 0.0)
     kept: tuple[list[Array], list[Array]] = [], []

@@ -275,8 +275,6 @@ def test_poses_in_range_lie_over_the_range_and_half_of_it_beyond_and_most_press(
     inside = (np.abs((poses - low) / span - 0.5) <= 0.5).all(axis=1)
     assert 0.5 < inside.mean() < 0.8
     assert np.mean(surrogate.confidence_roots(poses)[:, 0] > 0.0) == pytest.approx(2 / 3)
-    with pytest.raises(ValueError, match="test rows"):
-        poses_in_range(samples.select(role=TEST), 4, lambda p: p[:, 0] > 0.0, surrogate.confidence_roots)
 
 
 def test_self_settled_poses_carry_loads_of_samples(surrogate, samples):

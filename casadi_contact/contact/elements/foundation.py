@@ -271,28 +271,32 @@ def pressed_elements(model: ElasticFoundation, pose: Array) -> tuple[Array, Arra
     return np.concatenate([each.centres_mm for each in maps])[force > 0.0], force[force > 0.0]
 
 
+def share_of_force(model: ElasticFoundation, poses: Array, chosen: Callable[[Array], np.ndarray]) -> Array:
+    """Share (n,) of the pressing force Σ p·A, over all patches, on elements that are chosen by where they lie in the
+    moving body's frame (m, 3) [mm]; 0 out of contact."""
+    pressed, share = [pressed_elements(model, pose) for pose in poses], np.zeros(len(poses))
+    at = np.repeat(np.arange(len(poses)), [len(force) for _, force in pressed])
+    if not len(at):
+        return share
+    seen = [(points - pose[:3]) @ rotation(pose[3:]) for (points, _), pose in zip(pressed, poses, strict=True)]
+    force = np.concatenate([each for _, each in pressed])
+    there = chosen(np.concatenate(seen))
+    total, on = np.bincount(at, force, len(poses)), np.bincount(at[there], force[there], len(poses))
+    return np.asarray(np.divide(on, total, where=total > 0.0, out=share))
+
+
 SHARP_SHARE = 0.1  # of a wheel with bare edges, with less of its load there forces are off by 1 %
 
 
 def share_at_sharp_edges(model: ElasticFoundation, poses: Array) -> Array:
-    """Share (n,) of the pressing force Σ p·A, over all patches, on elements nearer to a crease of the moving mesh than
-    the nodes of its distance field lie from each other.
+    """`share_of_force` (n,) nearer to a crease of the moving mesh than the nodes of its distance field lie from each
+    other.
 
-    There the field rounds the edge off, for elements and cells alike. 0 out of contact and for bodies without creases.
+    There the field rounds the edge off (`geometry.distance_field`), for elements and cells alike. 0 for moving bodies
+    without creases, as for those that are no meshes.
     """
-    poses = as_poses(poses)
-    share = np.zeros(len(poses))
-    if model.scene.shape != "mesh":
-        return share
-    mesh, spacing = body_mesh(model.scene.geometry, "moving"), field_spacing(model.scene.geometry, "moving")
-    if not len(creases(mesh)[0]):
-        return share
-    pressed = [pressed_elements(model, pose) for pose in poses]
-    seen = [(points - pose[:3]) @ rotation(pose[3:]) for (points, _), pose in zip(pressed, poses, strict=True)]
-    at = np.repeat(np.arange(len(poses)), [len(points) for points in seen])
-    if not len(at):
-        return share
-    force = np.concatenate([each for _, each in pressed])
-    there = beside_creases(mesh, np.concatenate(seen), np.arange(len(mesh.faces)), spacing)
-    total, beside = np.bincount(at, force, len(poses)), np.bincount(at[there], force[there], len(poses))
-    return np.asarray(np.divide(beside, total, where=total > 0.0, out=share))
+    poses, geometry = as_poses(poses), model.scene.geometry
+    if model.scene.shape != "mesh" or not len(creases(mesh := body_mesh(geometry, "moving"))[0]):
+        return np.zeros(len(poses))
+    spacing, faces = field_spacing(geometry, "moving"), np.arange(len(mesh.faces))
+    return share_of_force(model, poses, lambda points: beside_creases(mesh, points, faces, spacing))
