@@ -171,7 +171,7 @@ def choose(
     console.print(choice_table(choice))
     say(choice.measured)
     say(f"in Python: {choice.python}")
-    if not isinstance(choice.path, Path):
+    if choice.path is None:
         options = (
             f"--{name} {value:g}" for name, value in (("force-tol", force_tol), ("torque-tol", torque_tol)) if value
         )
