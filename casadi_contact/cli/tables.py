@@ -56,13 +56,13 @@ def front_table(front: Front) -> Table:
     """Times and errors of a measured front [EF15 Table 4]."""
     header = front.header
     title = f"Speed and accuracy on {header['walking_poses']} unseen poses of its motion [EF15 Table 4]"
-    table = Table(title=f"{title}, against {header['reference']}; medians per pose, lowest to highest")
+    table = Table(title=f"{title}, against {header['reference']}; medians per pose")
     kinds = [kind for kind in (FORCE, TORQUE) if of_kind(front.loads, kind)]
     table.add_column("model")
     for column in (*(f"{what} [µs]" for what in ("loads", *TIMES[1:])), *(f"{k.name} [{k.unit}]" for k in kinds)):
         table.add_column(column, justify="right")
     for point in front.models:
         times = (getattr(point, what) for what in TIMES)
-        cells = ("" if t is None else f"{t.median_us:.3g} ({t.low_us:.3g}-{t.high_us:.3g})" for t in times)
+        cells = ("" if t is None else f"{t.median_us:.3g}" for t in times)
         table.add_row(point.name, *cells, *(f"{point.rms(kind):.3g}" for kind in kinds))
     return table
