@@ -21,6 +21,7 @@ __all__ = [
     "FiniteElements",
     "Hexahedra",
     "MuscleContact",
+    "OnFoundation",
     "PolarFoundation",
     "PoseEstimation",
     "RayCastFoundation",
@@ -75,6 +76,7 @@ if TYPE_CHECKING:
     from casadi_contact.scenes.loading import load_scene
     from casadi_contact.scenes.scene import Scene
     from casadi_contact.surrogate.load import load_surrogate
+    from casadi_contact.surrogate.on_foundation import OnFoundation
     from casadi_contact.workflow.benchmark.choose import choose
     from casadi_contact.workflow.refine import refine
 else:
@@ -90,6 +92,7 @@ else:
         "FiniteElements": "contact.finite_elements.model",
         "Hexahedra": "contact.finite_elements.layer",
         "MuscleContact": "optimisation.muscle_contact",
+        "OnFoundation": "surrogate.on_foundation",
         "PolarFoundation": "contact.polar.foundation",
         "PoseEstimation": "optimisation.pose_estimation",
         "RayCastFoundation": "contact.ray_cast",

@@ -1,10 +1,14 @@
-"""Draw the figures of method.md and opensim.md: ``python docs/figures.py`` writes docs/pictures/*.svg."""
+"""Draw the figures of method.md, opensim.md and finite-elements.md: ``python docs/figures.py``, into docs/pictures."""
 
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Ellipse, FancyBboxPatch, Polygon, Rectangle
+
+import casadi_contact as cc
+from casadi_contact.samples.reference import reference_poses
+from casadi_contact.scenes.walking import reference_motion_cycles
 
 PICTURES = Path(__file__).parent / "pictures"
 BLUE, RED, GREEN, GREY = "#2b6cb0", "#c53030", "#2f855a", "#718096"
@@ -17,6 +21,7 @@ def main() -> None:
         figure = draw()
         figure.savefig(PICTURES / f"{name}.svg", metadata={"Date": None}, bbox_inches="tight")
         plt.close(figure)
+    finite_elements().savefig(PICTURES / "finite_elements.png", dpi=110, bbox_inches="tight")
 
 
 def axes() -> plt.Figure:
@@ -170,6 +175,33 @@ def domains() -> plt.Figure:
     right.set(xlim=(-40.0, 100.0), ylim=(-40.0, 100.0), xticks=[], yticks=[])
     right.set(xlabel="medial: gap ←   → load", ylabel="lateral: gap ←   → load")
     figure.tight_layout()
+    return figure
+
+
+def finite_elements() -> plt.Figure:
+    """Pressure of springs and of finite elements in one pose, and the force of both along a walking cycle."""
+    scene = cc.load_scene("knee_fem")
+    models = {"elastic foundation": cc.ElasticFoundation(scene, (60, 45)), "finite elements": cc.FiniteElements(scene)}
+    cycles = reference_motion_cycles(scene, ())[:1]
+    poses = reference_poses(models["finite elements"], cycles, tolerance_n=0.1)[0][0]
+    pressed = poses[models["finite elements"](poses, ["Fy_med", "Fy_lat"]).sum(axis=1).argmin()]
+    figure, shown = plt.subplots(1, 3, figsize=(11.0, 3.6), width_ratios=(1.0, 1.0, 1.3), layout="constrained")
+    maps = {name: model.pressure_maps(pressed) for name, model in models.items()}
+    largest = max(one.pressures_mpa.max() for both in maps.values() for one in both)
+    for axis, (name, both) in zip(shown, maps.items(), strict=False):
+        for one in both:
+            x, _, z = one.centres_mm.T
+            image = axis.tripcolor(-z, -x, one.pressures_mpa, vmin=0.0, vmax=largest, cmap="magma_r", shading="gouraud")
+        force = sum(one.forces_n.sum() for one in both)
+        axis.set(title=f"{name}: {force:,.0f} N", aspect="equal", xlim=(-30, 30), ylim=(-18, 8), xlabel="lateral [mm]")
+    shown[0].set(ylabel="anterior [mm]")
+    figure.colorbar(image, ax=shown[:2], label="pressure [MPa]", location="bottom", aspect=40)
+    for name, model in models.items():
+        sides = model(poses, ["Fy_med", "Fy_lat"])
+        for side, style, force in zip(("medial", "lateral"), ("-", "--"), -sides.T, strict=True):
+            shown[2].plot(force, style, color=RED if name == "finite elements" else BLUE, label=f"{name}, {side}")
+    shown[2].set(xlabel="walking cycle [%]", ylabel="force at the same poses [N]", ylim=(0.0, None))
+    shown[2].legend(fontsize=8)
     return figure
 
 

@@ -28,6 +28,7 @@ from casadi_contact.cli.options import (
     say_shipped,
 )
 from casadi_contact.cli.tables import evaluation_tables, front_table
+from casadi_contact.core.conventions import load_unit
 from casadi_contact.core.files.writing import folder_lock
 from casadi_contact.core.terminal import progress_bars
 from casadi_contact.core.workers import cluster_workers
@@ -52,8 +53,13 @@ def build(
         typer.Option(help="largest RMS error of every force in every domain [N]: samples and sizes follow it"),
     ] = None,
     torque_tol: Annotated[float | None, typer.Option(help="largest RMS error of every torque [N·mm], likewise")] = None,
+    on: Annotated[
+        str | None, typer.Option(help="foundation: learn what it misses, without networks, from 30 samples or more")
+    ] = None,
 ) -> None:
     """Sample, train, evaluate and export; run again after an interruption to go on."""
+    if on not in (None, "foundation"):
+        raise ValueError(f"got --on {on}, expected foundation")
     files, to_tolerance = [*(cycles or []), *(more_cycles or [])], force_tol is not None or torque_tol is not None
     pipeline.check_single_source(table, files, model)
     if to_tolerance:
@@ -67,11 +73,14 @@ def build(
         }
         if to_tolerance:
             stages = {"samples and training": lambda: _train_to_tolerance(project, files, model, executor)}
-        stages |= {
-            "evaluation": lambda: _evaluate(project),
-            "export": lambda: _export(project),
-            "report": lambda: _report(project),
-        }
+        if on is not None:
+            stages = {"samples": stages["samples"], "what the foundation misses": lambda: _fit_on_foundation(project)}
+        else:
+            stages |= {
+                "evaluation": lambda: _evaluate(project),
+                "export": lambda: _export(project),
+                "report": lambda: _report(project),
+            }
         for number, (stage, run) in enumerate(stages.items(), start=1):
             say(f"stage {number} of {len(stages)}: {stage}")
             run()
@@ -191,6 +200,13 @@ def _train(project: Project, executor: Executor | None, structure: str | None = 
         paths = pipeline.train(project, update, executor, structure=structure)
     for path in paths:
         say(f"surrogate in {path}")
+
+
+def _fit_on_foundation(project: Project) -> None:
+    path, errors = pipeline.fit_on_foundation(project)
+    for load, error in errors.items():
+        say(f"{load}: RMS {error:.3g} {load_unit(load)} on the samples held back")
+    say(f"surrogate in {path}: cc.OnFoundation.load")
 
 
 def _evaluate(project: Project) -> None:

@@ -22,10 +22,11 @@ from casadi_contact.pictures.charts import draw_charts
 from casadi_contact.pictures.contact_picture import contact_pose
 from casadi_contact.pictures.surrogate_page import surrogate_page
 from casadi_contact.samples.models import DrawnModel, model_name_of, teacher_of
-from casadi_contact.samples.samples import LoadErrors, read_samples
+from casadi_contact.samples.samples import TEST, LoadErrors, load_errors, read_samples
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import calibrate as calibrated
+from casadi_contact.surrogate.on_foundation import OnFoundation
 from casadi_contact.workflow.benchmark.candidates import refuse_without_elements, train_sizes
 from casadi_contact.workflow.benchmark.evaluate import evaluate as evaluate_models
 from casadi_contact.workflow.benchmark.front_file import FILE_NAME, read_front, shipped_front
@@ -94,6 +95,18 @@ def calibrate(project: Project, update: Update | None = None) -> list[Path]:
     for structure, surrogate in surrogates.items():
         calibrated(surrogate, samples, model, update).save(project.surrogate_path(structure))
     return [project.surrogate_path(structure) for structure in surrogates]
+
+
+@exclusive
+def fit_on_foundation(project: Project) -> tuple[Path, dict[str, float]]:
+    """Learn what the scene's foundation misses of the project's samples; returns the file, ``on_foundation.h5``, and
+    the RMS error of each load on the samples held back."""
+    samples, path = project.samples(), project.folder / "on_foundation.h5"
+    model, held = OnFoundation.fit(samples), samples.select(role=TEST)
+    errors = load_errors(model.load_names, model(held.poses), held.loads(model.load_names))
+    model.record["test_errors"] = {load: error["rms"] for load, error in errors.items()}
+    model.save(path)
+    return path, model.record["test_errors"]
 
 
 @exclusive
