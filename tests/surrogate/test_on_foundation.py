@@ -52,7 +52,7 @@ def test_a_hundred_samples_teach_what_the_foundation_misses(model, samples):
     assert (np.sqrt((errors**2).mean(axis=0)) < 0.1 * np.sqrt((missed**2).mean(axis=0)))[:2].all()
     assert (errors <= model.expected_error(held.poses)).mean() > 0.9
     assert (model.validity(held.poses) > 0.5).mean() > 0.8
-    assert model.validity(held.poses + [0.0, 0.0, 8.0, 0.0, 0.0, 0.5]).max() < 0.1
+    assert model.validity(held.poses + np.array([0.0, 0.0, 8.0, 0.0, 0.0, 0.5])).max() < 0.1
 
 
 def test_derivatives_of_every_order_are_those_of_differences(model, samples):
@@ -68,7 +68,7 @@ def test_derivatives_of_every_order_are_those_of_differences(model, samples):
 
 
 def test_nothing_is_borne_out_of_contact_and_the_way_back_is_known(model, samples):
-    lifted = samples.poses[:5] + [0.0, 1.0, 0.0, 0.0, 0.0, 0.0]
+    lifted = samples.poses[:5] + np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     assert not model(lifted).any()
     assert (model.root_loads(lifted)[0] < 0.0).all()
     assert (model.root_loads(lifted)[1][:, :, 1] < 0.0).all()
