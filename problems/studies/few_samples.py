@@ -1,21 +1,18 @@
-"""How many samples a slow contact model needs: networks, polynomials, a Gaussian process, alone and on the foundation.
+"""How many samples a slow contact model needs: networks, polynomials, a Gaussian process, and on the foundation.
 
 Samples are those of finite elements (``casadi-contact build knee_fem --model finite-elements``), of which N are drawn.
 The error is the largest RMS of a load over the D3 samples held back, as a share of that load's largest in D3.
 
-    network alone                    patch surrogate, 10-10, 20 Gflop a network
-    polynomial, Gaussian process     of the loads as functions of the pose
-    ... of what the foundation misses    of the loads minus the foundation's
-    on the foundation                `cc.OnFoundation`
+    on the foundation               `cc.OnFoundation`
+    network alone                   patch surrogate, 6-6 or 10-10, 6 Gflop a network
+    polynomial, Gaussian process    of the loads as functions of the pose
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -25,7 +22,7 @@ from casadi_contact.core.terminal import run_program
 from casadi_contact.networks.training.parallel import fit_all
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.pictures.page import new_page, save_page
-from casadi_contact.samples.samples import DOMAINS, TEST, TRAIN, VALIDATION, Samples, read_samples
+from casadi_contact.samples.samples import DOMAINS, TEST, TRAIN, VALIDATION, Samples, mirrored, read_samples
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from problems.studies.peers import REGRESSORS, TrainingSet
@@ -40,32 +37,24 @@ def some(samples: Samples, count: int, seed: int = 0) -> Samples:
     return replace(chosen, role=np.where(np.arange(len(chosen)) % 10 == 0, VALIDATION, TRAIN).astype(np.uint8))
 
 
-def networks(samples: Samples, gflop: float = 20.0) -> PatchSurrogate:
-    """The patch structure with small networks."""
-    regressions = PatchSurrogate.regressions(samples)
-    settings = {each.name: TrainingSettings(((10, 10),), max_gflop=gflop, restarts=0) for each in regressions}
+def networks(samples: Samples, gflop: float = 6.0) -> PatchSurrogate:
+    """The patch structure with networks of two layers, smaller ones for few samples; a knee's in the mirror as well."""
+    used = samples.join_samples(mirrored(samples)) if samples.scene.symmetric else samples
+    regressions, width = PatchSurrogate.regressions(used), 6 if len(samples) < 300 else 10
+    settings = {each.name: TrainingSettings(((width, width),), max_gflop=gflop, restarts=0) for each in regressions}
     fits = fit_all(regressions, settings)
     return PatchSurrogate(samples.scene, {name: fit.network for name, fit in fits.items()})
 
 
-def candidates(samples: Samples, foundation: Model) -> Iterator[tuple[str, Model]]:
+def candidates(samples: Samples) -> Iterator[tuple[str, Model]]:
     """Models by name, each learned from these samples as it is asked for."""
     yield "on the foundation", cc.OnFoundation.fit(samples)
     yield "network alone", networks(samples)
-    alone = TrainingSet.of(samples)
-    missed = replace(alone, loads=alone.loads - foundation(alone.poses))
-    for data, ending in ((alone, ""), (missed, " of what the foundation misses")):
-        for family in ("polynomial", "Gaussian process"):
-            for settings, estimator, count in REGRESSORS[family](data, 1.0):
-                fitted = estimator.fit(data.poses[:count], data.loads[:count])
-                name = family if family == "Gaussian process" else f"{family} {settings}"
-                yield name + ending, partial(_predicted, fitted, foundation if ending else None)
-
-
-def _predicted(estimator: Any, base: Model | None, poses: Array) -> Array:
-    """Loads (n, L) of an estimator, added to those of a base."""
-    values = np.asarray(estimator.predict(poses))
-    return values if base is None else values + base(poses)
+    data = TrainingSet.of(samples)
+    for family in ("polynomial", "Gaussian process"):
+        for settings, estimator, count in REGRESSORS[family](data, 1.0):
+            name = family if family == "Gaussian process" else f"{family} {settings}"
+            yield name, estimator.fit(data.poses[:count], data.loads[:count]).predict
 
 
 def main(
@@ -75,14 +64,13 @@ def main(
 ) -> None:
     """Print and draw the error of each method against the number of samples."""
     whole = read_samples(samples)
-    names, foundation = whole.scene.load_names, cc.foundation(whole.scene)
-    unseen = whole.select("D3", TEST)
+    names, unseen = whole.scene.load_names, whole.select("D3", TEST)
     if not len(unseen):
         raise ValueError(f"{samples} holds back no samples of D3, expected some of domain {DOMAINS[2]}")
     loads, largest = unseen.loads(names), np.abs(whole.select("D3").loads(names)).max(axis=0)
     rows: list[tuple[str, int, float]] = []
     for count in map(int, counts.split(",")):
-        for name, model in candidates(some(whole, count), foundation):
+        for name, model in candidates(some(whole, count)):
             error = 100.0 * float((np.sqrt(np.mean((model(unseen.poses) - loads) ** 2, axis=0)) / largest).max())
             print(f"{count:6d} samples, {name}: {error:.2f} %", flush=True)
             rows.append((name, count, error))

@@ -120,3 +120,23 @@ def test_poses_to_which_knee_reach_leads_itself_are_valid_where_it_is_right():
     assert (off[valid] > 20.0).mean() < 0.06
     within = ~foundation.at_edge(poses).any(axis=1) & (foundation(poses, SIDES) < 0.0).all(axis=1)
     assert valid[within].mean() > 0.93
+
+
+def test_knee_fem_carries_what_finite_elements_carry():
+    """Loads of `cc.FiniteElements` (59×45 nodes a side) in three poses around walking; also half of what springs do."""
+    fem = cc.load_surrogate("knee_fem")
+    poses = [
+        [5.828085, 27.757164, 0.178886, 0.015652, -0.080679, -0.060205],
+        [4.106616, 27.448365, 0.072093, -0.003596, 0.035611, -0.287363],
+        [-2.201092, 27.316218, 0.000662, -0.003809, -0.0561, -0.993673],
+    ]
+    loads = [
+        [-1558.1, -691.6, 315.3, 15.3, 19544.5, -925.2, -18287.4],
+        [-746.4, -380.4, 161.3, 8.4, 8305.3, 1695.3, -9352.9],
+        [-279.0, -233.7, -38.7, -0.1, 991.2, -531.6, 2242.6],
+    ]
+    np.testing.assert_array_less(np.abs(fem(poses) - loads), np.abs(loads).max(axis=0) * 0.01)
+    assert (fem.validity(poses) > 0.5).all()
+    assert fem.scene.digest == cc.load_scene("knee_fem").digest
+    share = fem(poses, SIDES) / cc.foundation(fem.scene)(poses, SIDES)
+    assert ((share > 0.4) & (share < 0.7)).all()
