@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
+from scipy.ndimage import uniform_filter
 from scipy.sparse import coo_matrix, csr_matrix
 
 from casadi_contact.core.compiler import cache_folder
@@ -102,9 +103,9 @@ def _condensed(points_mm: Array, normals: Array, present: np.ndarray, material: 
     if not len(at):
         raise ValueError(f"a surface of {present.sum()} of {present.size} points holds no whole element: refine grid")
     elements = nodes[tuple(at.transpose(2, 0, 1))]
-    x = (points_mm[:, :, None] - depths[:, None] * normals[:, :, None]).reshape(-1, 3)
     used = np.unique(elements)
-    elements, x = np.searchsorted(used, elements), x[used]
+    elements = np.searchsorted(used, elements)
+    x = _upright(points_mm, normals, present, depths, used, elements, order)
     free = used % len(depths) < len(depths) - 1
     surface = np.flatnonzero(used % len(depths) == 0)
     stiffness = _stiffness(x, elements, material, order)
@@ -122,13 +123,36 @@ def _condensed(points_mm: Array, normals: Array, present: np.ndarray, material: 
     return Layer(x[surface], -into, areas[surface], compliance)
 
 
+def _upright(
+    points_mm: Array,
+    normals: Array,
+    present: np.ndarray,
+    depths: Array,
+    used: np.ndarray,
+    elements: np.ndarray,
+    order: int,
+    most_rounds: int = 40,
+) -> Array:
+    """The used nodes (n, 3), under the points along their normals. Where elements turn inside out, under the bends and
+    rims of a scanned surface, these directions are averaged over neighbours, round by round; ValueError where that does
+    not help."""
+    _, slopes, _ = _shape_functions((ElementHex1, ElementHex2)[order - 1](), order)
+    into = np.where(present[..., None], normals, 0.0)
+    for _ in range(most_rounds):
+        x = (points_mm[:, :, None] - depths[:, None] * into[:, :, None]).reshape(-1, 3)[used]
+        volumes = np.linalg.det(np.einsum("eni,nkq->eqik", x[elements], slopes))
+        if (volumes * np.sign(volumes.sum()) > 0.0).all():
+            return x
+        into = uniform_filter(into, (3, 3, 1), mode="nearest")
+        into /= np.maximum(np.linalg.norm(into, axis=-1, keepdims=True), 1e-12)
+    raise ValueError("elements under the surface turn inside out, expected a thinner layer or a flatter surface")
+
+
 def _stiffness(x: Array, elements: np.ndarray, material: Material, order: int) -> csr_matrix:
     """K (3n, 3n): ∫ λ·div(u)·div(v) + 2μ·ε(u):ε(v) dV over elements (e, (order + 1)³) of nodes x (n, 3)."""
     _, slopes, weights = _shape_functions((ElementHex1, ElementHex2)[order - 1](), order)
     to_local = np.einsum("eni,nkq->eqik", x[elements], slopes)
     volumes = np.linalg.det(to_local)
-    if (volumes.min(axis=1) * volumes.max(axis=1) <= 0.0).any():
-        raise ValueError("elements under the surface turn inside out, expected a thinner layer or a flatter surface")
     gradients = np.einsum("nkq,eqki->eqni", slopes, np.linalg.inv(to_local)).reshape(*volumes.shape, -1)
     count = elements.shape[1]
     products = gradients.transpose(0, 2, 1) @ (gradients * (weights * abs(volumes))[..., None])
