@@ -227,8 +227,10 @@ class OnFoundation(WrenchLoads, SymbolicContact):
         roots = (self._arrays(poses, "roots", self.load_names, derivative) for derivative in (False, True))
         return next(roots), next(roots)
 
-    def _gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
-        return self.foundation._gap_jacobian(poses)
+    @batched
+    def gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
+        """Gaps (n, patches) [mm] and their derivatives by the pose (n, patches, 6): the foundation's."""
+        return self.foundation.gap_jacobian(poses)
 
     @batched
     def gaps(self, poses: Array) -> Array:

@@ -145,7 +145,11 @@ def test_orders_meet_as_elements_get_smaller():
     def load(nodes, layers, order):
         return -FiniteElements(scene, (nodes, nodes), Hexahedra(layers, order)).wrenches(pose)[0, 1]
 
-    fine = load(25, 2, 2)
+    model = FiniteElements(scene, (25, 25))
+    fine = -model.wrenches(pose)[0, 1]
+    record = model.convergence(pose[None])
+    assert 0.0 < record["rms"]["Fy"] < 0.03 * fine
+    assert record["against"] == "FE 17×17"
     errors = [abs(load(nodes, layers, 1) / fine - 1.0) for nodes, layers in ((7, 1), (25, 5))]
     assert errors[1] < 0.015 < errors[0]
 
@@ -156,6 +160,17 @@ def test_an_independent_solver_finds_the_same_force(depth, aside, force):
     scene = cc.load_scene("sphere_on_plane").with_overrides(poissons_ratio=0.3, patch_side=25.0)
     model = FiniteElements(scene, (25, 25))
     assert -model.wrenches(np.array([aside, 30.0 - depth, 0, 0, 0, 0]))[0, 1] == pytest.approx(force, rel=0.02)
+
+
+def test_elements_under_a_sharp_bend_stay_upright():
+    """Of a surface bent to a radius of 0.6 mm, above a back 2 mm below: normals there would meet above the back."""
+    points, _, present = flat_grid(np.linspace(-4.0, 4.0, 17))
+    points[..., 1] = 0.8 * np.cos(1.5 * points[..., 0])
+    normals = np.stack([1.2 * np.sin(1.5 * points[..., 0]), np.ones(present.shape), np.zeros(present.shape)], axis=-1)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    layer = Layer.of(points, normals, present, Material(10.0, 0.3, 2.0), Hexahedra(1))
+    assert np.linalg.eigvalsh(layer.compliance).min() > 0.0
+    assert layer.areas_mm2.sum() > 8.0**2
 
 
 def test_out_of_contact_nothing_is_borne(knee_model, pressed_pose):
