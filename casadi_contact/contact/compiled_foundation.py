@@ -16,16 +16,18 @@ from numpy.typing import ArrayLike
 from casadi_contact.contact.approach import touching_start
 from casadi_contact.contact.foundation_source import C_FOLDER, C_LAWS, kernel_source
 from casadi_contact.contact.model import PatchLoads, WrenchLoads, signed_roots, with_loads
-from casadi_contact.contact.pressures import MOMENTS, PressureOutputs
+from casadi_contact.contact.pressures import PressureOutputs
 from casadi_contact.contact.symbolic import SymbolicContact, check_parameters, model_callback, parametric_function
 from casadi_contact.core.compiler import CompilerError, shared_library, warn_once
 from casadi_contact.core.conventions import Array, batched, rotation, twist_to_pose_gradient, wrench_names
 from casadi_contact.core.threads import call_in_shares
 from casadi_contact.networks.functions import as_weights, hessian_function, weighted_hessians
-from casadi_contact.networks.kernel.source import ExportedModel, c_text, external_function
+from casadi_contact.networks.kernel.source import ExportedModel, c_text, external_function, guards
 from casadi_contact.networks.names import c_name, check_name, name_of_wrenches
 from casadi_contact.scenes.loading import load_scene, ready_scenes
 from casadi_contact.scenes.scene import Scene
+
+OF_PRESSURES = "pressure_"  # what names of C functions begin with
 
 
 class CompiledFoundation(WrenchLoads, SymbolicContact, PressureOutputs):
@@ -120,13 +122,31 @@ class CompiledFoundation(WrenchLoads, SymbolicContact, PressureOutputs):
 
     def pressure_moments(self, poses: Array) -> tuple[Array, Array]:
         """Moments (n, P, 6) and their derivatives by the pose (n, P, 6, 6), see `contact.pressures`."""
+        values, by_twist = self._moments_by_twist(rotation(poses[:, 3:]), poses[:, :3])
+        return values, twist_to_pose_gradient(by_twist, poses)
+
+    def _outputs(self, poses: Array) -> tuple[Array, Array]:
         if self._pressure_library is None:
-            values, by_twist = self._moments_by_twist(rotation(poses[:, 3:]), poses[:, :3])
-            return values, twist_to_pose_gradient(by_twist, poses)
-        shape = (len(poses), len(self.patch_names), MOMENTS)
-        values, jacobian = np.empty(shape), np.empty((*shape, 6))
-        call_in_shares(self._pressure_library, "foundation_moments", poses, values, jacobian)
+            return super()._outputs(poses)
+        values = np.empty((len(poses), len(self.pressure_names)))
+        jacobian = np.empty((*values.shape, 6))
+        call_in_shares(self._pressure_library, f"{OF_PRESSURES}array_jacobians", poses, values, jacobian)
         return values, jacobian
+
+    def pressure_function(self, names: Iterable[str] | None = None, name: str = "contact_pressures") -> ca.Function:
+        """casadi.Function pose (6) -> the named outputs (m); Hessians are differences of its exact Jacobian. Raises
+        ValueError for an unknown name."""
+        chosen = self._checked(names)
+        if (library := self._pressure_library) is None:
+            return super().pressure_function(chosen, name)
+        sizes = {"pressures": len(self.pressure_names), "none": 0}
+        if chosen == self.pressure_names:
+            return external_function(library, name, sizes, ["pressures"], before=OF_PRESSURES)
+        whole = external_function(library, f"{check_name(name)}_of_all", sizes, ["pressures"], before=OF_PRESSURES)
+        pose, columns = ca.MX.sym("pose", 6), [self.pressure_names.index(each) for each in chosen]
+        # Inlined, so that no product with NaN, of a centre out of contact that is not asked for, is ever formed.
+        inlined = {"always_inline": True}
+        return ca.Function(name, [pose], [whole(pose)[columns]], ["pose"], ["pressures"], inlined)
 
     def _parametric(
         self, name: str, loads: Sequence[str], outputs: Sequence[str], compiled: bool, parameters: Iterable[str]
@@ -148,8 +168,7 @@ class CompiledFoundation(WrenchLoads, SymbolicContact, PressureOutputs):
         if self.scene.material.law not in C_LAWS:
             raise ValueError(f"the pressure law {self.scene.material.law!r} has no C, expected {' or '.join(C_LAWS)}")
         names = self.check_loads(loads)
-        headers = ("export.h", self.moments_header, "pressure_outputs.h")
-        texts = [self._source(names), *(c_text(name, C_FOLDER) for name in headers)]
+        texts = [self._source(names), c_text("export.h", C_FOLDER), self._pressure_source()]
         return ExportedModel(
             name=self._export_name(),
             source="\n".join(texts),
@@ -193,7 +212,7 @@ class CompiledFoundation(WrenchLoads, SymbolicContact, PressureOutputs):
         if not self._compiled:
             return None
         if (key := (tuple(loads), more)) not in self._kernels:
-            texts = ["#define ENTRY", self._source(loads), c_text("arrays.h"), c_text("batch.h", C_FOLDER), more]
+            texts = ["#define ENTRY", self._source(loads), c_text("batch.h", C_FOLDER), more]
             try:
                 self._kernels[key] = shared_library("\n".join(texts), data=self._code[1])
             except CompilerError as error:
@@ -237,5 +256,8 @@ class CompiledFoundation(WrenchLoads, SymbolicContact, PressureOutputs):
     @cached_property
     def _pressure_library(self) -> Path | None:
         """A kernel of its own, compiled when pressures are first asked for."""
+        return self._kernel(self.load_names, self._pressure_source())
+
+    def _pressure_source(self) -> str:
         texts = (c_text(name, C_FOLDER) for name in (self.moments_header, "pressures.h"))
-        return self._kernel(self.load_names, "\n".join(texts))
+        return "\n".join([*texts, guards(OF_PRESSURES, loads="OUTPUTS", roots="0")])

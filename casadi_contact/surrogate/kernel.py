@@ -64,7 +64,7 @@ def confidence_kernel(
     code += [table(name, values) for name, values in tables.items()]
     code += [f"#define ROOTS_OF(what) {OWN if own else ''}kernel_##what", c_text("confidence.h", __package__)]
     bundle = Bundle("confidence", 6 + patches, {"confidence": network})
-    return Kernel([*(own.bundles if own else ()), bundle], "\n".join([*code, guards(OF_CONFIDENCE, "1")]))
+    return Kernel([*(own.bundles if own else ()), bundle], "\n".join([*code, guards(OF_CONFIDENCE, roots="1")]))
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ class SurrogateArrays:
 def compiled_arrays(source: str, loads: Sequence[str], roots: int, waited_for: str) -> SurrogateArrays | None:
     """The compiled kernel; None, with one warning, without a compiler. waited_for: what is announced."""
     try:
-        library = shared_library("\n".join(["#define ENTRY", source, c_text("arrays.h")]), waited_for)
+        library = shared_library("\n".join(["#define ENTRY", source]), waited_for)
     except CompilerError as error:
         warn_once(f"{error}; NumPy and the CasADi graph take the kernel's place, which are slower")
         return None

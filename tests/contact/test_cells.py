@@ -177,7 +177,7 @@ def test_beside_an_edge_c_and_numpy_are_the_same_formulas_and_derivatives_those_
     """There a second look at the depth finds the surface turned, and where it is taken moves with the pose."""
     scene, poses = wheel
     compiled, plain = (cc.CellFoundation(scene, SIZES[1], compiled=c) for c in (True, False))
-    for a, b in zip(compiled.pressure_moments(poses), plain.pressure_moments(poses), strict=True):
+    for a, b in zip(compiled.pressures(poses), plain.pressures(poses), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9 * np.abs(b).max())
     check_jacobian(compiled, poses, 1e-6)
     check_hessians(compiled, poses[::3], 1e-4, 1e-3)

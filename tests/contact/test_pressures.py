@@ -1,5 +1,6 @@
 """Pressure laws, and area, mean and peak pressure, centre of pressure and penetration of every model."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -134,5 +135,25 @@ def test_out_of_contact_they_are_zero_and_there_is_no_centre():
 def test_c_and_numpy_are_the_same_formulas(case):
     make, plain, poses = case
     assert make(True)._pressure_library is not None, "else NumPy is compared with itself"
-    for a, b in zip(make(True).pressure_moments(poses), plain.pressure_moments(poses), strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9 * np.abs(b).max())
+    for a, b in zip(make(True).pressures(poses), plain.pressures(poses), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9 * np.nanmax(np.abs(b)))
+
+
+@needs_compiler
+def test_the_compiled_function_is_the_model_s_with_differenced_hessians(case):
+    """Also of a patch that is off, whose centre of pressure, NaN, weighs nothing."""
+    make, plain, poses = case
+    names = [name for name in plain.pressure_names if "cop" not in name]
+    pose, weights = ca.MX.sym("pose", 6), np.random.default_rng(0).uniform(0.5, 1.5, len(names))
+    outputs = make(True).pressure_function(names)(pose)
+    slope = ca.gradient(ca.dot(weights, outputs), pose)
+    f = ca.Function("f", [pose], [outputs, ca.jacobian(outputs, pose), slope, ca.jacobian(slope, pose)])
+    steps = 1e-4 / np.repeat([1.0, 25.0], 3)
+    for place in poses:
+        values, jacobian, gradient, hessian = (part.full() for part in f(place))
+        for got, wanted in zip((values[:, 0], jacobian), plain.pressures(place, names), strict=True):
+            np.testing.assert_allclose(got, wanted, rtol=1e-8, atol=1e-8 * np.abs(wanted).max())
+        np.testing.assert_allclose(gradient[:, 0], weights @ jacobian, rtol=1e-9)
+        ends = [[(f(place + s * h)[2] / 2e-4).full()[:, 0] for s in (1.0, -1.0)] for h in np.diag(steps)]
+        differences = np.column_stack([a - b for a, b in ends]) * np.repeat([1.0, 25.0], 3)
+        np.testing.assert_allclose(hessian, 0.5 * (differences + differences.T), atol=1e-4 * np.abs(hessian).max())

@@ -1,14 +1,19 @@
 """The CasADi functions where they are used: chosen loads, map, derivatives as nlpsol makes them, files."""
 
+import copy
+import pickle
+
 import casadi as ca
 import numpy as np
 import pytest
 
+import casadi_contact as cc
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.workflow.benchmark.timing import lagrangian_hessian
 from tests.support.agreement import close
 from tests.support.compiler import needs_compiler
 from tests.support.random_surrogates import POSE_CENTRE, random_poses, random_surrogate
+from tests.support.ready_poses import KNEE
 
 
 @pytest.fixture(scope="module", params=["patch", "two_stage"])
@@ -80,3 +85,21 @@ def test_saved_function_keeps_its_derivatives(surrogate, tmp_path):
     assert first.n_instructions() == second.n_instructions(), "the explicit derivatives must travel with the file"
     for a, b in zip(first(POSE_CENTRE, range(7)), second(POSE_CENTRE, range(7)), strict=True):
         np.testing.assert_array_equal(a.full(), b.full())
+
+
+@pytest.mark.parametrize("made", [lambda m: m.function(), lambda m: m.root_function(compiled=False),
+                                  lambda m: m.pressure_function(["contact_area_med"])])  # fmt: skip
+@pytest.mark.parametrize("compiled", [pytest.param(True, marks=needs_compiler), False])
+def test_functions_of_contact_models_can_be_copied_and_sent_to_other_processes(made, compiled):
+    """Those that call Python back as well."""
+    function = made(cc.PolarFoundation(load_scene("knee"), compiled=compiled))
+    for again in (copy.copy(function), copy.deepcopy(function), pickle.loads(pickle.dumps(function))):
+        close(again(KNEE).full(), function(KNEE).full(), 14)
+
+
+@needs_compiler
+def test_code_that_casadi_compiles_itself_fails_in_python_where_it_calls_a_kernel(surrogate):
+    pose = ca.MX.sym("pose", 6)
+    f = ca.Function("f", [pose], [surrogate.function()(pose)], {"jit": True, "compiler": "shell"})
+    with pytest.raises(RuntimeError, match="Evaluation failed"):
+        f(POSE_CENTRE)

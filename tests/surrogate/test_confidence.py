@@ -39,32 +39,19 @@ def test_casadi_gives_the_same_numbers(knee, walking):
     assert knee.expected_error(poses).shape == (len(poses), len(knee.load_names))
 
 
-def value_slope_and_bend(function, kind):
-    pose = kind.sym("pose", 6)
-    hessian, slope = ca.hessian(function(pose)[0], pose)
-    return ca.Function("derivatives", [pose], [function(pose)[0], slope, hessian])
-
-
-def test_first_and_second_derivatives_match_finite_differences_in_mx_and_sx(knee, walking):
+def test_derivatives_in_mx_and_sx_are_the_same(knee, walking):
     """On a line from walking out of the learned region, across the edge, where g switches on."""
-    step, scales = 4e-6, knee.confidence.scales
-    moves = step * np.diag(scales)
     for function in (knee.validity_function(), knee.expected_error_function()):
-        derivatives, in_sx = (value_slope_and_bend(function, kind) for kind in (ca.MX, ca.SX))
-        for sx, mx in zip(in_sx(walking[30]), derivatives(walking[30]), strict=True):
-            np.testing.assert_allclose(sx.full(), mx.full(), rtol=1e-12)
-        largest = 0.0
-        for at in (walking[30] + np.array([0.0, 0.0, t, 0.0, 0.0, 0.0]) for t in np.linspace(0.0, 3.0, 7)):
-            _, gradient_at, hessian_at = (np.asarray(d) for d in derivatives(at))
-            plus, minus = ([derivatives(at + sign * move) for move in moves] for sign in (1.0, -1.0))
-            slope = [float(p[0] - m[0]) / (2.0 * step) for p, m in zip(plus, minus, strict=True)]
-            bend = np.array([(p[1] - m[1]).full().ravel() for p, m in zip(plus, minus, strict=True)]) / (2.0 * step)
-            size = max(np.abs(gradient_at.ravel() * scales).max(), 1e-3)
-            np.testing.assert_allclose(slope, gradient_at.ravel() * scales, atol=1e-4 * size)
-            scaled = hessian_at * np.outer(scales, scales)
-            np.testing.assert_allclose(bend * scales, scaled, atol=1e-3 * max(np.abs(scaled).max(), 1e-3))
-            largest = max(largest, np.abs(scaled).max())
-        assert largest > 0.1, "the line crosses the edge of the region"
+        in_mx, in_sx = (
+            ca.Function("all", [pose], [function(pose)[0], *ca.hessian(function(pose)[0], pose)])
+            for pose in (ca.MX.sym("pose", 6), ca.SX.sym("pose", 6))
+        )
+        line = [walking[30] + np.array([0.0, 0.0, t, 0.0, 0.0, 0.0]) for t in np.linspace(0.0, 3.0, 7)]
+        for at in line:
+            for sx, mx in zip(in_sx(at), in_mx(at), strict=True):
+                np.testing.assert_allclose(sx.full(), mx.full(), rtol=1e-12)
+        scales = knee.confidence.scales
+        assert max(np.abs(in_mx(at)[1].full() * np.outer(scales, scales)).max() for at in line) > 0.1, "the edge"
 
 
 @pytest.mark.parametrize("name", ["tx", "tz", "ry", "rz"])

@@ -32,8 +32,7 @@ const char *const ${name}_pressure_names[${guard}_PRESSURES] = {$pressure_names}
 const char *const ${name}_pressure_units[${guard}_PRESSURES] = {$pressure_unit_names};
 
 void ${name}_pressures(const double pose[6], double pressures[${guard}_PRESSURES]) {
-  if (finite_pose(pose)) pressures_at(pose, pressures);
-  else fill_nan(${guard}_PRESSURES, pressures);
+  pressure_guarded_value(pose, pressures, 0);
 }
 #endif
 

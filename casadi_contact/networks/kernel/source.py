@@ -38,7 +38,7 @@ class Kernel:
     code: str
 
     def source(self, *, loads: int, roots: int, beside: Kernel | None = None) -> str:
-        """C99 up to guarded_value, _jacobian, _hessian and values_of: these, and NaN where a pose is not finite.
+        """C99 up to guarded_value, values_of, array_jacobians and their like: NaN where a pose is not finite.
 
         beside: another whose networks and code come after it, with other names.
         """
@@ -51,9 +51,9 @@ class Kernel:
         return "\n".join([*head, networks, "", self.code, guards(), beside.code if beside else ""])
 
 
-def guards(before: str = "", roots: str = "ROOTS") -> str:
+def guards(before: str = "", loads: str = "LOADS", roots: str = "ROOTS") -> str:
     """C of ``guarded_value`` and its like of a kernel, whose functions' names begin with `before`."""
-    return Template(c_text("guards.h")).substitute(before=before, roots=roots)
+    return Template(c_text("guards.h")).substitute(before=before, loads=loads, roots=roots)
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class ExportedModel:
     name: default name of files and functions, unlike that of any other model.
     source: C99 up to guarded_value and its like, for these loads and, if has_roots, the root loads of all patches;
     confidence_guarded_value where it is calibrated; outside(pose), which is 0 for a pose that the model is made for, as
-    made_for says in words. pressure_names: where there are any, source defines pressures_at(pose, pressures) for them.
+    made_for says in words. pressure_names: where there are any, source defines pressure_guarded_value for them.
     vectors: source needs the vectors of GCC and clang. data: what the source includes as the file DATA_FILE of the
     folder in which it is compiled. wrench_source: C of a kernel whose loads are the wrenches of all patches, for CasADi
     functions with parameters; none where the model has none of these.

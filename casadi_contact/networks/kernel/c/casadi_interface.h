@@ -95,11 +95,11 @@ INLINE void adjoint_of_all(const double *pose, const double *loads_seed, const d
   for (casadi_int i = 0; i < n; i++) {
     double f[LOADS + 1], s[ROOTS + 1], df[LOADS + 1][6], ds[ROOTS + 1][6];
     guarded_jacobian(pose + 6 * i, loads_seed ? f : 0, roots_seed ? s : 0, df, ds);
-    for (int j = 0; j < 6; j++) {
-      double sum = 0.0;
-      for (int k = 0; loads_seed && k < LOADS; k++) sum += loads_seed[LOADS * i + k] * df[k][j];
-      for (int k = 0; roots_seed && k < ROOTS; k++) sum += roots_seed[ROOTS * i + k] * ds[k][j];
-      product[6 * i + j] = sum;
+    for (int j = 0; j < 6; j++) product[6 * i + j] = 0.0;
+    for (int k = 0; k < LOADS + ROOTS; k++) {
+      const double *seeds = k < LOADS ? loads_seed : roots_seed, *row = k < LOADS ? df[k] : ds[k - LOADS];
+      const double seed = seeds ? seeds[k < LOADS ? LOADS * i + k : ROOTS * i + k - LOADS] : 0.0;
+      for (int j = 0; j < 6 && seed != 0.0; j++) product[6 * i + j] += seed * row[j]; /* what has no weight may be NaN */
     }
   }
 }

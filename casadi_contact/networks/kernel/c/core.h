@@ -154,7 +154,7 @@ INLINE void times(int n, const double *u, const double *v, double *product) {
 INLINE void curvature(int inputs, int n, const double *weight, const double *z, double (*sums)[WIDTH]) {
   for (int t = 0; t < inputs; sums += ++t) {
     UNROLL for (int l = 0; l < WIDTH; l += VECTOR) {
-      Vector sum[16];
+      Vector sum[16] = {{0}}; /* else compilers warn */
       UNROLL for (int u = 0; u <= t; u++) sum[u] = loaded(sums[u] + l);
       for (int i = l; i < n; i += WIDTH) {
         const Vector scaled = loaded(weight + i) * loaded(z + t * n + i);

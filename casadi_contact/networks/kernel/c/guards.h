@@ -9,7 +9,7 @@ ENTRY void ${before}guarded_value(const double *pose, double *loads, double *roo
     ${before}kernel_value(pose, loads, roots);
     return;
   }
-  if (loads) fill_nan(LOADS, loads);
+  if (loads) fill_nan($loads, loads);
   if (roots) fill_nan($roots, roots);
 }
 
@@ -19,7 +19,7 @@ ENTRY void ${before}guarded_jacobian(const double *pose, double *loads, double *
     ${before}kernel_jacobian(pose, loads, roots, loads_jacobian, roots_jacobian);
     return;
   }
-  if (loads) fill_nan(LOADS, loads), fill_nan(6 * LOADS, loads_jacobian[0]);
+  if (loads) fill_nan($loads, loads), fill_nan(6 * $loads, loads_jacobian[0]);
   if (roots) fill_nan($roots, roots), fill_nan(6 * $roots, roots_jacobian[0]);
 }
 
@@ -32,6 +32,17 @@ ENTRY void ${before}guarded_hessian(const double *pose, const double *loads_weig
 /* Of n poses (n x 6); an array that is 0 is left out. */
 ENTRY void ${before}values_of(long long n, const double *poses, double *loads, double *roots) {
   for (long long i = 0; i < n; i++) {
-    ${before}guarded_value(poses + 6 * i, loads ? loads + LOADS * i : 0, roots ? roots + $roots * i : 0);
+    ${before}guarded_value(poses + 6 * i, loads ? loads + $loads * i : 0, roots ? roots + $roots * i : 0);
   }
+}
+
+/* For arrays as well: with slopes (n x $loads x 6), and Hessians (n x 6 x 6) of the sums weighted by weights (n x $loads). */
+ENTRY void ${before}array_jacobians(long long n, const double *poses, double *loads, double *slopes) {
+  for (long long i = 0; i < n; i++, poses += 6, loads += $loads, slopes += 6 * ($loads)) {
+    ${before}guarded_jacobian(poses, loads, 0, (double(*)[6])slopes, 0);
+  }
+}
+
+ENTRY void ${before}array_hessians(long long n, const double *poses, const double *weights, double *hessians) {
+  for (long long i = 0; i < n; i++) ${before}guarded_hessian(poses + 6 * i, weights + $loads * i, 0, hessians + 36 * i);
 }
