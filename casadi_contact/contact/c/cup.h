@@ -77,9 +77,10 @@ INLINE Moments moments_of(Lanes x, Lanes arc, int order) {
   return m;
 }
 
-/* Sums over the points, in the frame of b: force, its derivatives, and the second derivatives of pull . force. */
+/* Sums over the points, in the frame of b: area, pressure and its derivatives, force, its derivatives, and the second
+ * derivatives of pull . force. */
 typedef struct {
-  Lanes force[2], slope[3][3], curvature[3][3];
+  Lanes area, push, rate[2], force[2], slope[3][3], curvature[3][3];
 } Sums;
 
 INLINE void add_slope(const Moments *m, Lanes scale, Lanes rise, Lanes lean, Lanes slope[3][3]) {
@@ -124,9 +125,11 @@ INLINE void sum_points(const Place *p, int order, const double pull[3], Sums *su
     const Lanes depth = s + w - CUP_RADIUS, force = weight[i] * pressure_at(depth);
     const Lanes rise = 1.0 + s * inverse, lean = p->length * inverse;
     const Moments m = moments_of(x[i], arc[i], order);
+    sums->area += 2.0 * arc[i] * weight[i], sums->push += 2.0 * arc[i] * force;
     sums->force[0] += force * m.e_0, sums->force[1] += force * m.e_1;
     if (order == VALUE) continue;
     const Lanes mu = weight[i] * pressure_slope_at(depth);
+    sums->rate[0] += mu * (rise * m.e_0 - 2.0 * arc[i] * lean), sums->rate[1] += mu * rise * m.e_1;
     add_slope(&m, mu, rise, lean, sums->slope);
     if (order == FIRST) continue;
     const Lanes nu = weight[i] * pressure_bend_at(depth), by_w = mu * inverse, by_cube = by_w * inverse * inverse;

@@ -24,25 +24,14 @@ INLINE double largest_depth(const Place *p, double slope[3]) {
 FUNCTION void patch_moments(int patch, const double *pose, const Frame *frame, double value[6], double slope[6][6]) {
   const double r_2 = CUP_RADIUS * CUP_RADIUS;
   const Place p = place_of(pose);
-  Lanes x[BLOCKS], weight[BLOCKS], arc[BLOCKS], area = all(0.0), push = all(0.0), rate[2] = {{0.0}};
   double first[3], in_frame[3][3], fixed[6][6];
   Sums sums;
   (void)patch, (void)frame;
   if (!(p.edge < (p.cos_tilt > RIM_COS ? 1.0 : p.begin))) return;
-  points_of(&p, x, weight, arc);
-  for (int i = 0; i < BLOCKS; i++) {
-    const Lanes s = p.length * x[i];
-    const Lanes w = root(larger_of(BALL_RADIUS * BALL_RADIUS - p.length * p.length + s * s, all(LEAST_SINE)));
-    const Lanes depth = s + w - CUP_RADIUS, stiff = weight[i] * pressure_slope_at(depth), rise = 1.0 + s / w;
-    const Moments m = moments_of(x[i], arc[i], VALUE);
-    area += 2.0 * weight[i] * arc[i];
-    push += 2.0 * weight[i] * arc[i] * pressure_at(depth);
-    rate[0] += stiff * (rise * m.e_0 - 2.0 * arc[i] * p.length / w), rate[1] += stiff * rise * m.e_1;
-  }
   sum_points(&p, FIRST, 0, &sums);
-  value[0] = r_2 * sum_of(area), value[1] = r_2 * sum_of(push);
+  value[0] = r_2 * sum_of(sums.area), value[1] = r_2 * sum_of(sums.push);
   area_slope(&p, slope[0]);
-  turn_vector(&p, (const double[3]){sum_of(rate[0]), sum_of(rate[1]), 0.0}, r_2, slope[1]);
+  turn_vector(&p, (const double[3]){sum_of(sums.rate[0]), sum_of(sums.rate[1]), 0.0}, r_2, slope[1]);
   turn_vector(&p, (const double[3]){sum_of(sums.force[0]), sum_of(sums.force[1]), 0.0}, CUP_RADIUS * r_2, first);
   for (int i = 0; i < 3; i++) for (int j = 0; j < 3; j++) in_frame[i][j] = sum_of(sums.slope[i][j]);
   to_fixed(&p, in_frame, fixed);

@@ -39,18 +39,17 @@ FUNCTION void patch_moments(int patch, const double *pose, const Frame *frame, d
   place_points(&lines, &points);
   for (int i = 0; i < points.count; i++) {
     const Lanes u = points.at[i].u, v = points.at[i].v;
-    Lanes arm[3], d[6], depth, area, stiff;
+    Lanes arm[3], d[6], depth, area, stiff, force;
     Ray ray;
     cast(s, &p, u, v, points.at[i].arc, TO_END, &ray);
     depth = ray.step * ray.length, area = points.at[i].weight * ray.length, stiff = area * pressure_slope_at(depth);
-    {
-      const Lanes weight[4] = {all(1.0), u, ray.y, v + s->z_0}, force = area * pressure_at(depth);
-      depth_slope(&p, &ray, arm, d);
-      sums[0] += area;
-      for (int k = 0; k < 4; k++) {
-        sums[1 + k] += force * weight[k];
-        for (int a = 0; a < 6; a++) rates[k][a] += stiff * weight[k] * d[a];
-      }
+    force = area * pressure_at(depth);
+    depth_slope(&p, &ray, arm, d);
+    sums[0] += area;
+    for (int k = 0; k < 4; k++) {
+      const Lanes weight = k == 0 ? all(1.0) : (k == 1 ? u : (k == 2 ? ray.y : v + s->z_0));
+      sums[1 + k] += force * weight;
+      for (int a = 0; a < 6; a++) rates[k][a] += stiff * weight * d[a];
     }
   }
   for (int k = 0; k < 5; k++) value[k] = sum_of(sums[k]);

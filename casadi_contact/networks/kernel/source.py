@@ -161,7 +161,7 @@ def _functions(name: str, outputs: Mapping[str, int], kernel: Sequence[str]) -> 
         return [("empty", f"{rows} * {frames}", f"{size} * FRAMES") for size in sizes]
 
     functions = [
-        _function(name, [of_pose], seeds, [f"value_of_all(arg[0], {pair('res', 0)});"]),
+        _function(name, [of_pose], seeds, [f"values_of(FRAMES, arg[0], {pair('res', 0)});"]),
         _function(
             f"jac_{name}",
             [of_pose, *unused],

@@ -66,12 +66,6 @@ INLINE const casadi_int *second_blocks(casadi_int rows, casadi_int **kept) {
   return pattern;
 }
 
-/* CasADi leaves out what it does not need. */
-INLINE void value_of_all(const double *pose, double *loads, double *roots) {
-  if (FRAMES > 1) values_of(FRAMES, pose, loads, roots);
-  else guarded_value(pose, loads, roots);
-}
-
 /* Blocks by columns, as CasADi stores them, or (transpose) d(adjoint product)/d(adjoint). */
 INLINE void block_of(int rows, double (*jacobian)[6], double *to, int transpose) {
   for (int j = 0; j < 6; j++) {
