@@ -149,7 +149,12 @@ class SymbolicContact(ContactFunctions, ContactModel):
 
 
 def symbolic(model: ContactModel) -> SymbolicContact:
-    """The model itself where it has CasADi functions, else called back from CasADi, with differenced Hessians."""
+    """The model itself where it has CasADi functions, else called back from CasADi, with differenced Hessians.
+
+    Raises TypeError for a scene, or the name of one.
+    """
+    if isinstance(model, str | Scene):
+        raise TypeError(f"got {model!r:.60}, expected a contact model: cc.foundation(scene) or cc.load_surrogate(name)")
     return model if isinstance(model, SymbolicContact) else CallbackContact(model)
 
 

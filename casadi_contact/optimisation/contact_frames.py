@@ -87,9 +87,6 @@ class ContactFrames:
         low, high = (np.tile(bound[self.columns] / self._scales, frames) for bound in pose_bounds(model))
         self.lower, self.upper = low, high
 
-    def __getstate__(self) -> Any:
-        raise TypeError("CasADi's expressions do not pickle: pickle the contact model and poses, and build this anew")
-
     def load(self, name: str) -> ca.MX:
         """A named load (1, n) [N, N·mm]; ValueError for one that was not asked for."""
         if name not in self.load_names:

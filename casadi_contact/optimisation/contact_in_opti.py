@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.core.conventions import Array, pose_index
+from casadi_contact.core.conventions import Array, check_above_zero, pose_index
 from casadi_contact.optimisation.contact_frames import ContactFrames
 from casadi_contact.optimisation.ipopt import settled_options
 from casadi_contact.optimisation.starts import learned_range
@@ -68,8 +68,8 @@ class ContactInOpti(ContactFrames):
     def keep(self, least_n: float = 2.5) -> None:
         """Hold every patch in contact, with a normal load of at least least_n [N], as constraints: a balance that
         reserve actuators can close may otherwise end, solved, without contact."""
-        root = np.sqrt(least_n / self._scene.reference_load)
-        self._opti.subject_to(ca.vec(self.roots) >= root)
+        check_above_zero(least_n=least_n)
+        self._opti.subject_to(ca.vec(self.roots) >= np.sqrt(least_n / self._scene.reference_load))
 
     def begin(self, targets: Mapping[str, ArrayLike] | None = None, poses: ArrayLike | None = None) -> None:
         """Set the start: poses (n, 6) or (6,), or the middle of the learned range, settled as `start_poses` does, under

@@ -35,6 +35,7 @@ def settled_function(
     `ContactFrames`, `settle`). Raises ValueError for unknown names, and unless there are as many targets as free
     parameters.
     """
+    free, targets, parameters = ((of,) if isinstance(of, str) else tuple(of) for of in (free, targets, parameters))
     model = symbolic(model)
     space = model.scene.pose_space
     check_loads(POSE_NAMES, free)

@@ -137,7 +137,7 @@ def test_a_body_settles_alike_whichever_loads_are_asked_for():
 
 
 def test_damped_dynamics_falls_into_contact():
-    model = cc.ElasticFoundation(cc.load_scene("sphere_on_plane"), (50, 50))
+    model = cc.ElasticFoundation(cc.load_scene("sphere_on_plane"), (20, 20))
     rest, report = cc.relax(model, at(33.0), ("ty",), {"Fy": -400.0})
     assert report.converged[0]
     assert model(rest)[0, 1] == pytest.approx(-400.0, abs=1e-3)
@@ -153,7 +153,7 @@ def test_damped_motion_ends_as_soon_as_the_loads_are_met_within_tolerance(tolera
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_a_pose_that_moves_to_where_loads_are_not_finite_ends_at_the_border_and_costs_no_other():
     scene = cc.load_scene("sphere_on_plane")
-    elements = cc.ElasticFoundation(scene, (40, 40))
+    elements = cc.ElasticFoundation(scene, (20, 20))
 
     def fails_deep(poses):
         loads = elements.wrenches(poses)
@@ -200,7 +200,7 @@ def test_settled_poses_lie_on_the_tie_and_carry_the_loads_there(ball):
 
 
 def test_damped_motion_comes_to_rest_in_the_same_poses(ball):
-    ball, target = cc.ElasticFoundation(ball.scene, (40, 40)), {name: loads[:1] for name, loads in TARGET.items()}
+    ball, target = cc.ElasticFoundation(ball.scene, (20, 20)), {name: loads[:1] for name, loads in TARGET.items()}
     poses, _ = cc.settle(ball, OFF[:1], ("tx", "ty"), target)
     rested, report = cc.relax(ball, poses + np.array([0.1, 0.02, 0.3, 0.1, 0.0, 0.0]), ("tx", "ty"), target)
     assert report.converged.all(), report.reason

@@ -1,5 +1,6 @@
 """A contact in the user's own Opti or NLP: wanted loads are found from far away, and misfits are what they say."""
 
+import copy
 import pickle
 from functools import partial
 
@@ -301,5 +302,11 @@ def test_material_and_placement_may_be_parameters_and_poses_follow_them():
     np.testing.assert_allclose(np.array(slope), differences, rtol=1e-3, atol=1e-7)
     with pytest.raises(ValueError, match="foundation"):
         cc.ContactFrames(cc.load_surrogate("knee"), parameters={"youngs_modulus": 500.0})
-    with pytest.raises(TypeError, match="pickle"):
+    np.testing.assert_array_equal(copy.deepcopy(contact).lower, contact.lower)
+    with pytest.raises(Exception, match="Cannot pickle"):  # CasADi's own word, with its cure
         pickle.dumps(contact)
+    with pytest.raises(ValueError, match="least_n"):
+        contact.keep(-1.0)
+    for model in ("knee", cc.load_scene("knee")):
+        with pytest.raises(TypeError, match="foundation"):
+            cc.ContactInOpti(opti, model)
