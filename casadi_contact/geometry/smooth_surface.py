@@ -93,12 +93,14 @@ class SmoothSurface:
 
     def _side(self, points: Array, flat: Array, far: np.ndarray) -> Array:
         """Numbers (n,) with the sign of the distance at points far from the mesh: of a closed one by winding numbers,
-        since pseudonormals give wrong signs at folded triangles and self-intersections."""
-        if len(self.mesh.boundary_edges):
+        since pseudonormals give wrong signs at folded triangles and self-intersections. Points in a row share one,
+        where no surface runs between them: distances of neighbours add up to more than lies between the two."""
+        if len(self.mesh.boundary_edges) or not far.any():
             return flat
-        side = flat.copy()
-        if far.any():
-            side[far] = 0.5 - self._winding(np.ascontiguousarray(points[far]))
+        side, there, away = flat.copy(), np.ascontiguousarray(points[far]), np.abs(flat[far])
+        parted = away[1:] + away[:-1] <= np.linalg.norm(np.diff(there, axis=0), axis=1)
+        row = np.concatenate([[0], np.cumsum(parted)])
+        side[far] = (0.5 - self._winding(there[np.flatnonzero(np.diff(row, prepend=-1))]))[row]
         return side
 
     def _at_open_edge(self, face: np.ndarray, share: Array) -> np.ndarray:
