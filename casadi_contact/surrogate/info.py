@@ -42,6 +42,7 @@ _COVERAGE_ROWS = {  # see `calibration.coverage_by_group`
     "around": "poses of validity above 0.5, perturbed from the samples",
     "range": "poses of validity above 0.5, drawn evenly over the sampled ranges",
     "settled": "poses of validity above 0.5 at which the static solver ends on the surrogate, at a rim too",
+    "dropped": "poses of validity above 0.5 that a plan asked for and that became no samples",
     "cycles": "poses of validity above 0.5 of cycles that were never drawn around, found on the surrogate",
 }
 
