@@ -185,7 +185,8 @@ def main(
     """Simulate cycles on a surrogate and on the elements of its scene; compare times and poses."""
     model = cc.load_surrogate(surrogate)
     elements = cc.ElasticFoundation(model.scene, model.scene.grids["fine"])
-    simulators = {"surrogate": build(model, load_scale=load_scale), "elements": build(elements, load_scale=load_scale)}
+    of_elements = elements.label
+    simulators = {"surrogate": build(model, load_scale=load_scale), of_elements: build(elements, load_scale=load_scale)}
     start = start_state(simulators["surrogate"])
     motions = {name: simulate(one, start, cycles=cycles, tolerance=1e-4) for name, one in simulators.items()}
     exact = simulate(simulators["surrogate"], start, cycles=cycles, tolerance=1e-8)
@@ -208,7 +209,7 @@ def main(
     for axis, column in zip(axes[1:], range(5), strict=True):
         unit = np.degrees if column > 2 else np.asarray
         axis.plot(exact.time_s, unit(exact.poses[:, column]), label="surrogate")
-        axis.plot(exact.time_s, unit(motions["elements"].poses[:, column]), "--", label="elements")
+        axis.plot(exact.time_s, unit(motions[of_elements].poses[:, column]), "--", label=of_elements)
         axis.set_ylabel(f"{POSE_NAMES[column]} [{'degrees' if column > 2 else 'mm'}]")
     axes[1].legend()
     for axis in axes:

@@ -149,7 +149,8 @@ def main(
     inverse = MuscleContact(model, walk_of(rotations, inverse_dynamics, muscles, parameters))
     solved, walk, leg = inverse.solve(), inverse.walk, Leg()
     models: dict[str, ContactModel] = {"surrogate": model, "foundation": cc.foundation(model.scene)}
-    models["elements"] = ElasticFoundation(model.scene, model.scene.grids["fine"])
+    elements = ElasticFoundation(model.scene, model.scene.grids["fine"])
+    models[elements.label] = elements
     print("contact     steps  seconds  medial, lateral off [% of peak]  flexion off [°]  energy lost [%]")
     motions, sides = {}, {}
     for name, contact in models.items():

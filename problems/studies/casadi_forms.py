@@ -120,8 +120,8 @@ def measured(
         model, generated = surrogate if form == OWN else Written(surrogate, form), form == "CasADi C"
         try:
             times = stopwatches(model, poses, generated=generated)
-        except ImportError as error:
-            found[form] = {"missing": str(error)}
+        except (ImportError, RuntimeError) as error:
+            found[form] = {"missing": " ".join(str(error).split())[-100:]}
             continue
         watches |= {(form, what): watch for what, watch in times.items()}
         cycle = reference_cycle(frames=few if form in SLOW else frames)
@@ -133,7 +133,7 @@ def measured(
     return found
 
 
-def main(out: Path = Path("results/casadi_forms.json")) -> None:
+def main(out: Path = Path("docs/results/data/casadi_forms.json")) -> None:
     """Measure the forms of `knee` and `knee_two_stage`."""
     writable_folder(out.parent)
     poses = available_poses(Project.open("knee", "quick"))[:20]

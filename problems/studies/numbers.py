@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,10 @@ _PACKAGES = ("casadi_contact", "casadi", "numpy", "scipy", "numba", "torch")
 
 
 def headline(data: Path) -> str:
-    """Numbers of the knee for the README, with the command that measured each, and the machine."""
+    """Numbers of the knee for the README, with the command that measured each, and the machines.
+
+    Times of calls, and their ratios, are ranges over the machines whose fronts are in the folder ``machines``.
+    """
     solutions = read_front(data / "solve_time.csv").models
     whole = {point.name: 1e-3 * point.value.median_us for point in solutions if point.value is not None}
     scene = load_scene("knee")
@@ -28,8 +31,11 @@ def headline(data: Path) -> str:
         raise ValueError(f"no front of knee is shipped: run {FRONT} first")
     front, grid = shipped[1], f"EF {grid_text(scene.grids['fine'])}"
     (knee,) = (point for point in front.models if point.name == "knee")
-    (elements,) = (point for point in front.models if point.name == grid)
-    kernel = ", ".join(number(t.low_us) for t in (knee.value, knee.jacobian, knee.hessian) if t is not None)
+    others = [read_front(path) for path in sorted((data / "machines").glob("*.csv"))]
+    machines = [{point.name: point for point in each.models} for each in (front, *others)]
+    kernel = ", ".join(
+        spread(getattr(models["knee"], what).low_us for models in machines) for what in ("value", "jacobian", "hessian")
+    )
     quickest = min((name for name in whole if name.startswith("foundation")), key=lambda name: whole[name])
     rows = [
         [
@@ -47,18 +53,40 @@ def headline(data: Path) -> str:
             f"{kernel} µs",
             f"`{FRONT}`",
         ],
-        _fastest_untrained(front, knee),
+        _fastest_untrained(front, knee, machines),
         [
             f"time per pose of {grid} (elastic foundation, that many elements a side), divided by that of `knee`",
-            number(elements.value.median_us / knee.value.median_us),  # type: ignore[union-attr]
+            _ratio(machines, grid, "knee"),
             f"`{FRONT}`",
         ],
     ]
+    if (forms := data / "casadi_forms.json").is_file():
+        rows.append(_other_forms(read(forms)["surrogates"]["knee"]))
     numbers = table(["what", "measured", "command"], rows, texts=["command"])
-    return f"{numbers}\n\n{machine(front.header)}"
+    also = ", ".join(f"{each.header['processor']} ({each.header['instruction_set']})" for each in others)
+    ranges = f"\n\nRanges of times and ratios include those measured on: {also}." if also else ""
+    return f"{numbers}\n\n{machine(front.header)}{ranges}"
 
 
-def _fastest_untrained(front: Front, knee: Point) -> list[str]:
+def _other_forms(forms: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """The same networks in CasADi's own forms, by the time of our kernel."""
+    own, *others = ((name, found) for name, found in forms.items() if "missing" not in found)
+
+    def times(found: Mapping[str, Any], what: str) -> str:
+        return number(found[f"{what}_us"] / own[1][f"{what}_us"])
+
+    what = f"time per pose of loads / Hessian of `knee` by {', '.join(name for name, _ in others)}, divided by ours"
+    cells = [f"{times(found, 'value')} / {times(found, 'Hessian')}" for _, found in others]
+    return [what, "; ".join(cells), "`python -m problems.studies.casadi_forms`"]
+
+
+def _ratio(machines: Sequence[Mapping[str, Point]], name: str, by: str) -> str:
+    """The range over machines of the time of one model divided by that of another."""
+    found = [models for models in machines if name in models]
+    return spread(models[name].value.median_us / models[by].value.median_us for models in found)  # type: ignore[union-attr]
+
+
+def _fastest_untrained(front: Front, knee: Point, machines: Sequence[Mapping[str, Point]]) -> list[str]:
     """The fastest model without training that is as accurate as the surrogate: what it must be compared with."""
     times = {point.name: point.value.median_us for point in front.models if point.value is not None}
     as_accurate = [
@@ -75,7 +103,7 @@ def _fastest_untrained(front: Front, knee: Point) -> list[str]:
         f"time per pose of the fastest model without training that is as accurate ({which}, RMS "
         f"{number(best.force_rms_n)} N), divided by that of `knee`"
     )
-    return [what, number(times[best.name] / times[knee.name]), f"`{FRONT}`"]
+    return [what, _ratio(machines, best.name, knee.name), f"`{FRONT}`"]
 
 
 def with_numbers(page: Path, numbers: str) -> str:
@@ -141,6 +169,12 @@ def machine(record: Mapping[str, Any]) -> str:
         f"Measured on: {record['processor']} ({instructions}{flags}), {record['cores']} cores, {record['system']}; "
         f"Python {record['python']}, {versions}."
     )
+
+
+def spread(values: Iterable[float]) -> str:
+    """The range of values, two digits each where they differ: 4.5 to 7."""
+    found = sorted(values)
+    return number(found[0]) if len(found) == 1 else f"{found[0]:.2g} to {found[-1]:.2g}"
 
 
 def number(value: float) -> str:

@@ -51,6 +51,7 @@ _CHARTS = (
     "the motion alone. Errors are RMS over forces and over torques on unseen poses of the scene's motion; times are "
     "medians per pose. Complete tables: `docs/results/data/chart-*.csv`."
 )
+_PER_STEP = "IPOPT, a frame and iteration [µs]"
 _ROWS = {
     1: [
         "Starts 0.5 to 20 mm out of contact, or 0.5 to 5 mm too deep, settle under the loads the method has there. "
@@ -69,6 +70,7 @@ def pages(data: Path) -> dict[str, str]:
     sections: list[str] = []
     for name, write in (
         ("speed_accuracy.csv", _shipped_section),
+        ("casadi_forms.json", _forms_section),
         ("solve_time.csv", _solve_time_section),
         ("optimisers.json", _optimisers_section),
     ):
@@ -143,6 +145,32 @@ def _front_table(points: Sequence[Point]) -> str:
         rows.append([point.name, *times, number(point.force_rms_n), number(point.torque_rms_nmm), *trained])
     columns = ["value [µs]", "Jacobian [µs]", "Hessian [µs]", "force [N]", "torque [N·mm]", "samples", "training [s]"]
     return table(["model", *columns], rows)
+
+
+def _forms_section(path: Path) -> list[str]:
+    content = read(path)
+    parts = [
+        "## What a CasADi user would write instead",
+        "The same networks as our compiled kernel, as C that CasADi generates from the graph of the formula (compiled "
+        "by the same compiler with the same flags), as the graph itself in MX and in SX, and through Python by PyTorch "
+        "in double precision. All are exact, so that IPOPT takes the same steps. Times: lowest of 7 of a call with one "
+        "pose (loads, Jacobian, Hessian of the Lagrangian); IPOPT's pose estimation of the built-in walk from the same "
+        "settled start, without building or compiling. Command: `python -m problems.studies.casadi_forms`.",
+        machine(content["machine"]),
+    ]
+    columns = [*("form", "value [µs]", "Jacobian [µs]", "Hessian [µs]", "frames solved", "iterations"), _PER_STEP]
+    for name, forms in content["surrogates"].items():
+        rows = []
+        for form, found in forms.items():
+            if reason := found.get("missing"):
+                rows.append([f"{form}: {reason}", *[""] * 6])
+                continue
+            times = [number(found[f"{what}_us"]) for what in ("value", "Jacobian", "Hessian")]
+            solved = f"{found['solved']} of {found['frames']}"
+            step = number(1e6 * found["seconds"] / found["frames"] / max(1, found["iterations"]))
+            rows.append([form, *times, solved, str(found["iterations"]), step])
+        parts += [f"### {name} in other forms", table(columns, rows)]
+    return parts
 
 
 def _solve_time_section(path: Path) -> list[str]:

@@ -1,181 +1,203 @@
 """Peers: what one might use instead of these surrogates, fitted on the same samples and timed in the same run.
 
-Run ``python -m problems.studies.peers knee --preset standard`` after that build.
-
-Regressors of scikit-learn and SciPy (``pip install casadi_contact[peers]``), and a network with a history [EF15 §1]. A
-predicted force that would pull is clamped to zero, as the paper does [EF15 §3.5]. Peers have no derivatives.
+Run ``python -m problems.studies.peers all --preset quick`` after a build of every scene. Each regressor of `regressors`
+learns loads as they are, and the targets of our own networks ("roots": signed root loads and ratios of the local pose
+of a patch); from all samples, and from those near the motion (D1). Those with a formula are timed as C that CasADi
+generates of it, in single calls as networks are; all others as one batch of poses, their cheapest form. A predicted
+force that would pull is clamped to zero, as the paper does [EF15 §3.5].
 """
 
 from __future__ import annotations
 
+import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from math import comb
 from pathlib import Path
 from typing import Annotated, Any, cast
 
+import casadi as ca
 import numpy as np
 import typer
-from scipy.interpolate import RBFInterpolator
 
 from casadi_contact.cli.options import DEFAULT_PRESET
 from casadi_contact.cli.pipeline import chart
 from casadi_contact.contact.elements.foundation import ElasticFoundation
-from casadi_contact.core.conventions import Array, as_poses
+from casadi_contact.core.conventions import WRENCH_NAMES, Array, as_poses, check_loads, local_poses
 from casadi_contact.core.terminal import PlainConsole, progress_bars, run_program
 from casadi_contact.core.workers import one_thread
+from casadi_contact.networks.frames import rotation
+from casadi_contact.networks.network import Regression
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import Samples
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.surrogate.patch.networks import part_components, ratios_name, root_name
+from casadi_contact.surrogate.patch.regressions import patch_regressions, root_target
 from casadi_contact.surrogate.sample_rows import finite, fitted_rows
 from casadi_contact.workflow.benchmark.candidates import Candidate
 from casadi_contact.workflow.benchmark.front_file import Point
-from casadi_contact.workflow.benchmark.timing import time_batch
+from casadi_contact.workflow.benchmark.timing import time_batch, time_single_calls
 from casadi_contact.workflow.project import Project
+from problems.studies.casadi_forms import generated_library
 from problems.studies.history_models import Cycles, TimeDelay
+from problems.studies.regressors import METHODS, Fit, b_spline, learned
 
-
-@dataclass(frozen=True)
-class TrainingSet:
-    """Training rows in random order, so that the first n are a fair choice of n: poses (n, 6) and loads (n, L)."""
-
-    scene: Scene
-    load_names: tuple[str, ...]
-    poses: Array
-    loads: Array
-
-    @classmethod
-    def of(cls, samples: Samples, names: Sequence[str] | None = None, seed: int = 0) -> TrainingSet:
-        """The training rows of samples; ValueError for an unknown load, NaN or no training rows."""
-        names = tuple(samples.scene.load_names if names is None else names)
-        rows, validation = fitted_rows(samples)
-        poses, loads = finite("poses", samples.poses[rows]), finite("loads", samples.loads(names)[rows])
-        order = np.random.default_rng(seed).permutation(np.flatnonzero(~validation))
-        return cls(samples.scene, names, poses[order], loads[order])
-
-    def __len__(self) -> int:
-        return len(self.poses)
-
-    def without_pull(self, loads: Array) -> Array:
-        """Loads (n, L) with normal forces that would pull set to zero; magnitudes of forces have no such sign."""
-        signs = {normal.loads[0]: normal.sign for normal in self.scene.normal_loads if normal.component is not None}
-        sign = np.array([signs.get(name, 0.0) for name in self.load_names])
-        return np.where(sign * loads < 0.0, 0.0, loads)
+LOADS, ROOTS, HISTORY, SPLINE = "loads", "roots", "time-delay network", "B-spline"
+NODES = 16_000  # of a grid for B-splines at most, as many as samples: 5 along each of 6 axes
+CHARTED = ("glenohumeral", "hip", "knee", "patellofemoral", "problems/scenes/natural_knee.toml")
 
 
 class Peer:
-    """A fitted function poses (n, 6) -> loads (n, L) as a load model."""
+    """Fits as a load model poses (n, 6) -> loads (n, L): one fit called "loads" of the pose, or those of signed root
+    loads s and ratios ρ of every part's local pose, which give N = N0·max(s, 0)² and N·ρ."""
 
-    def __init__(self, predict: Callable[[Array], Array], data: TrainingSet) -> None:
-        self.load_names, self._predict, self._data = data.load_names, predict, data
+    def __init__(self, scene: Scene, load_names: Sequence[str], fits: Mapping[str, Fit]) -> None:
+        self.scene, self.load_names, self.fits = scene, tuple(load_names), fits
+        signs = {normal.loads[0]: normal.sign for normal in scene.normal_loads if normal.component is not None}
+        self._sign = np.array([signs.get(name, 0.0) for name in self.load_names])
+        self._selection, self._free = scene.part_selection(self.load_names), list(scene.pose_space.free)
+        self._components = part_components(scene)
 
     def __call__(self, poses: Array) -> Array:
-        """Named loads (n, L)."""
-        return self._data.without_pull(np.reshape(self._predict(as_poses(poses)), (-1, len(self.load_names))))
+        """Named loads (n, L); none pulls."""
+        poses = self.scene.pose_space.project(as_poses(poses))
+        if LOADS in self.fits:
+            loads = self.fits[LOADS].predict(poses[:, self._free])
+            return np.where(self._sign * loads < 0.0, 0.0, loads)
+        loads = np.zeros((len(poses), len(self.load_names)))
+        for p, part in enumerate(self.scene.parts):
+            x = local_poses(poses, part.anchor_mm)[:, self._free]
+            normal = self.scene.reference_load * np.maximum(self.fits[root_name(part.name)].predict(x), 0.0) ** 2
+            columns, own = self._shares(p)
+            ratios = (
+                self.fits[ratios_name(part.name)].predict(x) if columns.any() else np.zeros((len(x), columns.shape[1]))
+            )
+            loads += normal * (ratios @ columns.T + own)
+        return loads
 
-    def one(self, pose: Array) -> Array:
-        """Loads (L,) of one pose."""
-        return cast(Array, self(np.reshape(pose, (1, 6)))[0])
+    def _shares(self, p: int) -> tuple[Array, Array]:
+        """Of part p: how much of each ratio a load takes (L, ratios), and of the normal load itself (L,)."""
+        part = self.scene.parts[p]
+        columns = [WRENCH_NAMES.index(name) for name in self._components[part.name]]
+        own = self._selection[:, p, WRENCH_NAMES.index(part.normal.component)] if part.normal.component else 0.0
+        return self._selection[:, p][:, columns], np.broadcast_to(part.normal.sign * own, len(self.load_names))
 
-
-class _RadialBasis:
-    """SciPy's thin plate splines of standardised poses, with scikit-learn's ``fit`` and ``predict``; constant pose
-    parameters are left out."""
-
-    def __init__(self, neighbors: int | None) -> None:
-        self.neighbors = neighbors
-
-    def fit(self, x: Array, y: Array) -> _RadialBasis:
-        """Thin plate splines have no shape parameter to tune."""
-        self._varying = np.flatnonzero(np.ptp(x, axis=0) > 0.0)
-        self._shift, self._scale = x[:, self._varying].mean(axis=0), x[:, self._varying].std(axis=0)
-        self._interpolator = RBFInterpolator(self._inputs(x), y, neighbors=self.neighbors)
-        return self
-
-    def _inputs(self, x: Array) -> Array:
-        return np.asarray((x[:, self._varying] - self._shift) / self._scale)
-
-    def predict(self, x: Array) -> Array:
-        """Values (n, L)."""
-        return np.asarray(self._interpolator(self._inputs(x)))
-
-
-def _scaled(*steps: Any) -> Any:
-    """A pipeline that standardises poses first; ImportError that says what to install."""
-    try:
-        from sklearn.pipeline import make_pipeline
-        from sklearn.preprocessing import StandardScaler
-    except ImportError:
-        raise ImportError("this peer needs scikit-learn: pip install casadi_contact[peers]") from None
-    return make_pipeline(StandardScaler(), *steps)
-
-
-def polynomials(data: TrainingSet, gflop: float) -> Iterator[tuple[str, Any, int]]:
-    """Response surfaces of degree 2 to 6 by least squares, as far as there are more samples than terms."""
-    from sklearn.linear_model import LinearRegression
-    from sklearn.preprocessing import PolynomialFeatures
-
-    for degree in (2, 3, 4, 5, 6):
-        if comb(degree + 6, 6) <= len(data):
-            yield f"{degree}", _scaled(PolynomialFeatures(degree), LinearRegression(fit_intercept=False)), len(data)
+    def function(self) -> ca.Function | None:
+        """casadi.Function pose (6) -> loads (L), where every fit has a formula."""
+        if any(fit.expression is None for fit in self.fits.values()):
+            return None
+        pose, space = ca.MX.sym("pose", 6), self.scene.pose_space
+        on_space = ca.mtimes(ca.sparsify(ca.DM(space.matrix)), pose) + ca.DM(space.offset)
+        if LOADS in self.fits:
+            loads = self.fits[LOADS].expression(on_space[self._free])  # type: ignore[misc]
+            loads = ca.if_else(ca.DM(self._sign) * loads < 0.0, 0.0, loads)
+            return ca.Function("peer", [pose], [loads])
+        found = []
+        for p, part in enumerate(self.scene.parts):
+            local = ca.vertcat(on_space[:3] + ca.mtimes(rotation(on_space[3:]), ca.DM(part.anchor_mm)), on_space[3:])
+            x, (columns, own) = local[self._free], self._shares(p)
+            s = self.fits[root_name(part.name)].expression(x)  # type: ignore[misc]
+            ratios = self.fits[ratios_name(part.name)].expression(x) if columns.any() else ca.MX(columns.shape[1], 1)  # type: ignore[misc]
+            found.append(
+                self.scene.reference_load * ca.fmax(s, 0) ** 2 * (ca.mtimes(ca.DM(columns), ratios) + ca.DM(own))
+            )
+        return ca.Function("peer", [pose], [sum(found[1:], found[0])])
 
 
-def gaussian_process(data: TrainingSet, gflop: float) -> Iterator[tuple[str, Any, int]]:
-    """One process for all loads with a Matérn 5/2 kernel, one length for each parameter, and noise, on as many points
-    as some 100 factorisations of n³/3 operations allow."""
-    from sklearn.gaussian_process import GaussianProcessRegressor
-    from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
-
-    count = min(len(data), int((gflop * 1e9 * 3.0 / 100.0) ** (1.0 / 3.0)))
-    kernel = ConstantKernel(10.0) * Matern(np.full(6, 3.0), (0.1, 1e4), nu=2.5) + WhiteKernel(1e-6, (1e-10, 1.0))
-    yield f"{count}", _scaled(GaussianProcessRegressor(kernel, normalize_y=True)), count
+def tasks(samples: Samples, names: Sequence[str]) -> dict[str, list[Regression]]:
+    """What is to be learned, by target; ValueError for NaN or no training rows."""
+    rows, validation = fitted_rows(samples)
+    poses, loads = finite("poses", samples.poses[rows]), finite("loads", samples.loads(names)[rows])
+    ones, free = np.ones(len(poses)), list(samples.scene.pose_space.free)
+    raw = Regression(LOADS, poses[:, free], loads, ones, validation, 0.0, domain=samples.domain[rows])
+    return {LOADS: [raw], ROOTS: patch_regressions(samples)}
 
 
-def neighbours(data: TrainingSet, gflop: float) -> Iterator[tuple[str, Any, int]]:
-    """Means of the nearest samples, weighted by the inverse distance: lazy learning [EF15 §1] in its plainest form."""
-    from sklearn.neighbors import KNeighborsRegressor
-
-    yield "28", _scaled(KNeighborsRegressor(min(28, len(data)), weights="distance")), len(data)
-
-
-def radial_basis(data: TrainingSet, gflop: float) -> Iterator[tuple[str, Any, int]]:
-    """Thin plate splines: local ones on 100 neighbours of all samples, and one through as many as 2/3 n³ allows."""
-    if len(data) > 100:
-        yield "local 100", _RadialBasis(100), len(data)
-    count = min(len(data), int((gflop * 1e9 * 1.5) ** (1.0 / 3.0)))
-    yield f"{count}", _RadialBasis(None), count
+def fitted(method: Any, regressions: Sequence[Regression], *, near: bool) -> dict[str, Fit]:
+    """A method fitted on the training rows, near: on those of D1 alone, in random order."""
+    fits = {}
+    for regression in regressions:
+        rows = ~regression.validation & ((np.asarray(regression.domain) == 1) | (not near))
+        order = np.random.default_rng(0).permutation(np.flatnonzero(rows))
+        weights = np.reshape(regression.weights, (len(regression.weights), -1)).mean(axis=1)
+        fits[regression.name] = learned(method, regression.inputs[order], regression.targets[order], weights[order])
+    return fits
 
 
-REGRESSORS: dict[str, Callable[[TrainingSet, float], Iterator[tuple[str, Any, int]]]] = {
-    "polynomial": polynomials,
-    "Gaussian process": gaussian_process,
-    "neighbours": neighbours,
-    "radial basis": radial_basis,
-}
-"""By family: settings in words, estimator to fit, and number of samples that it takes."""
+def splines(samples: Samples, target: str, names: Sequence[str], nodes: int) -> dict[str, Fit]:
+    """B-splines over the box of the D1 samples, of loads that the scene's teacher grid has at the nodes."""
+    scene, near = samples.scene, samples.select("D1") if (samples.domain == 1).any() else samples
+    model, space = ElasticFoundation(scene, scene.grids["teacher"]), scene.pose_space
+    columns, free = [model.load_names.index(name) for name in names], list(space.free)
+
+    def whole(x: Array) -> Array:
+        poses = np.zeros((len(x), 6))
+        poses[:, free] = x
+        return space.project(poses)
+
+    if target == LOADS:
+        x = near.poses[:, free]
+        return {LOADS: b_spline(lambda x: model(whole(x))[:, columns], x.min(axis=0), x.max(axis=0), nodes)}
+    fits = {}
+    for p, part in enumerate(scene.parts):
+        x = local_poses(near.poses, part.anchor_mm)[:, free]
+
+        def poses_at(x: Array, anchor: Array = part.anchor_mm) -> Array:
+            poses = whole(x)
+            poses[:, :3] -= local_poses(np.hstack([np.zeros((len(poses), 3)), poses[:, 3:]]), anchor)[:, :3]
+            return poses
+
+        def root(x: Array, p: int = p) -> Array:
+            poses = poses_at(x)
+            wrench = model.part_wrenches(poses)[:, p]
+            return root_target(scene.parts[p].normal.of(wrench), model.part_gaps(poses)[:, p], scene)[:, None]
+
+        def ratios(x: Array, p: int = p) -> Array:
+            """Of nodes out of contact, which have none, those of the nearest node in contact."""
+            from scipy.spatial import cKDTree
+
+            wrench, part = model.part_wrenches(poses_at(x))[:, p], scene.parts[p]
+            normal, size = part.normal.of(wrench), np.where(np.ptp(x, axis=0), np.ptp(x, axis=0), 1.0)
+            touching = np.flatnonzero(normal > scene.boundary_load)
+            nearest = touching[cKDTree(x[touching] / size).query(x / size)[1]]
+            picked = [WRENCH_NAMES.index(name) for name in part_components(scene)[part.name]]
+            return np.asarray(wrench[nearest][:, picked] / normal[nearest, None])
+
+        for name, values in ((root_name(part.name), root), (ratios_name(part.name), ratios)):
+            fits[name] = b_spline(values, x.min(axis=0), x.max(axis=0), nodes)
+    return fits
 
 
-def fitted(data: TrainingSet, estimator: Any, count: int) -> Peer:
-    """The estimator fitted on the first rows."""
-    return Peer(estimator.fit(data.poses[:count], data.loads[:count]).predict, data)
+def regressor_candidates(family: str, samples: Samples, names: Sequence[str]) -> Iterator[Candidate]:
+    """The regressors of a family, of both targets and both choices of samples."""
+    to_learn = tasks(samples, names)
+    for settings, method in METHODS[family].items():
+        for near in (False, True):
+            for target, regressions in to_learn.items():
+                began, name = time.process_time(), f"{family} {settings}, {target}{' (D1)' if near else ''}"
+                rows = regressions[0]
+                count = int((~rows.validation & ((np.asarray(rows.domain) == 1) | (not near))).sum())
+                try:
+                    peer = Peer(samples.scene, names, fitted(method, regressions, near=near))
+                except (ValueError, np.linalg.LinAlgError) as error:
+                    yield Candidate(Point(name, family, failure=" ".join(str(error).split())))
+                    continue
+                yield _candidate(name, family, peer, count, time.process_time() - began)
 
 
-def regressor_candidates(family: str, data: TrainingSet, gflop: float) -> Iterator[Candidate]:
-    """The regressors of a family, fitted."""
-    for settings, estimator, count in REGRESSORS[family](data, gflop):
+def spline_candidates(samples: Samples, names: Sequence[str]) -> Iterator[Candidate]:
+    """B-splines of both targets."""
+    for target in (LOADS, ROOTS):
         began = time.process_time()
-        model = fitted(data, estimator, count)
-        remark = "NumPy through scikit-learn; no derivatives; pulling forces clamped to zero"
-        yield _candidate(f"{family} {settings}", family, model, count, time.process_time() - began, remark)
-
-
-HISTORY = "time-delay network"
+        peer = Peer(samples.scene, names, splines(samples, target, names, NODES))
+        axes = len(samples.scene.pose_space.free)
+        count = max(4, int(NODES ** (1.0 / axes) + 1e-9))
+        name = f"{SPLINE} {count}^{axes} nodes, {target}"
+        yield _candidate(name, SPLINE, peer, count**axes, time.process_time() - began)
 
 
 def history_candidates(
-    data: TrainingSet, gflop: float, motion: ReferenceMotion | None, held_back: float = 0.15
+    scene: Scene, names: Sequence[str], gflop: float, motion: ReferenceMotion | None, held_back: float = 0.15
 ) -> Iterator[Candidate]:
     """A time-delay network in sequence and on single poses, trained on the frames of the reference motion under the
     loads of the scene's teacher grid: samples have no order in time. held_back: share of cycles that stop the training.
@@ -185,35 +207,42 @@ def history_candidates(
     """
     if motion is None or len(motion.poses) < 2:
         raise ValueError("a history model learns from cycles in order: give the reference motion, of at least 2 cycles")
-    began, teacher = time.process_time(), ElasticFoundation(data.scene, data.scene.grids["teacher"])
-    columns = [teacher.load_names.index(name) for name in data.load_names]
+    began, teacher = time.process_time(), ElasticFoundation(scene, scene.grids["teacher"])
+    columns = [teacher.load_names.index(name) for name in names]
     loads = teacher(motion.poses.reshape(-1, 6))[:, columns].reshape(*motion.poses.shape[:2], -1)
     cycles = Cycles(motion.poses, loads, max(1, round(held_back * len(loads))))
     follow, frames = TimeDelay(cycles, gflop).follow, motion.poses.shape[1]
-    took = time.process_time() - began
+    took, learned_frames = time.process_time() - began, int((~cycles.validation).sum())
 
     def in_sequence(poses: Array) -> Array:
-        return follow(poses.reshape(-1, frames if len(poses) % frames == 0 else len(poses), 6))
+        return follow(poses.reshape(-1, frames if len(poses) % frames == 0 else len(poses), 6)).reshape(len(poses), -1)
 
     def single(poses: Array) -> Array:
-        return follow(poses[:, None])
+        return follow(poses[:, None]).reshape(len(poses), -1)
 
-    remark = "knows only the reference motion; no derivatives; pulling forces clamped to zero"
+    free = list(scene.pose_space.free)
     for what, predict in (("in sequence", in_sequence), ("single poses", single)):
-        learned = int((~cycles.validation).sum())
-        yield _candidate(f"{HISTORY}, {what}", HISTORY, Peer(predict, data), learned, took, remark)
+
+        def of_free(x: Array, predict: Any = predict) -> Array:
+            poses = np.zeros((len(x), 6))
+            poses[:, free] = x
+            return cast(Array, predict(scene.pose_space.project(poses)))
+
+        yield _candidate(f"{HISTORY}, {what}", HISTORY, Peer(scene, names, {LOADS: Fit(of_free)}), learned_frames, took)
 
 
-def _candidate(name: str, family: str, model: Peer, samples: int, seconds: float, remark: str) -> Candidate:
-    def one_by_one(poses: Array) -> None:
-        for pose in poses:
-            model.one(pose)
-
+def _candidate(name: str, family: str, peer: Peer, samples: int, seconds: float) -> Candidate:
+    """As C that CasADi generates where there is a formula; else as one batch of poses."""
+    function, batch = peer.function(), partial(time_batch, peer)
+    remark = "timed as one batch of poses" if function is None else "C generated by CasADi; batch: NumPy"
     point = Point(name, family, samples=samples, training_seconds=seconds, remark=remark)
-    return Candidate(point, model, {"value": partial(time_batch, one_by_one), "batch": partial(time_batch, model)})
+    if function is None:
+        return Candidate(point, peer, {"value": batch, "batch": batch})
+    value = ca.external(function.name(), generated_library([function]))
+    return Candidate(point, peer, {"value": partial(time_single_calls, value), "batch": batch})
 
 
-FAMILIES = (*REGRESSORS, HISTORY)
+FAMILIES = (*METHODS, SPLINE, HISTORY)
 
 
 def peer_candidates(
@@ -225,17 +254,18 @@ def peer_candidates(
 ) -> Iterator[Candidate]:
     """Every peer, fitted on the training samples on one thread, one after the other.
 
-    gflop: 10⁹ floating-point operations for each peer whose fit has a budget (Gaussian process, networks); counted and
-    not timed, so that a busy machine gives the same peers. names: loads to predict, the scene's if left out. motion:
-    what history models learn from. A family that fails becomes a candidate with model None and the failure's text.
-    Raises ValueError for samples without training rows and for unknown loads.
+    gflop: 10⁹ floating-point operations for a network; counted and not timed. names: loads to predict, the scene's if
+    left out. motion: what history models learn from. A family that fails becomes a candidate with model None and the
+    failure's text. Raises ValueError for unknown loads.
     """
-    data = TrainingSet.of(samples, names)
+    names = check_loads(samples.scene.load_names, names)
     for family in families:
-        if family in REGRESSORS:
-            candidates = regressor_candidates(family, data, gflop)
+        if family == SPLINE:
+            candidates = spline_candidates(samples, names)
+        elif family == HISTORY:
+            candidates = history_candidates(samples.scene, names, gflop, motion)
         else:
-            candidates = history_candidates(data, gflop, motion)
+            candidates = regressor_candidates(family, samples, names)
         while True:
             try:
                 with one_thread():
@@ -250,14 +280,24 @@ def peer_candidates(
 
 
 def run(
-    scene: Annotated[str, typer.Argument(help="ready scene, or the path of a .toml, of a finished build")] = "knee",
+    scene: Annotated[str, typer.Argument(help="ready scene, the path of a .toml, or all: every charted one")] = "knee",
     preset: Annotated[str, typer.Option(help="that of the build")] = DEFAULT_PRESET,
     out: Annotated[Path | None, typer.Option(help="the build's folder, if it has one of its own")] = None,
+    charts: Annotated[Path | None, typer.Option(help="copy chart-SCENE.csv there, unless it is newer")] = None,
 ) -> None:
     """Measure the peers beside all else on the chart of a build, and draw it."""
-    with progress_bars(PlainConsole()) as update:
-        paths = chart(Project.open(scene, preset, out), peers=peer_candidates, update=update)
-    print(*(f"written {path}" for path in paths), sep="\n")
+    for each in CHARTED if scene == "all" else (scene,):
+        folder = out / Path(each).stem if out is not None and scene == "all" else out
+        project = Project.open(each, preset, folder)
+        kept = None if charts is None else charts / f"chart-{Path(each).stem}.csv"
+        table = project.folder / "speed_accuracy.csv"
+        if kept is not None and table.is_file() and kept.is_file() and kept.read_bytes() == table.read_bytes():
+            continue  # an earlier run came as far
+        with progress_bars(PlainConsole()) as update:
+            paths = chart(project, peers=peer_candidates, update=update)
+        if kept is not None:
+            shutil.copyfile(table, kept)
+        print(*(f"written {path}" for path in paths), sep="\n")
 
 
 def main() -> None:

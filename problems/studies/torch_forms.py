@@ -87,7 +87,7 @@ def pytorch(surrogate: Surrogate, name: str, loads: Sequence[str]) -> ca.Functio
 
     value = torch_formula(surrogate, loads, torch.float64)
     jacobian, rows = torch.func.jacrev(value), len(loads) + len(surrogate.patch_names)
-    orders = [value, jacobian, torch.func.jacfwd(jacobian)]
+    orders = [value, jacobian, torch.func.jacrev(jacobian)]
     # Inputs are the pose and, of a Jacobian, the outputs that it is of, which it does not need.
     shapes = [ca.Sparsity.dense(6, 1), ca.Sparsity(rows, 1), ca.Sparsity(rows, 6)]
 

@@ -21,7 +21,8 @@ from casadi_contact.scenes.normal_load import NormalLoad
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.load import load_surrogate
 from casadi_contact.workflow.project import built_in_motion, shipped_surrogates
-from problems.studies.peers import REGRESSORS, TrainingSet, fitted
+from problems.studies.peers import LOADS, Peer
+from problems.studies.regressors import METHODS, learned
 
 FAILURES = {
     1: "starts out of contact and too deep",
@@ -76,13 +77,13 @@ class Bench:
         if not learned:
             raise ValueError(f"no surrogate of scene {scene.name} is shipped: name one by --surrogate")
         poses = built_in_motion(scene).poses.reshape(-1, 6)
-        fine = ElasticFoundation(scene, scene.grids["fine"])
+        elements = ElasticFoundation(scene, scene.grids["fine"])
         models: dict[str, Any] = {
             **learned,
             FOUNDATION: foundation(scene),
-            EF_DIFFERENCES: CallableModel(scene, fine.wrenches, fine.gaps),
-            EF_ANALYTIC: fine,
-            **_peers(fine, poses, peer_points),
+            EF_DIFFERENCES: CallableModel(scene, elements.wrenches, elements.gaps),
+            EF_ANALYTIC: elements,
+            **_peers(elements, poses, peer_points),
         }
         chosen = poses[np.linspace(0, len(poses) - 1, min(frames, len(poses))).astype(int)]
         truth = ElasticFoundation(scene, scene.grids["teacher"])
@@ -96,11 +97,10 @@ def _peers(model: ElasticFoundation, poses: Array, count: int) -> dict[str, Peer
         np.isin(np.arange(6), [("tx", "ty", "tz", "rx", "ry", "rz").index(n) for n in scene.sensitive_pose]), 0.2, 1.0
     )
     drawn = poses[rng.integers(len(poses), size=count)] + size / POSE_IN_MM * rng.uniform(-1.0, 1.0, (count, 6))
-    data = TrainingSet(scene, scene.load_names, drawn, model(drawn))
     models = {}
-    for family in ("polynomial", "Gaussian process", "radial basis"):
-        *_, (_, estimator, points) = (each for each in REGRESSORS[family](data, 10.0) if each[0] not in ("4", "5", "6"))
-        models[family] = PeerModel(fitted(data, estimator, points), scene)
+    for family, settings in (("polynomial", "3"), ("Gaussian process", "2000 points"), ("radial basis", "4000 points")):
+        fit = learned(METHODS[family][settings], drawn[:, list(scene.pose_space.free)], model(drawn), np.ones(count))
+        models[family] = PeerModel(Peer(scene, scene.load_names, {LOADS: fit}), scene)
     return models
 
 
