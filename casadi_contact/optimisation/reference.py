@@ -46,10 +46,9 @@ def off_finer(model: ElasticFoundation, poses: Array, names: Sequence[str], allo
     """What the elements are off by in poses (n, 6): their named loads (n, L) minus those of elements half as wide, of
     meshes also with nodes of the distance fields 0.7 times as far apart.
 
-    The same with twice and 1.4 times is asked first, which takes a quarter of the model's time. Poses in which these
-    differ by no more than half of `allowed` (n, L) are left at zero. That is a sieve and no proof, since errors need
-    not fall with the width: of 544 poses of the knee in which 40×20 elements are off by more than allowed, a sieve
-    twice as wide let two pass. Where the finer would be too large, the wider ones stand in for it.
+    The same with twice and 1.4 times is asked first, in a quarter of the time, a sieve and no proof: of 544 wrong poses
+    of the knee on 40×20 elements two passed it. Poses in which these differ by no more than half of `allowed` (n, L)
+    are left at zero. Where the finer would be too large, the wider ones stand in for it.
     """
     loads = loads_on(model, poses, names)
     try:

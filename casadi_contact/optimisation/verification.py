@@ -24,7 +24,6 @@ from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.tolerance import Tolerance
 
 UNCOUNTED = 0.05  # of a frame's load, where the model counts none or at edges: with more it is not verified
-EDGE_CURE = "wider bounds in geometry.patches or a larger mesh tell what lies beyond"
 VERIFIED, DIFFERS, UNSOLVED, UNCHECKED = "solved and verified", "solved, differs", "not solved", "solved, not checked"
 OUTSIDE = "outside the learned region"
 ON_MODEL, LEAPS, NOT_ASKED = "solved on the contact model", "solved, its pose leaps", "no load"
@@ -165,7 +164,8 @@ class Verification:
         reasons: tuple[_Doubt, ...] = (
             (
                 self.at_edge > UNCOUNTED,
-                "solved, but with up to {} of their load at an edge of the elements: " + EDGE_CURE,
+                "solved, but with up to {} of their load at an edge of the elements: wider bounds in geometry.patches "
+                "or a larger mesh tell what lies beyond",
                 "solved, {} of the load at an edge of the elements",
                 lambda rows: f"{np.max(self.at_edge[rows]):.0%}",
             ),

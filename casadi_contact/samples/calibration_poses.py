@@ -102,13 +102,10 @@ def cycle_poses(surrogate: ContactModel, samples: Samples, count: int = 3) -> Ar
     """Poses (n, 6) of so many cycles of the scene's reference motion that no plan was drawn around, found on the
     surrogate from the middle of the samples; none for a scene without one, or with loads that the surrogate lacks."""
     scene, known = samples.scene, samples.poses[samples.role != TEST]
-    if not (scene.motion or has_gait(scene)):
-        return np.empty((0, 6))
-    cycles: list[Cycle] = [
-        *(reference_cycles(count, seed=5) if has_gait(scene) else scene_cycles(scene, seed=5)[:count])
-    ]
-    free = [name for name in scene.pose_space.free_names if name not in cycles[0].measured_pose()]
-    if not set(cycles[0].targets()) <= set(surrogate.load_names) or not free:
+    cycles: list[Cycle] = [*reference_cycles(count, seed=5)] if has_gait(scene) else []
+    cycles += scene_cycles(scene, seed=5)[:count] if scene.motion else []
+    free = [name for name in scene.pose_space.free_names if cycles and name not in cycles[0].measured_pose()]
+    if not free or not set(cycles[0].targets()) <= set(surrogate.load_names):
         return np.empty((0, 6))
     start = scene.pose_space.project(np.median(known, axis=0)[None])[0]
     poses, report = reference_poses(surrogate, cycles, start=start, tolerance_n=0.1, every_cycle=False)

@@ -140,11 +140,8 @@ def _settled(model: ContactModel, chunk: Chunk, settings: SamplingSettings) -> _
 
 def _lifted(model: ContactModel, poses: Array, chunk: Chunk, settings: SamplingSettings) -> Array:
     """Poses (n, steps, 6) of D4 and D5, in equal steps up to `liftoff_mm`: one patch while the others keep their loads,
-    or all patches alike [EF15 §3.3], in the plan `reach` each by a random gap.
-
-    The paper lifts all alike. Networks that never saw one patch just off and another farther out claimed thousands of
-    newtons there, in a region as wide as a joint's whole reach.
-    """
+    or all patches alike [EF15 §3.3], in the plan `reach` each by a random gap: as wide as that, networks that never saw
+    one patch just off and another farther out claimed thousands of newtons there."""
     steps, scene = settings.liftoff_steps, model.scene
     each, patches = np.repeat(poses, steps, axis=0), len(scene.normal_loads)
     shares = np.tile(np.arange(1, steps + 1) / steps, len(poses))

@@ -95,14 +95,13 @@ def check_centre(name: str, values: Mapping[str, Array]) -> None:
         return
     medial, lateral = values["Fy_med"], values["Fy_lat"]
     loaded = np.abs(medial + lateral) > 0.05 * np.abs(medial + lateral).max()
-    m = ((medial - lateral)[loaded]) / (medial + lateral)[loaded]
-    if not loaded.any() or np.std(m) < 0.05:
+    m = (medial - lateral)[loaded] / (medial + lateral)[loaded]
+    if not len(m) or np.std(m) < 0.05:
         return
     slope_mm = float(np.polyfit(m, values["cop_ml"][loaded], 1)[0])
     if slope_mm < 6.0:
-        near = (unit for unit, size in _LENGTHS_MM.items() if 0.5 < slope_mm * size / _CONDYLE_MM < 2.0)
-        unit = next(near, None)
-        cure = f"is its unit {unit}?" if unit else "check its unit, its sign, the sides, and whether it is a left knee"
+        units = [unit for unit, size in _LENGTHS_MM.items() if 0.5 < slope_mm * size / _CONDYLE_MM < 2.0]
+        cure = f"is its unit {units[0]}?" if units else "check its unit, sign and sides, and whether it is a left knee"
         raise ValueError(
             f"cycle {name}: cop_ml contradicts Fy_med and Fy_lat: between all load lateral and all medial it moves by "
             f"{2.0 * slope_mm:.2g} mm, expected the distance of the condyles, about {2.0 * _CONDYLE_MM:g} mm: {cure}"

@@ -73,9 +73,8 @@ class CalibrationSettings:
 
 
 class _Rows(NamedTuple):
-    """Poses (n, 6) with root loads (n, P), errors (n, L) [N, N·mm], the largest of them with what edges carry over what
-    is allowed (n,), whether a load is carried (n, L) and the number (n) of the group that each belongs to: a domain of
-    the samples, or one of the other kinds of poses."""
+    """Poses (n, 6) with root loads (n, P), errors (n, L) [N, N·mm], the largest of them, and of what edges carry, over
+    what is allowed (n,), whether a load is carried (n, L) and its group (n): a domain, or one of the other kinds."""
 
     poses: Array
     roots: Array
