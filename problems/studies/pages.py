@@ -59,9 +59,6 @@ _ROWS = {
     ],
     2: ["A moment lifts one side off and lands it again: jumps of pose and derivatives."],
     3: ["Poses to three times the learned range: pulling, and contact where surfaces are 3 mm apart."],
-    4: ["Central differences against the method's own Jacobian, and that against the true one."],
-    5: ["The largest stable time step under growing load."],
-    6: ["Curl of the force field (zero where contact conserves energy) and contact stiffness."],
 }
 
 

@@ -7,11 +7,10 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact.elements.foundation import ElasticFoundation
-from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import pose_index
 from casadi_contact.workflow.project import built_in_motion
 from problems.studies.stability import __main__ as command
-from problems.studies.stability import derivatives, methods, poses
+from problems.studies.stability import methods, poses
 from problems.studies.stability.methods import EF_ANALYTIC, FOUNDATION, Bench, PeerModel
 
 
@@ -36,21 +35,6 @@ def hip():
 
 def only(bench, *chosen):
     return replace(bench, models={m: bench.models[m] for m in chosen})
-
-
-class LinearModel(ContactModel):
-    """Wrench = matrix·pose, as a contact model without contact."""
-
-    load_names, patch_names = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz"), ("all",)
-
-    def __init__(self, matrix):
-        self.matrix = np.asarray(matrix, dtype=float)
-
-    def __call__(self, poses):
-        return poses @ self.matrix.T
-
-    def jacobian(self, poses):
-        return self(poses), np.tile(self.matrix, (len(poses), 1, 1))
 
 
 @pytest.mark.parametrize(("joint", "method"), [("bench", "knee"), ("bench", EF_ANALYTIC), ("hip", FOUNDATION)])
@@ -89,31 +73,6 @@ def test_failures_out_of_range_are_counted(bench, hip):
     assert poses.count_failures(hip.models[FOUNDATION], hip.poses, hip.truth) == (0, 0, 0)
 
 
-def test_the_stable_step_of_a_linear_spring_is_that_of_its_frequency():
-    """Runge-Kutta 4 is stable to h·ω = 2√2 without damping; explicit Euler needs h < 2ζ/ω."""
-    k, mass = 1000.0, 5e-3
-    spring, omega = LinearModel(-k * np.diag([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])), np.sqrt(k / mass)
-    pushing = LinearModel(-spring.matrix)  # contact on the fixed body grows as the moving body goes down
-    rate = derivatives.motion_about_rest(pushing, np.zeros(6), ("ty",), damping=1e-4)
-    got = derivatives.largest_stable_step(derivatives.runge_kutta_4, rate, 1, 400)
-    assert got == pytest.approx(2.0 * np.sqrt(2.0) / omega, rel=0.03)
-    damped = derivatives.motion_about_rest(pushing, np.zeros(6), ("ty",), damping=0.2)
-    got = derivatives.largest_stable_step(derivatives.explicit_euler, damped, 1, 400)
-    assert got == pytest.approx(2.0 * 0.2 / omega, rel=0.05)
-
-
-def test_a_spring_has_no_curl_and_a_shear_flow_has(bench):
-    # Isotropic, its torque about the fixed origin is zero: t × F with F along t.
-    k = derivatives.stiffness(LinearModel(np.diag([-2.0, -2.0, -2.0, 0.0, 0.0, 0.0])), bench.poses[:3])
-    assert derivatives.curl(k).max() < 1e-12
-    flow = np.zeros((6, 6))
-    flow[0, 1] = 1.0
-    assert derivatives.curl(flow[None])[0] == pytest.approx(np.sqrt(0.5))
-    springs = np.array([3.0, 2.0, 1.0, 4e3, 5e3, 6e3])  # N/mm and N·mm/rad
-    (k,) = derivatives.stiffness(LinearModel(-np.diag(springs)), np.zeros((1, 6)))
-    np.testing.assert_allclose(k, -np.diag([3.0, 2.0, 1.0, 6.4, 8.0, 9.6]), atol=1e-12)
-
-
 def test_a_peer_s_root_load_is_that_of_its_force_s_size(hip):
     peer = PeerModel(lambda poses: 1e3 * poses, hip.scene)
     at = np.array([[0.3, 0.0, -0.4, 0.0, 0.1, 0.0]])
@@ -125,8 +84,8 @@ def test_a_peer_s_root_load_is_that_of_its_force_s_size(hip):
 
 def test_the_command_measures_the_rows_that_it_is_told_to(monkeypatch, tmp_path, bench, capsys):
     monkeypatch.setattr(methods.Bench, "of", lambda scene, surrogates: only(bench, "knee"))
-    command.run("knee", None, tmp_path, "6", quick=True)
-    assert "mechanical" in capsys.readouterr().err
-    assert "stiffness off" in (tmp_path / "stability.json").read_text("utf-8")
+    command.run("knee", None, tmp_path, "1", quick=True)
+    assert "starts" in capsys.readouterr().err
+    assert "too deep" in (tmp_path / "stability.json").read_text("utf-8")
     with pytest.raises(ValueError, match="rows"):
         command.run("knee", None, tmp_path, "1,x")

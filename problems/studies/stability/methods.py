@@ -28,9 +28,6 @@ FAILURES = {
     1: "starts out of contact and too deep",
     2: "lift-off and landing",
     3: "poses to three times the learned range",
-    4: "gradients by differences",
-    5: "largest stable time step",
-    6: "mechanical consistency",
 }
 FOUNDATION, EF_DIFFERENCES, EF_ANALYTIC = "foundation", "EF, differences", "EF, analytic"
 
