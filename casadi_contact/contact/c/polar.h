@@ -58,9 +58,8 @@ INLINE void polar_wrench(const Surfaces *s, const Place *p, const Points *points
   }
   KEEP_LOOP for (int k = 0; k < 6; k++) {
     wrench[k] = sum_of(sum[k]);
-    KEEP_LOOP for (int a = 0; a < 6 && order == FIRST; a++) {
-      stiffness[k][a] = sum_of(product_sum(points->count, load[k], slope[a]));
-    }
+    if (order != FIRST) continue;
+    KEEP_LOOP for (int a = 0; a < 6; a++) stiffness[k][a] = sum_of(product_sum(points->count, load[k], slope[a]));
   }
 }
 
