@@ -14,7 +14,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
 import casadi as ca
 import numpy as np
@@ -39,10 +39,9 @@ from casadi_contact.workflow.benchmark.front_file import Point
 from casadi_contact.workflow.benchmark.timing import time_batch, time_single_calls
 from casadi_contact.workflow.project import Project
 from problems.studies.casadi_forms import generated_library
-from problems.studies.history_models import Cycles, TimeDelay
 from problems.studies.regressors import METHODS, Fit, b_spline, learned
 
-LOADS, ROOTS, HISTORY, SPLINE = "loads", "roots", "time-delay network", "B-spline"
+LOADS, ROOTS, SPLINE = "loads", "roots", "B-spline"
 NODES = 16_000  # of a grid for B-splines at most, as many as samples: 5 along each of 6 axes
 CHARTED = ("glenohumeral", "hip", "knee", "patellofemoral", "problems/scenes/natural_knee.toml")
 
@@ -196,41 +195,6 @@ def spline_candidates(samples: Samples, names: Sequence[str]) -> Iterator[Candid
         yield _candidate(name, SPLINE, peer, count**axes, time.process_time() - began)
 
 
-def history_candidates(
-    scene: Scene, names: Sequence[str], gflop: float, motion: ReferenceMotion | None, held_back: float = 0.15
-) -> Iterator[Candidate]:
-    """A time-delay network in sequence and on single poses, trained on the frames of the reference motion under the
-    loads of the scene's teacher grid: samples have no order in time. held_back: share of cycles that stop the training.
-
-    In sequence, poses are the frames of whole cycles, or of a piece of one. A single pose has no past: a motion that
-    has rested there stands in for it. Raises ValueError without a motion of at least 2 cycles.
-    """
-    if motion is None or len(motion.poses) < 2:
-        raise ValueError("a history model learns from cycles in order: give the reference motion, of at least 2 cycles")
-    began, teacher = time.process_time(), ElasticFoundation(scene, scene.grids["teacher"])
-    columns = [teacher.load_names.index(name) for name in names]
-    loads = teacher(motion.poses.reshape(-1, 6))[:, columns].reshape(*motion.poses.shape[:2], -1)
-    cycles = Cycles(motion.poses, loads, max(1, round(held_back * len(loads))))
-    follow, frames = TimeDelay(cycles, gflop).follow, motion.poses.shape[1]
-    took, learned_frames = time.process_time() - began, int((~cycles.validation).sum())
-
-    def in_sequence(poses: Array) -> Array:
-        return follow(poses.reshape(-1, frames if len(poses) % frames == 0 else len(poses), 6)).reshape(len(poses), -1)
-
-    def single(poses: Array) -> Array:
-        return follow(poses[:, None]).reshape(len(poses), -1)
-
-    free = list(scene.pose_space.free)
-    for what, predict in (("in sequence", in_sequence), ("single poses", single)):
-
-        def of_free(x: Array, predict: Any = predict) -> Array:
-            poses = np.zeros((len(x), 6))
-            poses[:, free] = x
-            return cast(Array, predict(scene.pose_space.project(poses)))
-
-        yield _candidate(f"{HISTORY}, {what}", HISTORY, Peer(scene, names, {LOADS: Fit(of_free)}), learned_frames, took)
-
-
 def _candidate(name: str, family: str, peer: Peer, samples: int, seconds: float) -> Candidate:
     """As C that CasADi generates where there is a formula; else as one batch of poses."""
     function, batch = peer.function(), partial(time_batch, peer)
@@ -242,7 +206,7 @@ def _candidate(name: str, family: str, peer: Peer, samples: int, seconds: float)
     return Candidate(point, peer, {"value": partial(time_single_calls, value), "batch": batch})
 
 
-FAMILIES = (*METHODS, SPLINE, HISTORY)
+FAMILIES = (*METHODS, SPLINE)
 
 
 def peer_candidates(
@@ -254,16 +218,13 @@ def peer_candidates(
 ) -> Iterator[Candidate]:
     """Every peer, fitted on the training samples on one thread, one after the other.
 
-    gflop: 10⁹ floating-point operations for a network; counted and not timed. names: loads to predict, the scene's if
-    left out. motion: what history models learn from. A family that fails becomes a candidate with model None and the
+    names: loads to predict, the scene's if left out. A family that fails becomes a candidate with model None and the
     failure's text. Raises ValueError for unknown loads.
     """
     names = check_loads(samples.scene.load_names, names)
     for family in families:
         if family == SPLINE:
             candidates = spline_candidates(samples, names)
-        elif family == HISTORY:
-            candidates = history_candidates(samples.scene, names, gflop, motion)
         else:
             candidates = regressor_candidates(family, samples, names)
         while True:
