@@ -1,7 +1,7 @@
 """What a CasADi user would write instead: the same networks in CasADi's own forms, called alone and inside IPOPT.
 
 Forms: MX and SX graphs of the formula, C that CasADi generates from the MX graph (same compiler, same flags), PyTorch
-called back with its own derivatives, and l4casadi where it is installed.
+called back with its own derivatives. l4casadi has no Hessian of the Lagrangian, which IPOPT asks for.
 Run ``python -m problems.studies.casadi_forms``.
 """
 
@@ -31,10 +31,10 @@ from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.load import load_surrogate
 from casadi_contact.workflow.benchmark.timing import compare, lagrangian_hessian, time_single_calls
 from casadi_contact.workflow.project import Project, available_poses
-from problems.studies.torch_forms import l4casadi, pytorch
+from problems.studies.torch_forms import pytorch
 
 OWN = "own kernel"
-SLOW = ("PyTorch callback", "l4casadi")
+SLOW = ("PyTorch callback",)
 
 
 def graph(surrogate: Surrogate, name: str, loads: Sequence[str], *, scalars: bool = False) -> ca.Function:
@@ -50,7 +50,6 @@ FORMS: dict[str, Callable[..., ca.Function]] = {
     "CasADi MX": graph,
     "CasADi SX": partial(graph, scalars=True),
     "PyTorch callback": pytorch,
-    "l4casadi": l4casadi,
 }
 
 

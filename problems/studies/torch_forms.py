@@ -1,12 +1,11 @@
-"""The formulas of `two_stage` and `patch` in PyTorch, and as CasADi functions: called back, and by l4casadi.
+"""The formulas of `two_stage` and `patch` in PyTorch, and as CasADi functions that call it back.
 
-Constants are made once; derivatives are those of ``torch.func``. torch and l4casadi are imported where they are used.
+Constants are made once; derivatives are those of ``torch.func``. torch is imported where it is used.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from tempfile import mkdtemp
 from typing import Any
 
 import casadi as ca
@@ -19,12 +18,12 @@ from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 
 
-def torch_formula(surrogate: Surrogate, loads: Sequence[str], dtype: Any) -> Callable[[Any], Any]:
+def torch_formula(surrogate: Surrogate, loads: Sequence[str]) -> Callable[[Any], Any]:
     """pose (6) -> loads and roots (L + P) in PyTorch: the formulas of `two_stage` and of `patch`."""
     import torch
 
     def constant(value: Any) -> Any:
-        return torch.tensor(np.array(value), dtype=dtype)
+        return torch.tensor(np.array(value), dtype=torch.float64)
 
     def network(net: Network) -> Callable[[Any], Any]:
         shift, size, scale = constant(net.input_shift), constant(net.input_scale), constant(net.output_scale)
@@ -85,7 +84,7 @@ def pytorch(surrogate: Surrogate, name: str, loads: Sequence[str]) -> ca.Functio
     """pose -> loads, roots by PyTorch, called back: values and both derivatives."""
     import torch
 
-    value = torch_formula(surrogate, loads, torch.float64)
+    value = torch_formula(surrogate, loads)
     jacobian, rows = torch.func.jacrev(value), len(loads) + len(surrogate.patch_names)
     orders = [value, jacobian, torch.func.jacrev(jacobian)]
     # Inputs are the pose and, of a Jacobian, the outputs that it is of, which it does not need.
@@ -103,20 +102,6 @@ def pytorch(surrogate: Surrogate, name: str, loads: Sequence[str]) -> ca.Functio
 
         return _Called(name, inputs, outputs, evaluate, None if order == 2 else lambda name, _: called(name, order + 1))
 
-    return _split(name, called(f"{name}_torch", 0), len(loads))
-
-
-def l4casadi(surrogate: Surrogate, name: str, loads: Sequence[str]) -> ca.Function:
-    """pose -> loads, roots by l4casadi, which computes in single precision."""
-    import torch
-    from l4casadi import L4CasADi
-
-    value = torch_formula(surrogate, loads, torch.float32)
-    called = L4CasADi(lambda pose: value(pose[:, 0])[:, None], name=f"{name}_l4", build_dir=mkdtemp())
-    return _split(name, called, len(loads))
-
-
-def _split(name: str, called: Any, loads: int) -> ca.Function:
     pose = ca.MX.sym("pose", 6)
-    both = called(pose)
-    return ca.Function(name, [pose], [both[:loads], both[loads:]])
+    both = called(f"{name}_torch", 0)(pose)
+    return ca.Function(name, [pose], [both[: len(loads)], both[len(loads) :]])
