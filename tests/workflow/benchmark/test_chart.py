@@ -16,7 +16,6 @@ from casadi_contact.cli import pipeline
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.polar.foundation import RayChoice
 from casadi_contact.contact.polar.lines import Rays
-from casadi_contact.core.quantities import FORCE, quantity
 from casadi_contact.samples.samples import TEST, write_samples
 from casadi_contact.workflow import samples as sampling
 from casadi_contact.workflow.benchmark.candidates import Candidate, chart_sizes, sized_path, train_sizes
@@ -113,27 +112,6 @@ def test_the_foundation_stands_beside_networks_coarser_and_finer(project, measur
         assert model.resolution in point.name
         rms = np.sqrt(np.mean((model(poses) - converged) ** 2, axis=0))
         np.testing.assert_allclose([point.load_rms[load] for load in model.load_names], rms, rtol=1e-4)
-
-
-@pytest.mark.parametrize("place", [0, 2, 4])
-def test_the_choice_on_a_real_front_meets_its_tolerance_on_unseen_samples(place, project, measured, walking):
-    poses, converged = walking
-    aim = sorted(measured.models, key=lambda point: point.force_rms_n)[place]
-    force_n, torque_nmm = 1.001 * aim.force_rms_n, 1.001 * aim.torque_rms_nmm
-    choice = cc.choose(
-        project.folder.parent / "knee.toml",
-        force_tolerance_n=force_n,
-        torque_tolerance_nmm=torque_nmm,
-        preset="tiny",
-        folder=project.folder,
-    )
-    assert choice.model.time_us <= 1.03 * aim.value.median_us
-    made = eval(choice.python, {"cc": cc})
-    got = made(poses) if choice.path is None else np.array(made.map(len(poses))(poses.T)).T
-    squares = np.mean((got - converged) ** 2, axis=0)
-    forces = np.array([quantity(load).kind == FORCE for load in measured.loads])
-    assert np.sqrt(squares[forces].mean()) <= 1.001 * force_n
-    assert np.sqrt(squares[~forces].mean()) <= 1.001 * torque_nmm
 
 
 def test_a_candidate_that_fails_stays_in_the_table(project):
