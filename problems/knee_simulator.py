@@ -9,7 +9,7 @@ integrator:
 
     work of given loads + work of the flexion drive = Δkinetic + Δsprings + dissipation + work against contact
 
-The same equations run on the surrogate and on elements of its foundation, by CVODES with the exact Jacobian.
+The same equations run on the surrogate and on the foundation of its scene, by CVODES with the exact Jacobian.
 """
 
 from __future__ import annotations
@@ -182,11 +182,10 @@ def integrated(
 def main(
     surrogate: str = "knee", load_scale: float = 0.8, cycles: float = 1.0, out: Path = Path("results/knee_simulator")
 ) -> None:
-    """Simulate cycles on a surrogate and on the elements of its scene; compare times and poses."""
+    """Simulate cycles on a surrogate and on the foundation of its scene; compare times and poses."""
     model = cc.load_surrogate(surrogate)
-    elements = cc.ElasticFoundation(model.scene, model.scene.grids["fine"])
-    of_elements = elements.label
-    simulators = {"surrogate": build(model, load_scale=load_scale), of_elements: build(elements, load_scale=load_scale)}
+    models = {"surrogate": model, "foundation": cc.foundation(model.scene)}
+    simulators = {name: build(each, load_scale=load_scale) for name, each in models.items()}
     start = start_state(simulators["surrogate"])
     motions = {name: simulate(one, start, cycles=cycles, tolerance=1e-4) for name, one in simulators.items()}
     exact = simulate(simulators["surrogate"], start, cycles=cycles, tolerance=1e-8)
@@ -209,7 +208,7 @@ def main(
     for axis, column in zip(axes[1:], range(5), strict=True):
         unit = np.degrees if column > 2 else np.asarray
         axis.plot(exact.time_s, unit(exact.poses[:, column]), label="surrogate")
-        axis.plot(exact.time_s, unit(motions[of_elements].poses[:, column]), "--", label=of_elements)
+        axis.plot(exact.time_s, unit(motions["foundation"].poses[:, column]), "--", label="foundation")
         axis.set_ylabel(f"{POSE_NAMES[column]} [{'degrees' if column > 2 else 'mm'}]")
     axes[1].legend()
     for axis in axes:

@@ -9,7 +9,7 @@ so that inverse dynamics, which contain the inertia of the walk, leave it out ag
 less arm·(rz - rz_ref), and its velocity is that of the walk less arm·(ṙz - ṙz_ref). tx, tz and ry follow the inverse
 solution. Curves between frames are cubic splines. Nothing but muscles and contact holds the flexion.
 
-CVODES integrates with the exact Jacobian, on a surrogate, on the foundation of its scene and on elements. The energy
+CVODES integrates with the exact Jacobian, on a surrogate and on the foundation of its scene. The energy
 balance checks the integrator: all work done is kinetic energy.
 """
 
@@ -23,7 +23,6 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import casadi_contact as cc
-from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.terminal import run_program
@@ -149,8 +148,6 @@ def main(
     inverse = MuscleContact(model, walk_of(rotations, inverse_dynamics, muscles, parameters))
     solved, walk, leg = inverse.solve(), inverse.walk, Leg()
     models: dict[str, ContactModel] = {"surrogate": model, "foundation": cc.foundation(model.scene)}
-    elements = ElasticFoundation(model.scene, model.scene.grids["fine"])
-    models[elements.label] = elements
     print("contact     steps  seconds  medial, lateral off [% of peak]  flexion off [°]  energy lost [%]")
     motions, sides = {}, {}
     for name, contact in models.items():
