@@ -11,7 +11,6 @@ from casadi_contact.core.conventions import (
     POSE_NAMES,
     angular_velocity_map,
     as_poses,
-    evenly_spaced_indices,
     finite_numbers,
     load_selection,
     rotation,
@@ -81,15 +80,3 @@ def test_named_loads_pick_a_patch_or_the_sum():
 @pytest.mark.parametrize("value", ["x", 1j, np.array([1.0 + 1j]), np.nan, [[1.0], [1.0, 2.0]], None, ca.MX.sym("x")])
 def test_what_is_no_finite_number_is_told_from_numbers(value):
     assert finite_numbers(value) is None
-
-
-def test_numbers_keep_their_shape():
-    assert finite_numbers(2).shape == ()
-    assert finite_numbers(ca.DM([[1.0, 2.0]])).shape == (1, 2)
-
-
-@pytest.mark.parametrize(
-    ("count", "most", "rows"), [(1, 3, [0]), (2, 5, [0, 1]), (100, 7, [0, 16, 33, 49, 66, 82, 99])]
-)
-def test_rows_are_spread_from_the_first_to_the_last(count, most, rows):
-    assert evenly_spaced_indices(count, most).tolist() == rows

@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 
-from casadi_contact.core.conventions import POSE_NAMES, POSE_UNITS, WRENCH_NAMES
 from casadi_contact.core.quantities import (
     KINDS,
     format_above_limit,
@@ -15,7 +14,6 @@ from casadi_contact.core.quantities import (
     three_digits,
     two_digits,
 )
-from casadi_contact.scenes.joint_cycle import column_names
 from casadi_contact.scenes.opensim import ColumnMap, renamed_table
 
 LOADS = ("Fy_med", "Tz", "peak_pressure_med", "contact_area")  # an implant's outputs beyond forces and torques
@@ -48,14 +46,6 @@ def test_no_name_is_read_in_two_ways():
 def test_a_name_that_measures_nothing_is_refused_with_those_that_do(name):
     with pytest.raises(ValueError, match="peak_pressure"):
         quantity(name)
-
-
-def test_poses_and_wrenches_have_the_conventions_units():
-    assert POSE_UNITS == ("mm", "mm", "mm", "rad", "rad", "rad")
-    assert [quantity(name).unit for name in WRENCH_NAMES] == ["N"] * 3 + ["N·mm"] * 3
-    assert column_names(LOADS)["peak_pressure_med"] == "peak_pressure_med_MPa"
-    assert column_names(())["ry"] == "ry_rad"
-    assert set(column_names(())) == set(POSE_NAMES)
 
 
 def test_forces_and_torques_compare_by_a_lever_and_nothing_else_does():

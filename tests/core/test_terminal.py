@@ -10,14 +10,9 @@ from rich.console import Console
 from rich.table import Table
 
 from casadi_contact.core import terminal
-from casadi_contact.core.terminal import PlainConsole, printable, progress_bars
+from casadi_contact.core.terminal import PlainConsole, progress_bars
 
 EVIL = "\x1b]0;owned\x07\x9b31m[red]\u202eknee[/red]\r"
-
-
-def test_controls_are_written_out_and_plain_text_stays():
-    assert printable(EVIL) == r"\x1b]0;owned\x07\x9b31m[red]\u202eknee[/red]\r"
-    assert printable("Fy [N·mm] ± 3°\nµ") == "Fy [N·mm] ± 3°\nµ"
 
 
 @pytest.mark.parametrize("is_terminal", [True, False])

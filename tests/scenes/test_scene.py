@@ -59,11 +59,6 @@ def test_a_tolerance_is_met_by_the_worst_rms_and_single_error(errors, ratio):
     assert TOLERANCE.met(errors) == (ratio <= 1.0)
 
 
-def test_tolerances_of_a_scenes_loads_come_in_the_order_of_the_names():
-    scene = cc.load_scene("knee")
-    assert Tolerance.of(scene, ("Tx", "Fy_med")).allowed.tolist() == [scene.tolerances[k] for k in ("Tx", "Fy_med")]
-
-
 @pytest.mark.parametrize("given", [(0.0, 1.0), (1.0, -1.0), (np.nan, 1.0), (1.0, np.inf)])
 def test_a_tolerance_that_is_not_above_zero_is_refused(given):
     with pytest.raises(ValueError, match="above 0"):

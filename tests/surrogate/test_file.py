@@ -74,9 +74,6 @@ def test_foreign_files_are_refused(tmp_path):
         file["x"] = 1.0
     with pytest.raises(ValueError, match="not a file"):
         load_surrogate(tmp_path / "other.h5")
-    (tmp_path / "text.h5").write_text("hello")
-    with pytest.raises(ValueError, match="damaged"):
-        load_surrogate(tmp_path / "text.h5")
     (tmp_path / "my.toml").write_text("format = 1")
     with pytest.raises(ValueError, match=r"scene file, expected a surrogate.s \.h5: .* build makes a surrogate of it"):
         load_surrogate(tmp_path / "my.toml")
@@ -91,10 +88,8 @@ def test_unknown_names_and_missing_files_are_named(tmp_path):
         load_surrogate(tmp_path / "none.h5")
 
 
-def test_unwritable_path_and_bad_record_are_refused(tmp_path):
+def test_a_bad_record_is_refused(tmp_path):
     surrogate = random_surrogate(load_scene("sphere_on_plane"), "patch")
-    with pytest.raises(OSError, match="cannot write"):
-        surrogate.save(tmp_path / "no" / "such" / "folder.h5")
     bad = PatchSurrogate(surrogate.scene, surrogate.networks, {"error": float("nan")})
     with pytest.raises(ValueError, match="not plain JSON"):
         bad.save(tmp_path / "bad.h5")
