@@ -109,8 +109,8 @@ class Shape(ABC):
 
 _MODULES = {
     "knee": "knee.Knee",
-    "ball_in_cup": "ball_in_cup.BallInCup",
-    "button_in_groove": "button_in_groove.ButtonInGroove",
+    "ball_in_cup": "closed_forms.BallInCup",
+    "button_in_groove": "closed_forms.ButtonInGroove",
     "sphere_on_plane": "closed_forms.SphereOnPlane",
     "sphere_in_dish": "closed_forms.SphereInDish",
     "cylinder_on_plane": "closed_forms.CylinderOnPlane",
