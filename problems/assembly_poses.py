@@ -177,7 +177,7 @@ def main(
     given = own[joint.name]() if cycle is None else read_assembly_cycle(cycle, joint)
     found = solve(joint, given)
     for part in joint.contacts:
-        elements = reference_model(part.model.scene)
+        elements = reference_model(part.model)
         q = ca.MX.sym("q", 6, len(joint.bodies))
         at_contact = ca.Function("at_contact", [q], [joint.contact_pose(part, q)])
         poses = np.array([at_contact(frame.T).full().ravel() for frame in found.poses])

@@ -195,7 +195,7 @@ def main(
         off = np.abs(motion.poses - exact.poses)
         apart = f"{off[:, :3].max():.4f} mm, {np.degrees(off[:, 3:].max()):.4f}°"
         print(f"{name:10s} {motion.steps:5d}  {motion.seconds / cycles:15.3f}  {apart}")
-    print(verify(model, exact.poses, reference_model(model.scene)).line)
+    print(verify(model, exact.poses, reference_model(model)).line)
     lost = np.abs(exact.energy_error(simulators["surrogate"].rig)).max()
     print(f"energy brought in {np.abs(exact.work[:, 0]).max():.4g} N·mm, not accounted for {lost:.2g} N·mm")
 

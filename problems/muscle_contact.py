@@ -59,7 +59,7 @@ def main(
     problem = MuscleContact(load_contact(surrogate, scene), walk, settings)
     result = problem.solve()
     model = problem.contact_model
-    verdict = verify(model, result.poses, reference_model(model.scene), result.solved, KNEE_LOADS)
+    verdict = verify(model, result.poses, reference_model(model), result.solved, KNEE_LOADS)
 
     print(verdict.line)
     print(f"{int(result.solved.sum())} of {len(walk)} frames solved; {result.ipopt}, {result.seconds:.2f} s")

@@ -159,7 +159,7 @@ def main(
         apart = f"{off[0]:.2f}, {off[1]:.2f}"
         print(f"{name:10s} {motion.steps:6d} {motion.seconds:8.3f} {apart:>32s} {flexion:16.2f} {lost:16.2g}")
     poses = motions["surrogate"].poses
-    print(verify(model, poses, reference_model(model.scene)).line)
+    print(verify(model, poses, reference_model(model)).line)
 
     out.mkdir(parents=True, exist_ok=True)
     write_poses(walk.time_s, poses, out / "muscle_driven.csv")

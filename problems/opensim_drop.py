@@ -98,7 +98,7 @@ def main(
     drop = Drop(tuple(start.tolist()), push_n=-push_n)
     (opensim, version), casadi = by_opensim(model, drop), by_casadi(model, drop)
     off, travel = np.abs(opensim - casadi).max(axis=0), np.ptp(casadi, axis=0)
-    print(verify(model, casadi, reference_model(model.scene)).line)
+    print(verify(model, casadi, reference_model(model)).line)
     print(f"pose parameter  travel  largest difference of OpenSim {version}")
     for name, unit, far, apart in zip(POSE_NAMES, POSE_UNITS, travel, off, strict=True):
         print(f"{name} [{unit}]".ljust(14), f"{far:7.3g} {apart:10.1e}")

@@ -167,7 +167,7 @@ def main(
     driven = forward(model, control)
     target_loads = CubicSpline(target.time_s, target.loads)(control.time_s)
 
-    print(verify(model, control.poses, reference_model(model.scene)).line)
+    print(verify(model, control.poses, reference_model(model)).line)
     print(f"solved after {control.iterations} iterations; RMS differences of loads [N, N·mm]:")
     print("load    found - target  forward - found")
     for name, a, b in zip(

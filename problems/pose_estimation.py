@@ -58,7 +58,7 @@ def estimate(model: SymbolicContact, measured: LoadCycle | JointCycle, out: Path
     problem = PoseEstimation.of_cycle(model, measured, smoothness=smoothness)
     for warning in check_targets(problem.targets):
         print(f"{measured.name}: {warning}")
-    result, reference = problem.solve(), reference_model(model.scene)
+    result, reference = problem.solve(), reference_model(model)
     if not isinstance(reference, str):  # else it says why there is none
         result = continue_on(problem, result, reference)
     names = problem.targets.load_names

@@ -259,7 +259,7 @@ def main(
         print("{:6g} {:24.5f} {:11.3f} {:5.2f} {:13.2f}".format(*rows[-1]))
         all_poses.append(poses)
     poses = np.vstack(all_poses)
-    print(verify(model, poses, reference_model(model.scene)).line)
+    print(verify(model, poses, reference_model(model)).line)
 
     out.mkdir(parents=True, exist_ok=True)
     names = ("weight", "mean_squared_activation", "medial_rms_bw", "medial_peak_bw", "lateral_peak_bw")

@@ -51,7 +51,7 @@ def main(
         model, given, free=free, rest=space.project(rest), stiffness=SOFT_TISSUE if soft else None, about="moving"
     )
     result = problem.solve(restarts=restarts)
-    verdict = verify(model, result.poses, reference_model(model.scene), result.solved)
+    verdict = verify(model, result.poses, reference_model(model), result.solved)
 
     print(verdict.line)
     print(f"{int(result.solved.sum())} of {len(angles)} in equilibrium; {result.ipopt}, {result.seconds:.2f} s")

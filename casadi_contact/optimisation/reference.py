@@ -19,16 +19,23 @@ from casadi_contact.contact.elements.foundation import (
 )
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.pressure_law import law_of, pressures
+from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import Array, as_poses, rotation
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.mesh_bodies import bare_mesh, body_field, body_mesh, body_surface, field_spacing
 
 
-def reference_model(scene: Scene, grid: str = "teacher") -> ContactModel | str:
-    """The contact model that a scene's surrogates stand for, on its finest grid, or why there is none at hand."""
+def reference_model(of: Scene | SymbolicContact, grid: str = "teacher") -> ContactModel | str:
+    """The contact model that a scene's surrogates stand for, on its finest grid, or why there is none at hand. Of a
+    surrogate the one that its samples were drawn from, as its record says: finite elements, or elements."""
+    scene = of if isinstance(of, Scene) else of.scene
     if scene.layer is None:
         return f"the scene {scene.name} has no contact model at hand (ask yours in Python: cc.verify)"
     try:
+        if getattr(of, "record", {}).get("drawn_from") == "finite-elements":
+            from casadi_contact.contact.finite_elements.model import FiniteElements  # needs the extra `fem`
+
+            return FiniteElements(scene)
         return ElasticFoundation(scene, scene.grids.get(grid))
     except (ValueError, OSError, ImportError) as error:
         return f"the scene {scene.name} has no contact model at hand ({error})"

@@ -239,7 +239,7 @@ def verify(
 ) -> Verification:
     """Compare a surrogate, or a foundation, with a contact model at poses (n, 6) of a solution on it.
 
-    model: `reference_model` of the scene if left out; of any other the own error should be well below the scene's
+    model: the `reference_model` if left out; of any other the own error should be well below the scene's
     tolerances; where it is a reason in words, frames are not checked. solved: which frames (n,) the solver did not give
     up. loads: those that the problem uses, all if left out. on_model, without_load, leaps: as in `Verification`.
     Raises ValueError for bad or no poses, for a model without the loads, and for truths of another number of poses.
@@ -248,7 +248,7 @@ def verify(
     if not len(poses):
         raise ValueError("no poses to verify, expected (n, 6) with n >= 1")
     if model is None:
-        model = reference_model(surrogate.scene)
+        model = reference_model(surrogate)
     given = {"solved": solved, "on_model": on_model, "without_load": without_load, "leaps": leaps}
     rows = {key: _truths(key, value, len(poses)) for key, value in given.items()}
     scene, shape = surrogate.scene, (len(poses), len(names))
@@ -263,9 +263,9 @@ def verify(
     else:
         errors = surrogate(poses, names) - loads_on(model, poses, names)
         errors[~np.isfinite(errors)] = np.inf
-        errors[rows["on_model"]], name = 0.0, type(model).__name__
+        errors[rows["on_model"]], name = 0.0, getattr(model, "label", type(model).__name__)
         if isinstance(model, ElasticFoundation):
-            name, uncounted, at_edge = model.label, unmodelled_fraction(model, poses), share_at_edges(model, poses)
+            uncounted, at_edge = unmodelled_fraction(model, poses), share_at_edges(model, poses)
             ended = rows["solved"]
             finer[ended] = off_finer(model, poses[ended], names, allowed[ended])
     return Verification(

@@ -4,6 +4,7 @@ The record is plain JSON data that travels in the surrogate's file. These keys a
 all others are kept and printed as they are:
 
     samples          {"D1": 21600, ...}                             samples trained on, per domain
+    drawn_from       "finite-elements"                              the contact model of the samples (`samples.models`)
     dropped          {"D2": 0.4, ...}                               share of a domain's plan that became no samples
     pose_range       {"tx": [-6.8, 11.0], ...}                      sampled range of the poses [mm, rad]
     load_range       {"Fy_med": [-1900.0, 0.0], ...}                and of the loads [N, N·mm]

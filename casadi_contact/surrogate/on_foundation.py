@@ -140,7 +140,8 @@ class OnFoundation(WrenchLoads, SymbolicContact):
             along = None if part.normal.component is None else WRENCH_NAMES.index(part.normal.component)
             each = Correction.of(z, kappa, used.wrenches[rows, p], found[rows, p], normal[rows, p], along)
             corrections.append(each)
-        return cls(scene, corrections, {"samples": int((samples.role != TEST).sum())})
+        counted = {"samples": int((samples.role != TEST).sum()), "drawn_from": samples.provenance.get("models")}
+        return cls(scene, corrections, counted)
 
     def save(self, path: str | Path) -> None:
         """Write a file that `load` reads: scene, record, and the numbers of each patch; raises OSError."""

@@ -34,11 +34,12 @@ def finite(name: str, values: Array) -> Array:
 
 
 def samples_record(samples: Samples) -> dict[str, Any]:
-    """The record's ``samples``, ``test_samples``, ``dropped`` and ranges of a surrogate trained on the samples that are
-    not held back."""
+    """The record's ``drawn_from``, ``samples``, ``test_samples``, ``dropped`` and ranges of a surrogate trained on the
+    samples that are not held back."""
     used = samples.select(role=(TRAIN, VALIDATION))
-    names = samples.scene.load_names
+    names, drawn_from = samples.scene.load_names, samples.provenance.get("models")
     return {
+        **({"drawn_from": drawn_from} if drawn_from else {}),
         "samples": {d: int(((samples.domain == k) & (samples.role != TEST)).sum()) for k, d in enumerate(DOMAINS, 1)},
         "test_samples": {d: held for d, count in samples.counts().items() if (held := count["test"])},
         "dropped": samples.dropped_shares(),

@@ -1,5 +1,7 @@
 """Finite elements: closed forms, energy, complementarity, and exact derivatives."""
 
+import sys
+
 import numpy as np
 import pytest
 from scipy.optimize import nnls
@@ -9,6 +11,7 @@ from casadi_contact.contact.finite_elements import layer as layers
 from casadi_contact.contact.finite_elements.layer import Hexahedra, Layer
 from casadi_contact.contact.finite_elements.model import ElasticBody, FiniteElements, active_set
 from casadi_contact.geometry.moving_surface import sphere
+from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.samples.models import MODELS
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.material import Material
@@ -35,14 +38,8 @@ def flat_grid(x):
     return points, np.broadcast_to([0.0, 1.0, 0.0], points.shape), np.ones(points.shape[:2], dtype=bool)
 
 
-def hertz_in_layer(E, nu, R, depth, thickness):
-    """Sphere on a bonded layer: Hertz with the series of Dimitriadis et al. (2002) to second order in √(R·d)/h."""
-    alpha = -(1.2876 - 1.4678 * nu + 1.3442 * nu**2) / (1.0 - nu)
-    chi = -2.0 * alpha / np.pi * np.sqrt(R * depth) / thickness
-    return 4.0 / 3.0 * E / (1.0 - nu**2) * np.sqrt(R) * depth**1.5 * (1.0 + chi + chi**2)
-
-
 def test_sphere_on_thick_block_is_hertz():
+    """With the series of Dimitriadis et al. (2002) for a bonded layer, to second order in √(R·d)/h."""
     E, nu, R, radius, h = 10.0, 0.3, 100.0, 1.0, 20.0
     half = np.concatenate([np.linspace(0.0, 1.25, 4), 1.25 + 0.42 * np.cumsum(3.0 ** np.arange(1, 4))])
     ends = np.concatenate([-half[:0:-1], half])
@@ -51,7 +48,10 @@ def test_sphere_on_thick_block_is_hertz():
     parts = cc.load_scene("sphere_on_plane").parts
     depth = radius**2 / R
     found = ElasticBody(block, sphere(R), parts).press(np.eye(3), np.array([0.0, R - depth, 0.0]), 0.01)
-    assert found.forces_n.sum() == pytest.approx(hertz_in_layer(E, nu, R, depth, h), rel=0.02)
+    alpha = -(1.2876 - 1.4678 * nu + 1.3442 * nu**2) / (1.0 - nu)
+    chi = -2.0 * alpha / np.pi * np.sqrt(R * depth) / h
+    hertz = 4.0 / 3.0 * E / (1.0 - nu**2) * np.sqrt(R) * depth**1.5 * (1.0 + chi + chi**2)
+    assert found.forces_n.sum() == pytest.approx(hertz, rel=0.02)
 
 
 def test_thin_compressible_layer_is_an_elastic_foundation():
@@ -142,15 +142,13 @@ def test_orders_meet_as_elements_get_smaller():
     scene = cc.load_scene("sphere_on_plane").with_overrides(poissons_ratio=0.3)
     pose = np.array([0.0, 29.4, 0.0, 0.0, 0.0, 0.0])
 
-    def load(nodes, layers, order):
-        return -FiniteElements(scene, (nodes, nodes), Hexahedra(layers, order)).wrenches(pose)[0, 1]
-
     model = FiniteElements(scene, (25, 25))
     fine = -model.wrenches(pose)[0, 1]
     record = model.convergence(pose[None])
     assert 0.0 < record["rms"]["Fy"] < 0.03 * fine
     assert record["against"] == "FE 17×17"
-    errors = [abs(load(nodes, layers, 1) / fine - 1.0) for nodes, layers in ((7, 1), (25, 5))]
+    linear = [FiniteElements(scene, (nodes, nodes), Hexahedra(layers, 1)) for nodes, layers in ((7, 1), (25, 5))]
+    errors = [abs(-each.wrenches(pose)[0, 1] / fine - 1.0) for each in linear]
     assert errors[1] < 0.015 < errors[0]
 
 
@@ -199,10 +197,17 @@ def test_meshes_that_cannot_be(values):
         Hexahedra(**values)
 
 
-def test_samples_of_finite_elements_settle_on_springs_that_carry_about_as_much():
+def test_samples_of_finite_elements_settle_on_springs_that_carry_about_as_much(monkeypatch):
+    """What is learned from such samples is verified on finite elements."""
     scene = cc.load_scene("sphere_on_plane", coarse=(12, 12))
     springs, teacher = MODELS["finite-elements"](scene, SamplingSettings.from_scene(scene))
     starts = np.array([[0.0, 29.9, 0.0, 0, 0, 0], [2.0, 29.8, -3.0, 0, 0, 0]])
     poses, report = cc.settle(springs, starts, ("ty",), {"Fy": -300.0})
     assert report.converged.all()
     np.testing.assert_allclose(teacher.part_wrenches(poses)[:, 0, 1], -300.0, rtol=0.3)
+    learned = cc.OnFoundation(scene, [], {"drawn_from": "finite-elements"})
+    assert repr(reference_model(learned)) == repr(teacher)
+    monkeypatch.setitem(sys.modules, "skfem", None)
+    for name in ("layer", "model"):
+        monkeypatch.delitem(sys.modules, f"casadi_contact.contact.finite_elements.{name}")
+    assert "pip install casadi_contact[fem]" in reference_model(learned)

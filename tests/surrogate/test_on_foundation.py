@@ -9,21 +9,15 @@ from casadi_contact.samples.samples import TEST, TRAIN, Samples
 from casadi_contact.surrogate.on_foundation import OnFoundation
 
 
-class Softer:
+def softer(found, poses):
     """Twice as soft where the femur is flexed as where it is straight, and with a force along z that springs lack."""
-
-    def __init__(self, foundation):
-        self.foundation = foundation
-
-    def wrenches(self, poses):
-        found = self.foundation.wrenches(poses)
-        wrench = found * (0.8 + 0.4 * poses[:, None, None, 5])
-        wrench[..., 2] += 0.02 * poses[:, None, 0] * found[..., 1]
-        return wrench
+    wrench = found * (0.8 + 0.4 * poses[:, None, None, 5])
+    wrench[..., 2] += 0.02 * poses[:, None, 0] * found[..., 1]
+    return wrench
 
 
 def drawn(count, seed):
-    """Samples of `Softer` at poses in contact of walking; a quarter is held back."""
+    """Samples of `softer` at poses in contact of walking; a quarter is held back."""
     scene, rng = cc.load_scene("knee"), np.random.default_rng(seed)
     foundation = cc.foundation(scene)
     starts = rng.uniform([-3.0, 27.2, -1.0, 0.0, -0.1, -1.0], [3.0, 27.2, 1.0, 0.0, 0.1, 0.0], (count, 6))
@@ -31,7 +25,7 @@ def drawn(count, seed):
     poses, report = cc.settle(foundation, starts, ("ty", "rx"), loads)
     assert report.converged.all()
     role = np.where(np.arange(count) % 4 == 0, TEST, TRAIN).astype(np.uint8)
-    wrenches, gaps = Softer(foundation).wrenches(poses), foundation.gaps(poses)
+    wrenches, gaps = softer(foundation.wrenches(poses), poses), foundation.gaps(poses)
     return Samples(scene, poses=poses, wrenches=wrenches, gaps=gaps, domain=np.ones(count, dtype=np.uint8), role=role)
 
 

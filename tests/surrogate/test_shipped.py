@@ -138,5 +138,6 @@ def test_knee_fem_carries_what_finite_elements_carry():
     assert (np.abs(fem(poses) - loads) < 3.0 * fem.scene.tolerances_of(fem.load_names)).all()
     assert (fem.validity(poses) > 0.5).all()
     assert fem.scene.digest == cc.load_scene("knee_fem").digest
+    assert fem.record["drawn_from"] == "finite-elements"
     share = fem(poses, SIDES) / ElasticFoundation(fem.scene, fem.scene.grids["coarse"])(poses, SIDES)
     assert ((share > 0.4) & (share < 0.7)).all()
