@@ -215,7 +215,6 @@ def test_damped_motion_comes_to_rest_in_the_same_poses(ball):
         (("ty", "rx"), TARGET, "rx is locked at 0.05 by the scene"),
         (("ty", "tz"), TARGET, "tz is tied to tx by the scene"),
         (("ty", "ty"), TARGET, "each named once"),
-        (("up",), TARGET, "unknown pose parameter 'up'"),
         (("ty",), {}, "targets is empty"),
         (("ty",), {"Fq": -1.0}, "unknown target 'Fq', expected one of Fx, Fy"),
         (("ty",), {"Fy": np.nan}, "NaN"),

@@ -122,12 +122,3 @@ def test_a_damaged_motion_is_refused_and_a_table_leaves_none_behind(project, tmp
         drawn(project, model(project))
     take_table(project, own_contact.write_csv(tmp_path / "table.csv", own_contact.table_rows(60)))
     assert not project.motion_path.exists()
-
-
-def test_nothing_is_drawn_beside_a_surrogate_of_another_scene(tmp_path):
-    cc.load_surrogate("knee").save(tmp_path / "patch.h5")
-    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
-    with pytest.raises(ValueError, match="trained for another scene than hip"):
-        sample(Project.open("hip", "quick", tmp_path))
-    assert {path: path.read_bytes() for path in tmp_path.iterdir() if path.suffix == ".h5"} == before
-    assert not (tmp_path / "motion.npz").exists()

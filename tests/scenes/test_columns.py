@@ -40,7 +40,6 @@ def test_columns_of_different_lengths_leave_the_old_file_in_place(tmp_path):
         ("x\n1\n", "lacks the columns y; it has x"),
         ("x,y,x\n1,2,3\n", "column x more than once"),
         ("x,y\n1,2\n\n3,three\n", "line 4, y: got 'three'"),
-        ("x,y\n1,1_0\n", "line 2, y: got '1_0'"),
         ("x,y\n1,inf\n", "line 2, y: got inf, expected a finite number"),
         ("x,y\n1,5,2,5\n", "are there commas in numbers"),
         ('x,y\n"1,5","2,5"\n', "decimal point"),
@@ -48,7 +47,6 @@ def test_columns_of_different_lengths_leave_the_old_file_in_place(tmp_path):
         ("x\ty\n1\t2\n", "tabs"),
         ("x,y\n1,2\n,\n , \n3,4\n", "line 3"),  # a lost track: without these frames a path would be cut short
         ("knöchel,x,y\n0,1,2\n".encode("utf-16"), "save it as CSV UTF-8"),
-        ("ankle,x,y\n0,1,2\n".encode("utf-16-le"), "save it as CSV UTF-8"),
         ("knöchel,x,y\n0,1,2\n".encode("latin-1"), "save it as CSV UTF-8"),
     ],
 )

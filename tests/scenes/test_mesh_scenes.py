@@ -109,11 +109,6 @@ def test_a_grid_pressed_obliquely_covers_the_same_surface(model):
     np.testing.assert_allclose(oblique(POSE), straight(POSE), rtol=0.01, atol=20.0)
 
 
-def test_the_start_pose_is_the_scene_s(model):
-    assert model("start_pose = [1.0, 20.0, 0.0, 0.0, 0.1, 0.0]").scene.start_pose.tolist() == [1, 20, 0, 0, 0.1, 0]
-    np.testing.assert_array_equal(model().scene.start_pose, np.zeros(6))
-
-
 def test_a_mirrored_closed_mesh_still_encloses_its_volume():
     corners = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 10.0, 0.0], [0.0, 0.0, 10.0]])
     faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])

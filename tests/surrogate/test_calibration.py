@@ -9,7 +9,7 @@ import pytest
 from casadi_contact.samples.calibration_poses import label_poses, perturbed_poses, poses_in_range, self_settled_poses
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.scenes.loading import load_scene
-from casadi_contact.surrogate.calibration import CalibrationSettings, calibrate, coverage_by_group, spread_centres
+from casadi_contact.surrogate.calibration import CalibrationSettings, calibrate, spread_centres
 from tests.support.random_surrogates import POSE_CENTRE, POSE_SPREAD, random_surrogate
 
 SCENE = load_scene("sphere_on_plane")
@@ -211,13 +211,6 @@ def test_what_is_known_of_the_models_own_errors_is_kept(surrogate, samples):
     model.record = {"rms": {"Fy": 1.5}, "against": "EF 320×320"}
     settings = replace(QUICK, own_rows=300, iterations=5)
     assert "EF 320×320): Fy 1.5" in str(calibrate(surrogate, samples, model, settings=settings).info())
-
-
-def test_a_share_of_errors_is_given_from_ten_poses_on(surrogate, calibrated, samples):
-    loaded = samples.rows((samples.loads() != 0.0).all(axis=1)).select("D1")
-    for count, named in ((9, ()), (10, surrogate.load_names)):
-        (shares,) = coverage_by_group(calibrated, loaded.rows(np.arange(count))).values()
-        assert set(shares) == {"valid", *named}
 
 
 def test_what_cannot_be_calibrated_is_named(surrogate):

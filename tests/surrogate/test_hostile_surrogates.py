@@ -85,11 +85,8 @@ def test_weights_that_are_not_finite_and_a_confidence_that_means_nothing_are_ref
     [
         {"samples": 5},
         {"samples": {"D1": "many"}},
-        {"pose_range": {"tx": 1.0}},
-        {"test_errors": {"D1": {"Fy": 1.0}}},
         {"test_errors": {"D1": {"Fy": {"max": 1.0}}}},
         {"coverage": {"D1": None}},
-        {"valid_share": "all"},
         {"stop_reasons": ["stalled"]},
     ],
 )

@@ -83,17 +83,6 @@ def test_a_joint_in_axes_that_are_given_is_pressed_as_it_lies_in_them(folder, mo
     assert "at rest" not in output
 
 
-def test_a_cure_that_names_a_key_of_a_file_that_is_not_written_names_the_option_too(folder, monkeypatch):
-    def refused(scene):
-        raise ValueError("set geometry.axes")
-
-    monkeypatch.setattr(proposing, "ElasticFoundation", refused)
-    result = CliRunner().invoke(
-        app, ["scene", str(folder / "ball.obj"), str(folder / "cup.obj"), "--out", str(folder / "no.toml")]
-    )
-    assert "--axes" in str(result.exception)
-
-
 def test_a_button_in_a_groove(folder):
     output, scene = proposed(folder, "button", "groove")
     assert "202 of 202 reference frames settle" in output
