@@ -31,12 +31,10 @@ def test_any_leading_axes_and_a_foundation_will_do():
     close(poses.grad[0, 1], model.jacobian(poses[0, 1].detach().numpy())[1][0], 12)
 
 
-def test_single_precision_other_shapes_what_is_not_finite_and_third_derivatives_are_refused():
+def test_single_precision_what_is_not_finite_arrays_of_others_and_third_derivatives_are_refused():
     loads = contact_loads(SURROGATE)
     with pytest.raises(ValueError, match=r"torch.float32 on cpu, expected torch.float64 on cpu: poses.double\(\)"):
         loads(torch.tensor(POSES, dtype=torch.float32))
-    with pytest.raises(ValueError, match=r"poses has shape \(12, 5\), expected \(..., 6\)"):
-        loads(torch.tensor(POSES[:, :5]))
     with pytest.raises(ValueError, match=r"poses holds nan at row 0 \(tx\), expected finite numbers"):
         loads(torch.full((6,), torch.nan, dtype=torch.float64))
     for foreign in (np.zeros(6), [0.0] * 6):

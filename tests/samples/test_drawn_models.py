@@ -10,7 +10,7 @@ from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.samples.draw import draw_samples
-from casadi_contact.samples.models import MODELS, model_pair, teacher_of
+from casadi_contact.samples.models import MODELS, teacher_of
 from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.samples import read_samples
 from casadi_contact.samples.settings import SamplingSettings
@@ -70,8 +70,3 @@ def test_samples_of_a_foundation_serve_their_own_tolerances_alone(tmp_path):
                     again(finer, motion)
             else:
                 np.testing.assert_array_equal(again(finer, motion).poses, first.poses)
-
-
-def test_an_unknown_model_is_refused():
-    with pytest.raises(ValueError, match="model is 'springs', expected one of elements, foundation"):
-        model_pair("springs")

@@ -85,7 +85,7 @@ def test_a_model_that_fails_now_and_then_costs_samples_and_ends_nothing(project)
     samples = drawn(many, model(many, wrenches=fails))
     assert np.isfinite(samples.wrenches).all()
     dropped = samples.provenance["dropped"]["D5"]
-    assert dropped["not lifted off: the contact model's loads are not finite"] > 0
+    assert dropped["not lifted off"] > 0
     assert len(samples.select("D5")) > 150
 
 

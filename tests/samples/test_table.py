@@ -70,15 +70,6 @@ def test_mistakes_are_named(tmp_path, name, write, change, said):
         read_sample_table(write(tmp_path / name, columns), SCENE)
 
 
-def test_files_that_are_no_tables(tmp_path):
-    with pytest.raises(FileNotFoundError, match="does not exist"):
-        read_sample_table(tmp_path / "none.csv", SCENE)
-    for name in ("t.csv", "t.h5"):
-        (tmp_path / name).write_bytes(b"\x93\x00\xff")
-        with pytest.raises(ValueError, match=r"is not a|damaged"):
-            read_sample_table(tmp_path / name, SCENE)
-
-
 def test_a_gap_may_change_its_sign_a_little_before_the_load_but_not_far(tmp_path):
     """Rows without load of which a few overlap, by less than a tenth of a millimetre; then one by more."""
     columns = table_rows(400)

@@ -57,12 +57,8 @@ def test_missing_networks_limit_the_loads_and_are_named(surrogate):
     for bad, said in (({"root_top": surrogate.networks["root_med"]}, "unknown network 'root_top'"), ({}, "not enough")):
         with pytest.raises(ValueError, match=said):
             PatchSurrogate(KNEE, bad)
-    with pytest.raises(ValueError, match="unknown load 'Fy_top'"):
-        surrogate(poses, ["Fy_top"])
     with pytest.raises(ValueError, match="no loads"):
         surrogate.function([])
-    with pytest.raises(ValueError, match="nan at row 1"):
-        surrogate.jacobian([[0.0] * 6, [np.nan] * 6])
 
 
 def test_targets_are_roots_gaps_and_ratios():
