@@ -20,7 +20,7 @@ from casadi_contact.pictures.drawn_bodies import (
     fixed_surfaces,
     moving_body,
 )
-from casadi_contact.pictures.joint_page import page_cycle
+from casadi_contact.pictures.joint_page import joint_page, page_cycle
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.pose_file import write_poses
 from tests.support.meshes import cap_mesh
@@ -75,18 +75,17 @@ def test_the_drawn_fixed_surface_has_the_area_of_the_scene_s_elements(scene):
         assert size == pytest.approx(elements.areas_mm2.sum(), rel=0.01)
 
 
-def test_what_the_compiler_refuses_is_said():
-    pytest.importorskip("ziglang", reason="pages need the extra: pip install casadi_contact[page]")
-    with pytest.raises(OSError, match="ziglang failed"):
-        compiling.webassembly({"one.c": "double one(\n"}, ["one"])
-
-
 def test_without_its_compiler_the_command_says_what_to_install(monkeypatch, tmp_path):
     monkeypatch.setattr(compiling, "find_spec", lambda name: None)
     done = CliRunner().invoke(app, ["page", "hip", "--out", str(tmp_path / "hip.html")])
     assert done.exit_code != 0
     assert "pip install casadi_contact[page]" in str(done.exception)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_surrogate_of_another_scene_is_refused():
+    with pytest.raises(ValueError, match=r"another scene \(knee\)"):
+        joint_page("hip", surrogate="knee")
 
 
 def test_the_library_that_draws_is_the_one_that_its_makers_published():

@@ -1,6 +1,5 @@
 """Peers: each family is in the table, learns what it should, and what fails says why."""
 
-import sys
 from dataclasses import replace
 from functools import partial
 
@@ -26,14 +25,6 @@ def test_every_family_is_in_the_table_and_every_stopwatch_runs(monkeypatch):
         assert candidate.model(poses).shape == (4, 3)
         assert all(stopwatch(poses) > 0.0 for stopwatch in candidate.stopwatches.values())
     assert all(c.model is not None for c in made)
-
-
-def test_without_scikit_learn_it_says_what_to_install(monkeypatch):
-    for name in ("sklearn", "sklearn.neighbors"):
-        monkeypatch.setitem(sys.modules, name, None)
-    (only,) = peers.peer_candidates(smooth_samples(100), None, 1.0, families=["neighbours"])
-    assert only.model is None
-    assert "sklearn" in only.point.failure
 
 
 def test_no_test_or_validation_sample_is_fitted():

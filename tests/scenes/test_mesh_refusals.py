@@ -22,7 +22,6 @@ ANCHOR = f"{PATCH}\nanchor = [-0.1, 0.7, -0.1]"
     [
         (BALL, PLATE, "[geometry.patches.a]\nx = [-6, 1]\n[geometry.patches.b]\nx = [0, 6]", "twice"),
         (BALL, PLATE, "[geometry.patches.a]\nx = [-0.006, 0.006]\nz = [-0.006, 0.006]", "in m"),
-        (BALL, PLATE, "[geometry.patches.a]\nx = [-0.05, 0.05]", "in m"),
         (BALL, sheet_mesh(14.0, 0.5), "[geometry.patches.a]\nx = [6.0, 6.4]\nz = [6.0, 6.4]", "at least"),
         (BALL, (PLATE[0][:, [2, 0, 1]], PLATE[1]), "", "axes"),  # faces z
         (SHELL, PLATE, "", "outer"),

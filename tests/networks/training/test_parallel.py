@@ -6,7 +6,6 @@ from dataclasses import replace
 from multiprocessing import get_context
 
 import numpy as np
-import pytest
 
 from casadi_contact.networks.training.fit import fit
 from casadi_contact.networks.training.parallel import fit_all
@@ -35,8 +34,3 @@ def test_processes_give_the_weights_of_single_fits(tmp_path):
         assert allotted in (300.0, fits[name].gflop)
         assert re.fullmatch(r"Gflop, 6-5 RMS [\d.e-]+", remark)
     assert {line[0] for line in told} == set(fits)
-
-
-def test_what_cannot_be_fitted_is_refused_before_any_fit():
-    with pytest.raises(ValueError, match="Fx/lat: targets holds"):
-        fit_all([DATA[0], replace(DATA[1], targets=np.full(400, np.nan))], EACH)
