@@ -261,10 +261,5 @@ def run(
         print(*(f"written {path}" for path in paths), sep="\n")
 
 
-def main() -> None:
-    """Entry point: a user's mistake is one line on stderr."""
-    run_program(run)
-
-
 if __name__ == "__main__":
-    main()
+    run_program(run)

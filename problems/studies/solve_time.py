@@ -132,10 +132,5 @@ def run(
     console.print(f"results in {out}", highlight=False)
 
 
-def main() -> None:
-    """Entry point: a user's mistake is one line on stderr."""
-    run_program(run)
-
-
 if __name__ == "__main__":
-    main()
+    run_program(run)

@@ -61,10 +61,5 @@ def run(
     print(f"results in {out}")
 
 
-def main() -> None:
-    """Entry point: a user's mistake is one line on stderr."""
-    run_program(run)
-
-
 if __name__ == "__main__":
-    main()
+    run_program(run)
