@@ -95,7 +95,7 @@ def save(figure: Any, folder: Path, name: str) -> list[Path]:
 
 
 _NAMES = {"EF": "elastic foundation (EF), elements", "foundation": "foundation, smooth quadrature"}
-_NAMES |= {name: structure.title for name, structure in STRUCTURES.items()}
+_NAMES |= {"FE": "finite elements"} | {name: structure.title for name, structure in STRUCTURES.items()}
 Measured: TypeAlias = "tuple[Point, Timing, float]"
 
 

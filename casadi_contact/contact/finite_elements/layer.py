@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import hashlib
 import itertools
+from contextlib import suppress
 from dataclasses import astuple, dataclass
-from pathlib import Path
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
@@ -77,19 +77,12 @@ class Layer:
                 return cls(*(file[name][()] for name in cls.__annotations__))
         except (OSError, ValueError):  # not there, or damaged
             layer = _condensed(points_mm, normals, present, material, mesh)
-        _keep(path, layer)
+        with suppress(OSError):  # condensed again where the folder takes no files
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with new_hdf5(path) as file:
+                for name, array in vars(layer).items():
+                    file[name] = array
         return layer
-
-
-def _keep(path: Path, layer: Layer) -> None:
-    """Write the layer where the cache folder takes it; it is condensed again where not."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with new_hdf5(path) as file:
-            for name, array in vars(layer).items():
-                file[name] = array
-    except OSError:
-        return
 
 
 def _condensed(points_mm: Array, normals: Array, present: np.ndarray, material: Material, mesh: Hexahedra) -> Layer:

@@ -134,6 +134,7 @@ class FiniteElements(WrenchLoads):
         for patch, (surface, (points, normals, areas)) in enumerate(zip(scene.surfaces(), cells, strict=True)):
             layer = Layer.of(points, normals, areas > 0.0, scene.material, mesh)
             self._bodies.append(ElasticBody(layer, surface, [part for part in scene.parts if part.patch == patch]))
+        self._part_elements = [elements for body in self._bodies for elements in body.part_elements]
 
     def __repr__(self) -> str:
         return f"FiniteElements({self.scene.name}, grid={grid_text(self.grid)}, {self.mesh})"
@@ -187,7 +188,7 @@ class FiniteElements(WrenchLoads):
     @batched
     def part_gaps(self, poses: Array) -> Array:
         """Distance of each part of the scene's patches (n, parts) [mm] from the moving body, likewise."""
-        return self._elements._gaps([elements for body in self._bodies for elements in body.part_elements], poses)[0]
+        return self._elements._gaps(self._part_elements, poses)[0]
 
     @batched
     def at_edge(self, poses: Array) -> np.ndarray:
@@ -235,9 +236,7 @@ class FiniteElements(WrenchLoads):
 
     def gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Gaps (n, patches) [mm] and their derivatives by the pose (n, patches, 6)."""
-        gaps, slopes = self._elements._gaps(
-            [elements for body in self._bodies for elements in body.part_elements], poses
-        )
+        gaps, slopes = self._elements._gaps(self._part_elements, poses)
         nearest = [
             first + gaps[:, first : first + len(body.part_elements)].argmin(axis=1)
             for first, body in zip(self.scene.first_parts, self._bodies, strict=True)

@@ -5,23 +5,27 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from casadi_contact.contact.choice import foundation_ladder
-from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
+from casadi_contact.contact.choice import foundation, foundation_ladder
+from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.symbolic import SymbolicContact
-from casadi_contact.core.conventions import Update
+from casadi_contact.core.conventions import Array, Update
 from casadi_contact.core.files.writing import writable_folder
+from casadi_contact.core.quantities import FORCE, of_kind
 from casadi_contact.core.workers import worker_pool
 from casadi_contact.networks.network import size_text
-from casadi_contact.samples.samples import LoadModel, Samples
+from casadi_contact.samples.samples import TEST, LoadModel, Samples
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.load import STRUCTURES, load_surrogate
+from casadi_contact.surrogate.on_foundation import OnFoundation
 from casadi_contact.surrogate.sample_rows import samples_record
 from casadi_contact.workflow.benchmark.front_file import Point
 from casadi_contact.workflow.benchmark.timing import (
@@ -35,7 +39,7 @@ from casadi_contact.workflow.fitting import Fitting, fit_surrogate
 from casadi_contact.workflow.presets import Effort
 from casadi_contact.workflow.project import Project, exclusive, shipped_surrogates, trained_surrogates
 
-EF_FAMILY, FOUNDATION_FAMILY = "EF", "foundation"
+EF_FAMILY, FE_FAMILY, FOUNDATION_FAMILY = "EF", "FE", "foundation"
 MX_SUFFIX = " (CasADi MX)"  # follows name and family of a function that is also shown in another form
 GRIDS = ((20, 15), (40, 30), (80, 40), (160, 80), (320, 160))
 
@@ -75,10 +79,30 @@ def _element_candidates(scene: Scene) -> Iterator[Candidate]:
     teacher = scene.grids["teacher"]
     grids = {*GRIDS, *(grid[::-1] for grid in GRIDS), scene.grids["coarse"], scene.grids["fine"]}
     for grid in sorted({*(grid for grid in grids if math.prod(grid) < math.prod(teacher)), teacher}, key=math.prod):
-        model = ElasticFoundation(scene, grid)
-        batch = partial(time_batch, model)
-        point = Point(f"EF {grid_text(grid)}", EF_FAMILY, remark="timed as one batch of poses")
-        yield Candidate(point, model, {"value": batch, "jacobian": partial(time_batch, model.jacobian), "batch": batch})
+        yield _batch_candidate(ElasticFoundation(scene, grid), EF_FAMILY)
+
+
+def _batch_candidate(model: Any, family: str) -> Candidate:
+    batch, point = partial(time_batch, model), Point(model.label, family, remark="timed as one batch of poses")
+    return Candidate(point, model, {"value": batch, "jacobian": partial(time_batch, model.jacobian), "batch": batch})
+
+
+def finite_element_candidates(model: Any, poses: Array, samples: Samples | None) -> Iterator[Candidate]:
+    """`cc.FiniteElements` of a mesh and of wider ones; springs of the modulus that carries the nearest forces in poses
+    (n, 6), the best that one factor does; and `cc.OnFoundation` of 300 of the samples, if there are any."""
+    scene, (nx, nz) = model.scene, model.grid
+    for wider in (3.0, 2.0, 1.5, 1.0):
+        yield _batch_candidate(type(model)(scene, (round(nx / wider), round(nz / wider)), model.mesh), FE_FAMILY)
+    with suppress(ValueError):  # of a shape without a foundation: `untrained_candidates` says so
+        forces = of_kind(scene.load_names, FORCE)
+        found, wanted = foundation(scene)(poses, forces), model(poses, forces)
+        factor = float((found * wanted).sum() / (found**2).sum())
+        softer = foundation(scene.with_overrides(youngs_modulus=factor * scene.material.youngs_modulus))
+        yield _symbolic_candidate(Point(f"scaled foundation {factor:.2f}·E", "scaled foundation"), softer)
+        if samples is not None:
+            known = np.random.default_rng(0).permutation(np.flatnonzero(samples.role != TEST))[:300]
+            few, point = samples.rows(known), Point(f"on foundation {len(known)} samples", "on foundation")
+            yield _symbolic_candidate(replace(point, samples=len(known)), OnFoundation.fit(few))
 
 
 def surrogate_candidates(name: str, surrogate: Surrogate, *, graph: bool = False) -> Iterator[Candidate]:

@@ -16,6 +16,7 @@ from casadi_contact.scenes.tolerance import Tolerance
 from casadi_contact.surrogate.load import STRUCTURES, ready_surrogates
 from casadi_contact.workflow.benchmark.candidates import (
     EF_FAMILY,
+    FE_FAMILY,
     FOUNDATION_FAMILY,
     MX_SUFFIX,
     on_disk,
@@ -199,8 +200,9 @@ def python_line(scene: str, name: str, loads: Sequence[str], file: Path | str | 
     if file is not None:
         compiled = ", compiled=False" if name.endswith(MX_SUFFIX) else ""
         return f"cc.load_surrogate({str(file)!r}).function({list(loads)!r}{compiled})"
-    if name.startswith(f"{EF_FAMILY} "):
-        return f"cc.ElasticFoundation(cc.load_scene({scene!r}), grid=({name.split()[1].replace('×', ', ')}))"
+    if name.startswith((f"{EF_FAMILY} ", f"{FE_FAMILY} ")):
+        kind = "ElasticFoundation" if name.startswith(EF_FAMILY) else "FiniteElements"
+        return f"cc.{kind}(cc.load_scene({scene!r}), grid=({name.split()[1].replace('×', ', ')}))"
     if name.startswith(f"{FOUNDATION_FAMILY} "):
         kind = next(kind for kind in _RESOLUTIONS if kind in name)
         numbers = ", ".join(re.findall(r"[\d.]+", name))

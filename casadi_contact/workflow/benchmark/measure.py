@@ -7,18 +7,23 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
-from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
+from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.machine import machine_record
 from casadi_contact.core.workers import one_thread
+from casadi_contact.samples.models import MODELS
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import Samples, load_errors
+from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.load import STRUCTURES, ready_surrogates
 from casadi_contact.workflow.benchmark.candidates import (
+    EF_FAMILY,
     Candidate,
     charted_surrogates,
+    finite_element_candidates,
     own_name,
     surrogate_candidates,
     untrained_candidates,
@@ -46,16 +51,22 @@ def measure_project(project: Project, *, peers: Peers | None = None, tell: Tell 
     ``speed_accuracy.csv`` and return its path.
 
     peers: gives models of other methods, fitted to the project's samples and motion. tell: called with what is measured
-    next. Where nothing has been built, poses are those of the built-in cycles. Without elements to compare with, in
-    scenes without geometry and of a table of samples, only times are measured.
+    next. Where nothing has been built, poses are those of the built-in cycles. Surrogates of finite elements are
+    compared with these. Without elements, in scenes without geometry and of a table, only times are measured.
     """
     scene, candidates = project.scene, list[Candidate]()
     compared = scene.layer is not None and (not project.has_results or has_motion(project))
+    reference: Any = EF_FAMILY if compared else None
     shown_as_graph = [*ready_surrogates(), *map(own_name, STRUCTURES)]
     if compared:
         motion = read_motion(project).motion if project.has_results else built_in_motion(scene)
         poses = unseen_walking(ElasticFoundation(scene, scene.grids["settle"]), motion)
         candidates += untrained_candidates(scene)
+        drawn_from = [surrogate.record.get("drawn_from") for _, surrogate in charted_surrogates(project)]
+        if drawn_from[-1:] == ["finite-elements"]:  # shipped ones come first
+            springs, reference = MODELS["finite-elements"](scene, SamplingSettings.from_scene(scene))
+            poses, known = unseen_walking(springs, motion), project.samples_path.is_file()
+            candidates += finite_element_candidates(reference, poses, project.samples() if known else None)
     else:
         poses = available_poses(project)[:_POSES]
     for name, surrogate in charted_surrogates(project):
@@ -63,25 +74,26 @@ def measure_project(project: Project, *, peers: Peers | None = None, tell: Tell 
     if peers is not None:
         candidates += peers(project.samples(), motion, project.preset.chart.peer_gflop)
     path = project.folder / FILE_NAME
-    front = measure(candidates, scene, poses, tell, compared=compared)
+    front = measure(candidates, scene, poses, tell, reference=reference)
     write_front(path, Front({**front.header, "preset": project.preset_name}, front.points))
     return path
 
 
 def measure(
-    candidates: Iterable[Candidate], scene: Scene, poses: Array, tell: Tell | None = None, *, compared: bool = True
+    candidates: Iterable[Candidate], scene: Scene, poses: Array, tell: Tell | None = None, *, reference: Any = EF_FAMILY
 ) -> Front:
     """Errors and times of all candidates, the times in turn within one run on one thread.
 
-    Errors are on the poses (n, 6) of walking, against the converged EF, if compared. A candidate that fails becomes a
-    point that says why. Raises ValueError for two candidates of one name.
+    Errors are on the poses (n, 6) of walking, against the reference, a contact model (the converged EF if left out), or
+    None. A candidate that fails becomes a point that says why. Raises ValueError for two candidates of one name.
     """
     tell = tell or (lambda what: None)
     candidates, grid, converged = list(candidates), "none", None
-    if compared:
-        tell("converged EF")
-        grid = f"EF {grid_text(converged_elements(scene))}"
-        converged = ElasticFoundation(scene, converged_elements(scene))(poses)
+    if reference is not None:
+        if reference == EF_FAMILY:
+            reference = ElasticFoundation(scene, converged_elements(scene))
+        tell(f"errors against {reference.label}")
+        grid, converged = reference.label, reference(poses)
     points: dict[str, Point] = {}
     measurements: dict[tuple[str, str], Callable[[], float]] = {}
     with one_thread():
