@@ -66,10 +66,9 @@ if TYPE_CHECKING:
     from casadi_contact.optimisation.assembly import Assembly
     from casadi_contact.optimisation.assembly.file import load_assembly
     from casadi_contact.optimisation.contact_frames import ContactFrames
-    from casadi_contact.optimisation.contact_in_opti import ContactInOpti
+    from casadi_contact.optimisation.contact_in_opti import ContactInOpti, settled_function
     from casadi_contact.optimisation.muscle_contact import MuscleContact
     from casadi_contact.optimisation.pose_estimation import PoseEstimation
-    from casadi_contact.optimisation.settled_function import settled_function
     from casadi_contact.optimisation.static_equilibrium import StaticEquilibrium
     from casadi_contact.optimisation.verification import verify
     from casadi_contact.scenes import opensim
@@ -112,7 +111,7 @@ else:
         "relax": "contact.relax",
         "sensitive_directions": "contact.model_checks",
         "settle": "contact.settle",
-        "settled_function": "optimisation.settled_function",
+        "settled_function": "optimisation.contact_in_opti",
         "verify": "optimisation.verification",
     }
 

@@ -19,8 +19,8 @@ from casadi_contact.core.conventions import POSE_NAMES, Array
 from casadi_contact.core.quantities import quantity
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.knee import COORDINATES, KNEE_LOADS, SIDES, coordinate_unit
+from casadi_contact.optimisation.muscle import MuscleWalk
 from casadi_contact.optimisation.muscle_contact import MuscleContact, MuscleContactResult, MuscleSettings
-from casadi_contact.optimisation.muscle_walk import MuscleWalk
 from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.page import SURROGATE, TARGET, frame, new_page, save_page

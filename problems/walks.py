@@ -10,8 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from casadi_contact.core.conventions import Array
 from casadi_contact.optimisation.knee import COORDINATES, coordinate_unit
-from casadi_contact.optimisation.muscle import MuscleParameters
-from casadi_contact.optimisation.muscle_walk import MuscleWalk
+from casadi_contact.optimisation.muscle import MuscleParameters, MuscleWalk
 from casadi_contact.scenes.columns import TextColumns, check_reach, check_rising, read_columns
 from casadi_contact.scenes.opensim import ColumnMap, Table, mapped_curves, read_opensim_table
 from casadi_contact.scenes.walking import reference_cycle

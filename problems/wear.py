@@ -22,8 +22,7 @@ import casadi_contact as cc
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.conventions import Array, as_poses, rotation
 from casadi_contact.core.terminal import run_program
-from casadi_contact.pictures.page import name_axes, new_page, save_page
-from casadi_contact.pictures.view import view_of
+from casadi_contact.pictures.page import name_axes, new_page, save_page, view_of
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.pose_file import read_poses
 from problems import knee_simulator

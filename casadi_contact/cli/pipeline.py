@@ -28,9 +28,9 @@ from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import calibrate as calibrated
 from casadi_contact.surrogate.on_foundation import OnFoundation
 from casadi_contact.workflow.benchmark.candidates import refuse_without_elements, train_sizes
-from casadi_contact.workflow.benchmark.evaluate import evaluate as evaluate_models
 from casadi_contact.workflow.benchmark.front_file import FILE_NAME, read_front, shipped_front
 from casadi_contact.workflow.benchmark.measure import Peers, measure_project
+from casadi_contact.workflow.benchmark.measure import evaluate as evaluate_models
 from casadi_contact.workflow.project import (
     Project,
     available_poses,

@@ -9,8 +9,8 @@ from rich.table import Table
 from casadi_contact.core.quantities import FORCE, TORQUE, of_kind, quantity, three_digits
 from casadi_contact.samples.samples import LoadErrors, Samples
 from casadi_contact.workflow.benchmark.choose import Choice
-from casadi_contact.workflow.benchmark.evaluate import teacher_text
 from casadi_contact.workflow.benchmark.front_file import TIMES, Front
+from casadi_contact.workflow.benchmark.measure import teacher_text
 
 
 def choice_table(choice: Choice) -> Table:
@@ -32,7 +32,7 @@ def choice_table(choice: Choice) -> Table:
 
 
 def evaluation_tables(errors: Mapping[str, Mapping[str, LoadErrors]], samples: Samples) -> list[Table]:
-    """The paper's Tables 2 and 3: what `benchmark.evaluate` gives for these samples."""
+    """The paper's Tables 2 and 3: what `benchmark.measure.evaluate` gives for these samples."""
     loads, counts, tables = samples.scene.load_names, samples.counts(), []
     for key, title in (
         ("rms", "RMS error per domain [EF15 Table 2]"),

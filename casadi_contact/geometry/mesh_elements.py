@@ -7,12 +7,11 @@ from collections.abc import Callable
 import numpy as np
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.geometry.creases import beside_creases
 from casadi_contact.geometry.distance_field import DistanceField, field_parts
 from casadi_contact.geometry.elements import Cells
 from casadi_contact.geometry.projection import LEAST_UPWARD, ParallelProjection, Projection, axis_name
 from casadi_contact.geometry.smooth_surface import SmoothSurface
-from casadi_contact.geometry.triangle_mesh import RayCaster, TriangleMesh
+from casadi_contact.geometry.triangle_mesh import RayCaster, TriangleMesh, beside_creases
 
 
 def grid_on_mesh(

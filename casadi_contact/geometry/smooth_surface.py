@@ -17,8 +17,7 @@ import numpy as np
 from scipy import sparse
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.geometry.creases import split_at_creases
-from casadi_contact.geometry.triangle_mesh import TriangleMesh
+from casadi_contact.geometry.triangle_mesh import TriangleMesh, split_at_creases
 
 EDGE_RADIUS_MM = 3.0
 

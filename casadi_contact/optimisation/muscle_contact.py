@@ -45,8 +45,7 @@ from casadi_contact.optimisation.knee import (
     in_newtons,
     shear_free_poses,
 )
-from casadi_contact.optimisation.muscle import force_capacity
-from casadi_contact.optimisation.muscle_walk import MuscleWalk
+from casadi_contact.optimisation.muscle import MuscleWalk, force_capacity
 
 # They stand in for ligaments and errors of inverse dynamics. Contact alone balances ty and adduction, and muscles
 # balance flexion: reserves there only keep an overloaded frame solvable.

@@ -20,7 +20,7 @@ from casadi_contact.contact.polar.surfaces import SmoothPatch, u_range
 from casadi_contact.core.conventions import ANATOMY, POSE_NAMES, Array
 from casadi_contact.core.quantities import ANGLE, quantity
 from casadi_contact.geometry.moving_surface import CYLINDER, HALF_SPACE, NUMBERS_PER_ARC, SWEPT_ARCS, MovingSurface
-from casadi_contact.pictures.view import anatomical_name, direction_formula, view_of
+from casadi_contact.pictures.page import anatomical_name, direction_formula, view_of
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.shape import shape_named
 

@@ -24,12 +24,13 @@ from casadi_contact.core.files.writing import writable_folder, write_text
 from casadi_contact.core.machine import machine_record
 from casadi_contact.core.terminal import run_program
 from casadi_contact.core.workers import one_thread
+from casadi_contact.networks.functions import hessian_function
 from casadi_contact.optimisation.ipopt import IpoptOutcome, least_squares_options
 from casadi_contact.optimisation.pose_estimation import PoseEstimation
 from casadi_contact.scenes.walking import reference_cycle
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.load import load_surrogate
-from casadi_contact.workflow.benchmark.timing import compare, lagrangian_hessian, time_single_calls
+from casadi_contact.workflow.benchmark.timing import compare, time_single_calls
 from casadi_contact.workflow.project import Project, available_poses
 from problems.studies.torch_forms import pytorch
 
@@ -81,7 +82,7 @@ def generated_library(functions: Sequence[ca.Function]) -> str:
 def stopwatches(model: SymbolicContact, poses: Array, *, generated: bool) -> dict[str, Callable[[], float]]:
     """Seconds of a call with one pose: loads, Jacobian, Hessian of the Lagrangian; generated: as CasADi's C."""
     function = model.function()
-    functions = [function, function.jacobian(), lagrangian_hessian(function)]
+    functions = [function, function.jacobian(), hessian_function(function)]
     if generated:
         library = generated_library(functions)
         functions = [ca.external(each.name(), library) for each in functions]

@@ -12,9 +12,8 @@ from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.core.terminal import run_program
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.workflow.benchmark.candidates import surrogate_candidates, untrained_candidates
-from casadi_contact.workflow.benchmark.evaluate import unseen_walking
 from casadi_contact.workflow.benchmark.front_file import write_front
-from casadi_contact.workflow.benchmark.measure import measure
+from casadi_contact.workflow.benchmark.measure import measure, unseen_walking
 from casadi_contact.workflow.project import built_in_motion, shipped_surrogates
 
 

@@ -21,7 +21,7 @@ from casadi_contact.core.terminal import new_app, progress_bars, run_app, run_pr
 from casadi_contact.samples.models import model_pair, models_identity
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.surrogate import load
-from casadi_contact.workflow.benchmark.evaluate import evaluate
+from casadi_contact.workflow.benchmark.measure import evaluate
 from casadi_contact.workflow.project import Project, available_surrogates
 from tests.support.random_surrogates import random_surrogate
 from tests.support.smooth_samples import SPHERE, smooth_samples

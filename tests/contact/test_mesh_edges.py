@@ -6,8 +6,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.elements.foundation import share_at_sharp_edges
-from casadi_contact.geometry.creases import smooth_regions
-from casadi_contact.geometry.triangle_mesh import TriangleMesh
+from casadi_contact.geometry.triangle_mesh import TriangleMesh, smooth_regions
 from casadi_contact.optimisation.reference import unmodelled_load_words
 from tests.support.meshes import STIFFNESS, ball_mesh, cap_mesh, outward, scene_of, sheet_mesh, slab_mesh, wheel_mesh
 

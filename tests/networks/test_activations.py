@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from casadi_contact.networks.activations import ACTIVATIONS, Activation, activation_of
+from casadi_contact.networks.functions import hessian_function
 from casadi_contact.networks.network import Network
 from casadi_contact.scenes.loading import load_scene
-from casadi_contact.workflow.benchmark.timing import lagrangian_hessian
 from tests.support.agreement import close
 from tests.support.compiler import needs_compiler
 from tests.support.random_surrogates import random_poses, random_surrogate
@@ -75,7 +75,7 @@ def test_numpy_graph_and_kernel_agree_on_a_surrogate(name):
     assert kernel.class_name() == "External"
     poses, weights = random_poses(6), np.arange(1.0, 1.0 + graph.numel_out(0))
     assert np.abs(surrogate(poses)).max() > 0.0
-    pairs = [(f, f.jacobian(), lagrangian_hessian(f)) for f in (graph, kernel)]
+    pairs = [(f, f.jacobian(), hessian_function(f)) for f in (graph, kernel)]
     for x in poses:
         value, slopes = surrogate.jacobian(x)
         for f, jacobian, _ in pairs:

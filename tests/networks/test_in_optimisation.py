@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.networks.functions import hessian_function
 from casadi_contact.scenes.loading import load_scene
-from casadi_contact.workflow.benchmark.timing import lagrangian_hessian
 from tests.support.agreement import close
 from tests.support.compiler import needs_compiler
 from tests.support.random_surrogates import POSE_CENTRE, random_poses, random_surrogate
@@ -35,7 +35,7 @@ def test_map_over_frames_keeps_value_and_derivatives(surrogate):
     values, jacobians = surrogate.jacobian(poses)
     np.testing.assert_allclose(mapped(poses.T).full().T, values, rtol=1e-11, atol=1e-11 * np.abs(values).max())
     got = jacobian(poses.ravel()).full()
-    single = lagrangian_hessian(function)
+    single = hessian_function(function)
     second = hessian(poses.ravel(), w).full()
     for frame in range(count):
         columns = slice(6 * frame, 6 * frame + 6)

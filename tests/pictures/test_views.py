@@ -5,9 +5,8 @@ import pytest
 from matplotlib.figure import Figure
 
 import casadi_contact as cc
-from casadi_contact.pictures.contact_picture import contact_pose
-from casadi_contact.pictures.section import draw_section
-from casadi_contact.pictures.view import PictureAxis, View, view_of
+from casadi_contact.pictures.contact_picture import contact_pose, draw_section
+from casadi_contact.pictures.page import PictureAxis, View, view_of
 
 
 def coarse(name):

@@ -19,7 +19,7 @@ def test_every_form_has_the_values_and_derivatives_of_our_own(form, name):
     functions = [model.load_and_root_function() for model in (written, own)]
     for output in (0, 1):
         np.testing.assert_allclose(*(function(KNEE)[output] for function in functions), rtol=1e-8, atol=1e-8)
-    for derivative, given in ((ca.Function.jacobian, [0]), (study.lagrangian_hessian, [np.ones(7)])):
+    for derivative, given in ((ca.Function.jacobian, [0]), (study.hessian_function, [np.ones(7)])):
         got, want = (np.asarray(derivative(model.function())(KNEE, *given)) for model in (written, own))
         np.testing.assert_allclose(got, want, rtol=1e-6, atol=1e-6 * abs(want).max())
 

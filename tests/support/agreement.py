@@ -9,7 +9,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from casadi_contact.workflow.benchmark.timing import lagrangian_hessian
+from casadi_contact.networks.functions import hessian_function
 
 ROUNDING = (1e-10, 1e-9, 1e-8)  # of values, first and second derivatives, relative to the usual size of that output
 
@@ -129,7 +129,7 @@ def by_hessians(function, poses):
 
 def evaluated(function: ca.Function, poses: np.ndarray, weights: np.ndarray) -> list[np.ndarray]:
     """Values (n, m), Jacobians (n, m, 6) and Hessians (n, 1, 6, 6) of weights·value, called as nlpsol calls them."""
-    jacobian, hessian = function.jacobian(), lagrangian_hessian(function)
+    jacobian, hessian = function.jacobian(), hessian_function(function)
     found = [
         np.stack([function(pose).full().ravel() for pose in poses]),
         np.stack([jacobian(pose, 0).full() for pose in poses]),

@@ -9,7 +9,7 @@ from casadi_contact.core.conventions import POSE_NAMES
 from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.walking import reference_cycles
-from casadi_contact.workflow.benchmark.evaluate import unseen_walking
+from casadi_contact.workflow.benchmark.measure import unseen_walking
 from tests.support.random_surrogates import random_surrogate
 
 

@@ -18,9 +18,9 @@ from casadi_contact.contact.pressures import PressureMap, PressureSummary
 from casadi_contact.core.compiler import CompilerError, shared_library
 from casadi_contact.core.conventions import Array, as_poses, batched, rotation, twist_to_pose_gradient
 from casadi_contact.core.threads import call_in_shares, in_shares
-from casadi_contact.geometry.creases import beside_creases, creases
 from casadi_contact.geometry.elements import BLOCK_SIDE, ElementGrid, scattered_elements
 from casadi_contact.geometry.moving_surface import SWEPT_ARCS, MovingSurface
+from casadi_contact.geometry.triangle_mesh import beside_creases, creases
 from casadi_contact.networks.kernel.source import c_text
 from casadi_contact.scenes.material import Material
 from casadi_contact.scenes.scene import Scene

@@ -44,8 +44,7 @@ from casadi_contact.geometry.elements import Cells, ElementGrid, grid_elements, 
 from casadi_contact.geometry.mesh import FILE_AXES, MM_PER_UNIT, axes_rotation, file_digest
 from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface
 from casadi_contact.scenes.shapes.checks import fail, identifier, number, numbers, table_of
-from casadi_contact.scenes.shapes.own_model import patch_anchors
-from casadi_contact.scenes.shapes.shape import Geometry, Range, Shape
+from casadi_contact.scenes.shapes.shape import Geometry, Range, Shape, patch_anchors
 
 BODIES = ("moving", "fixed")
 _CHOICES: dict[str, Sequence[str]] = {

@@ -14,12 +14,11 @@ from scipy.spatial import cKDTree
 from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.distance_field import DistanceField, kept_field
 from casadi_contact.geometry.elements import Cells
-from casadi_contact.geometry.mesh import FILE_AXES, Placement, file_digest, load_mesh
-from casadi_contact.geometry.mesh_checks import Box
+from casadi_contact.geometry.mesh import FILE_AXES, Box, Placement, file_digest, load_mesh
 from casadi_contact.geometry.projection import DOWN, LEAST_UPWARD, Projection, projection_of
 from casadi_contact.geometry.smooth_surface import SmoothSurface
 from casadi_contact.geometry.triangle_mesh import RayCaster, TriangleMesh
-from casadi_contact.scenes.shapes.own_model import patch_anchors
+from casadi_contact.scenes.shapes.shape import patch_anchors
 
 MOST_BOTH_SIDES = 0.2  # largest share of an outer side's area that holds both sides of a shell: some of its rim
 LONGEST_MM = 3.0  # edges of triangles that are elements

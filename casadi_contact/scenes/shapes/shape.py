@@ -1,7 +1,7 @@
 """The record of a shape: its [geometry], its patches, its moving surface and the elements of its fixed one.
 
-A scene names its shape; all that one shape has of its own stands in its record, one file for each, and whatever holds
-for every shape asks the record. A new shape is a record and a line in `_MODULES`.
+A scene names its shape; all that one shape has of its own stands in its record, and whatever holds for every shape
+asks the record. A new shape is a record and a line in `_MODULES`.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NoReturn
 
 import numpy as np
 
 from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.elements import Cells, ElementGrid, grid_elements
 from casadi_contact.geometry.moving_surface import MovingSurface
-from casadi_contact.scenes.shapes.checks import number, numbers, table_of
+from casadi_contact.scenes.shapes.checks import fail, identifier, number, numbers, table_of
 
 Geometry = Mapping[str, Any]
 Range = tuple[float, float]
@@ -115,7 +115,7 @@ _MODULES = {
     "sphere_in_dish": "closed_forms.SphereInDish",
     "cylinder_on_plane": "closed_forms.CylinderOnPlane",
     "punch_on_plane": "closed_forms.PunchOnPlane",
-    "own_model": "own_model.OwnModel",
+    "own_model": "shape.OwnModel",
     "mesh": "mesh.Mesh",
 }
 SHAPES: dict[str, Shape] = {}
@@ -138,3 +138,50 @@ def shape_named(name: object) -> Shape:
         module, _, kind = _MODULES[name].partition(".")
         SHAPES[name] = getattr(import_module(f"casadi_contact.scenes.shapes.{module}"), kind)()
     return SHAPES[name]
+
+
+class OwnModel(Shape):
+    """The shape of a scene without geometry: its contact model is the user's own, or a table of samples.
+
+        shape = "own_model"
+        [geometry.patches]     each with its anchor on the moving body [mm], the body's origin if left out
+        contact = { anchor = [0.0, 0.0, 0.0] }
+
+    Such a scene needs neither [material] nor [grids].
+    """
+
+    name = "own_model"
+    has_layer = False
+
+    def check(self, table: object) -> dict[str, Any]:
+        values = table_of("geometry", table, ("patches",), complete=True)
+        patches = values["patches"]
+        if not isinstance(patches, Mapping) or not patches:
+            raise fail(
+                "geometry.patches", patches, "a table for each patch, e.g. contact = { anchor = [0.0, 0.0, 0.0] }"
+            )
+        for name, patch in patches.items():
+            identifier("geometry.patches (a patch's name)", name)
+            if "_" in name:
+                raise fail("geometry.patches (a patch's name)", name, "a name without _, which sets it off in Fy_med")
+            key = f"geometry.patches.{name}"
+            given = table_of(key, patch, (), complete=False, optional=("anchor",))
+            numbers(f"{key}.anchor", given.get("anchor", [0.0] * 3), 3, "mm")
+        return values
+
+    def patches(self, geometry: Geometry) -> tuple[str, ...]:
+        return tuple(geometry["patches"])
+
+    def anchors(self, geometry: Geometry) -> Array:
+        return patch_anchors(geometry)
+
+    def surfaces(self, geometry: Geometry) -> NoReturn:
+        raise ValueError("a scene of the shape own_model has no surfaces: give your own contact model")
+
+    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> NoReturn:
+        self.surfaces(geometry)
+
+
+def patch_anchors(geometry: Geometry) -> Array:
+    """The anchors (patches, 3) [mm] that [geometry.patches] names, the moving body's origin if left out."""
+    return np.array([patch.get("anchor", [0.0, 0.0, 0.0]) for patch in geometry["patches"].values()], dtype=float)

@@ -20,6 +20,7 @@ from casadi_contact.core.conventions import Array, Update
 from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.core.quantities import FORCE, of_kind
 from casadi_contact.core.workers import worker_pool
+from casadi_contact.networks.functions import hessian_function
 from casadi_contact.networks.network import size_text
 from casadi_contact.samples.samples import TEST, LoadModel, Samples
 from casadi_contact.scenes.scene import Scene
@@ -30,7 +31,6 @@ from casadi_contact.surrogate.sample_rows import samples_record
 from casadi_contact.workflow.benchmark.front_file import Point
 from casadi_contact.workflow.benchmark.timing import (
     Stopwatch,
-    lagrangian_hessian,
     time_batch,
     time_mapped,
     time_single_calls,
@@ -123,7 +123,7 @@ def surrogate_candidates(name: str, surrogate: Surrogate, *, graph: bool = False
 def _symbolic_candidate(point: Point, model: SymbolicContact, *, compiled: bool = True) -> Candidate:
     """A model with CasADi functions, called through their buffers."""
     function, weights = model.function(compiled=compiled), np.ones(len(model.load_names))
-    hessian, mapped = lagrangian_hessian(function), cache(lambda count: model.function(compiled=compiled, batch=count))
+    hessian, mapped = hessian_function(function), cache(lambda count: model.function(compiled=compiled, batch=count))
     remark = "compiled kernel" if function.class_name() == "External" else "CasADi graph; batch: its map"
     stopwatches: dict[str, Stopwatch] = {
         "value": partial(time_single_calls, function),

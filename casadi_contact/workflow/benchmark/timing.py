@@ -64,12 +64,6 @@ def time_mapped(mapped: ca.Function, poses: Array) -> float:
     return (time.perf_counter() - start) / len(poses)
 
 
-def lagrangian_hessian(function: ca.Function) -> ca.Function:
-    """pose, λ -> Hessian of λᵀ·loads by the pose, as nlpsol builds it."""
-    pose, weights = ca.MX.sym("pose", 6), ca.MX.sym("weights", function.numel_out(0))
-    return ca.Function("hessian", [pose, weights], [ca.hessian(ca.dot(weights, function(pose)), pose)[0]])
-
-
 def compare(measurements: Mapping[Name, Callable[[], float]], repeats: int = 7) -> dict[Name, Timing]:
     """Run each measurement (which returns seconds per pose) once to warm up, then all in turn, `repeats` times."""
     for measure in measurements.values():

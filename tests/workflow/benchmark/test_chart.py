@@ -20,9 +20,8 @@ from casadi_contact.samples.samples import TEST, write_samples
 from casadi_contact.workflow import samples as sampling
 from casadi_contact.workflow.benchmark.candidates import Candidate, chart_sizes, sized_path, train_sizes
 from casadi_contact.workflow.benchmark.choose import python_line
-from casadi_contact.workflow.benchmark.evaluate import unseen_walking
 from casadi_contact.workflow.benchmark.front_file import Point, read_front
-from casadi_contact.workflow.benchmark.measure import measure, measure_project
+from casadi_contact.workflow.benchmark.measure import measure, measure_project, unseen_walking
 from casadi_contact.workflow.presets import PRESETS, ChartEffort, Effort, Preset
 from casadi_contact.workflow.project import Project, read_motion
 

@@ -11,8 +11,8 @@ import casadi_contact as cc
 from casadi_contact.cli import pipeline
 from casadi_contact.core.quantities import quantity
 from casadi_contact.samples.samples import load_errors
-from casadi_contact.workflow.benchmark.evaluate import unseen_walking
 from casadi_contact.workflow.benchmark.front_file import shipped_front
+from casadi_contact.workflow.benchmark.measure import unseen_walking
 from casadi_contact.workflow.project import Project, available_surrogates, built_in_motion
 from tests.support.own_contact import SCENE as SOCKET
 

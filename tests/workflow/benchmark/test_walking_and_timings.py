@@ -8,11 +8,12 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.core.conventions import pose_index
+from casadi_contact.networks.functions import hessian_function
 from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.walking import reference_cycles
 from casadi_contact.workflow.benchmark import timing as timing_module
-from casadi_contact.workflow.benchmark.evaluate import unseen_walking
+from casadi_contact.workflow.benchmark.measure import unseen_walking
 from casadi_contact.workflow.benchmark.timing import Timing, compare, time_batch, time_single_calls
 
 
@@ -73,4 +74,4 @@ def test_what_is_timed_as_hessian_is_that():
     bends = np.zeros((6, 6))
     bends[0, 0], bends[1, 2], bends[2, 1], bends[3, 3] = -2.0 * np.sin(0.4), 2.0, 2.0, 6.0
     at = np.array([0.4, 2.0, 3.0, 5.0, 0.0, 0.0])
-    np.testing.assert_allclose(timing_module.lagrangian_hessian(loads)(at, [2.0, 3.0]), bends)
+    np.testing.assert_allclose(hessian_function(loads)(at, [2.0, 3.0]), bends)
