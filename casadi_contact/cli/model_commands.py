@@ -39,7 +39,7 @@ from casadi_contact.pictures.contact_picture import (
 from casadi_contact.pictures.joint_page import joint_page
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.pose_file import read_poses
-from casadi_contact.surrogate.fitness import fitness
+from casadi_contact.surrogate.info import fitness
 from casadi_contact.surrogate.load import load_surrogate
 from casadi_contact.workflow.benchmark.choose import choose as choose_model
 from casadi_contact.workflow.benchmark.front_file import read_front

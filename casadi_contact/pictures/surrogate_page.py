@@ -20,8 +20,7 @@ from casadi_contact.pictures.page import save_page
 from casadi_contact.samples.samples import Samples
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.fitness import fitness
-from casadi_contact.surrogate.info import model_line, other_rows
+from casadi_contact.surrogate.info import fitness, model_line, other_rows
 
 if TYPE_CHECKING:
     from casadi_contact.workflow.benchmark.front_file import Front

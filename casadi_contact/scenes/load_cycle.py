@@ -83,7 +83,7 @@ class LoadCycle(OverTime):
         return {"ry": self.ry, "rz": self.rz}
 
 
-_CONDYLE_MM = 22.0  # from a knee's middle to either side's force
+CONDYLE_MM = 22.0  # from a knee's middle to either side's force
 _LENGTHS_MM = {"cm": 10.0, "inch": 25.4, "m": 1000.0}
 
 
@@ -100,11 +100,11 @@ def check_centre(name: str, values: Mapping[str, Array]) -> None:
         return
     slope_mm = float(np.polyfit(m, values["cop_ml"][loaded], 1)[0])
     if slope_mm < 6.0:
-        units = [unit for unit, size in _LENGTHS_MM.items() if 0.5 < slope_mm * size / _CONDYLE_MM < 2.0]
+        units = [unit for unit, size in _LENGTHS_MM.items() if 0.5 < slope_mm * size / CONDYLE_MM < 2.0]
         cure = f"is its unit {units[0]}?" if units else "check its unit, sign and sides, and whether it is a left knee"
         raise ValueError(
             f"cycle {name}: cop_ml contradicts Fy_med and Fy_lat: between all load lateral and all medial it moves by "
-            f"{2.0 * slope_mm:.2g} mm, expected the distance of the condyles, about {2.0 * _CONDYLE_MM:g} mm: {cure}"
+            f"{2.0 * slope_mm:.2g} mm, expected the distance of the condyles, about {2.0 * CONDYLE_MM:g} mm: {cure}"
         )
 
 

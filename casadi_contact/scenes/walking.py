@@ -27,10 +27,9 @@ from casadi_contact.scenes.joint_cycle import (
     read_joint_cycle,
     scene_cycles,
 )
-from casadi_contact.scenes.load_cycle import COLUMNS, KNEE_POSE_COLUMNS, LoadCycle, read_cycle
+from casadi_contact.scenes.load_cycle import COLUMNS, CONDYLE_MM, KNEE_POSE_COLUMNS, LoadCycle, read_cycle
 from casadi_contact.scenes.scene import Scene
 
-CONDYLE_OFFSET_MM = 22.0
 CURVES = ("rz", "ry", "log_fy_med", "log_fy_lat", "cop_ap_mm", "cop_shift_mm")
 
 
@@ -70,7 +69,7 @@ def _cycle(figures: Mapping[str, Any], name: str, frames: int, rng: np.random.Ge
         fy_med=fy_med,
         fy_lat=fy_lat,
         cop_ap_mm=curves["cop_ap_mm"],
-        cop_ml_mm=curves["cop_shift_mm"] + CONDYLE_OFFSET_MM * (fy_med - fy_lat) / (fy_med + fy_lat),
+        cop_ml_mm=curves["cop_shift_mm"] + CONDYLE_MM * (fy_med - fy_lat) / (fy_med + fy_lat),
     )
 
 

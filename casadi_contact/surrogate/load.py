@@ -9,7 +9,7 @@ from pathlib import Path
 from casadi_contact.scenes.loading import ready_scenes
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.file import read_file
-from casadi_contact.surrogate.fitness import fitness
+from casadi_contact.surrogate.info import fitness
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from casadi_contact.surrogate.two_stage import TwoStageSurrogate
 

@@ -72,8 +72,8 @@ class TwoStageSurrogate(Surrogate):
 
         The second stage is trained on the samples' own sensitive loads. Raises ValueError for NaN or no samples.
         """
+        from casadi_contact.samples.samples import finite, fitted_rows
         from casadi_contact.surrogate.patch.regressions import patch_regressions
-        from casadi_contact.surrogate.sample_rows import finite, fitted_rows
 
         scene = samples.scene
         rows, validation = fitted_rows(samples)

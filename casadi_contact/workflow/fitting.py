@@ -14,15 +14,13 @@ import numpy as np
 from casadi_contact.core.conventions import Update
 from casadi_contact.core.machine import machine_record
 from casadi_contact.networks.network import Network, Regression, size_text
-from casadi_contact.networks.training.fit import Fit
-from casadi_contact.networks.training.parallel import fit_all
+from casadi_contact.networks.training.fit import Fit, fit_all
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.networks.training.weights import widen
-from casadi_contact.samples.samples import DOMAINS, Samples, domain_errors, either_side
+from casadi_contact.samples.samples import DOMAINS, Samples, domain_errors, either_side, samples_record
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.info import budget_line
 from casadi_contact.surrogate.load import STRUCTURES
-from casadi_contact.surrogate.sample_rows import samples_record
 from casadi_contact.workflow.presets import Effort, effort_for
 from casadi_contact.workflow.project import Project
 

@@ -15,11 +15,10 @@ from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.optimisation.verification import Verification, verify
 from casadi_contact.samples.chunk import Chunk, WrenchModel, draw_chunk
 from casadi_contact.samples.models import DrawnModel
-from casadi_contact.samples.samples import COLUMNS, TEST, TRAIN, VALIDATION, Samples, domain_errors
+from casadi_contact.samples.samples import COLUMNS, TEST, TRAIN, VALIDATION, Samples, domain_errors, samples_record
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import calibrate
-from casadi_contact.surrogate.sample_rows import samples_record
 from casadi_contact.workflow.fitting import fits_record, summed_work
 
 # A round draws pose inputs so many scales of the range around a failing frame, and load inputs between shares of

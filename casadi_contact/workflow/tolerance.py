@@ -25,7 +25,7 @@ from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.tolerance import Tolerance
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import calibrate
-from casadi_contact.surrogate.fitness import Fitness
+from casadi_contact.surrogate.info import Fitness
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
 from casadi_contact.workflow.presets import TO_TOLERANCE, Preset

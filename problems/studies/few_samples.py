@@ -19,7 +19,7 @@ import numpy as np
 import casadi_contact as cc
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.terminal import run_program
-from casadi_contact.networks.training.parallel import fit_all
+from casadi_contact.networks.training.fit import fit_all
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.pictures.page import new_page, save_page
 from casadi_contact.samples.samples import DOMAINS, TEST, TRAIN, VALIDATION, Samples, mirrored, read_samples

@@ -29,11 +29,10 @@ from casadi_contact.core.workers import one_thread
 from casadi_contact.networks.frames import rotation
 from casadi_contact.networks.network import Regression
 from casadi_contact.samples.reference import ReferenceMotion
-from casadi_contact.samples.samples import Samples
+from casadi_contact.samples.samples import Samples, finite, fitted_rows
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.patch.networks import part_components, ratios_name, root_name
 from casadi_contact.surrogate.patch.regressions import patch_regressions, root_target
-from casadi_contact.surrogate.sample_rows import finite, fitted_rows
 from casadi_contact.workflow.benchmark.candidates import Candidate
 from casadi_contact.workflow.benchmark.front_file import Point
 from casadi_contact.workflow.benchmark.timing import time_batch, time_single_calls

@@ -7,7 +7,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.foundation import CellFoundation
-from casadi_contact.networks.training.parallel import fit_all
+from casadi_contact.networks.training.fit import fit_all
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.optimisation.contact_frames import ContactFrames
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples

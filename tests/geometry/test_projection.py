@@ -8,8 +8,14 @@ import trimesh
 
 from casadi_contact.geometry.distance_field import build_field
 from casadi_contact.geometry.mesh import checked_mesh
-from casadi_contact.geometry.mesh_elements import grid_on_mesh
-from casadi_contact.geometry.projection import DOWN, CentralProjection, ParallelProjection, grid_frame, projection_of
+from casadi_contact.geometry.projection import (
+    DOWN,
+    CentralProjection,
+    ParallelProjection,
+    grid_frame,
+    grid_on_mesh,
+    projection_of,
+)
 from casadi_contact.geometry.smooth_surface import SmoothSurface
 from tests.support.meshes import sheet_mesh, shell_mesh
 

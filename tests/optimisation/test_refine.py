@@ -6,10 +6,9 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.networks.training.fit import fit
 from casadi_contact.networks.training.settings import TrainingSettings
-from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples, samples_record
 from casadi_contact.surrogate.calibration import calibrate
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
-from casadi_contact.surrogate.sample_rows import samples_record
 
 SCENE = cc.load_scene("sphere_on_plane")
 MODEL = cc.ElasticFoundation(SCENE, (60, 60))

@@ -8,10 +8,9 @@ import pytest
 
 from casadi_contact.cli.pipeline import write_report
 from casadi_contact.pictures.surrogate_page import surrogate_page
-from casadi_contact.samples.samples import Dropped, domain_errors, write_samples
-from casadi_contact.surrogate.fitness import Fitness, fitness
+from casadi_contact.samples.samples import Dropped, domain_errors, samples_record, write_samples
+from casadi_contact.surrogate.info import Fitness, fitness
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
-from casadi_contact.surrogate.sample_rows import samples_record
 from tests.support.random_surrogates import random_confidence, random_network
 from tests.support.smooth_samples import CENTRE, SPHERE, SPREAD, smooth_samples
 

@@ -1,8 +1,10 @@
-"""Fit one network to one regression: grow, restart, stop, and go on from where an earlier run ended.
+"""Fit a network to a regression: grow, restart, stop, and go on from where an earlier run ended; and several networks
+side by side, through any ``concurrent.futures.Executor``.
 
 Its state lies in one .npz file, the checkpoint. A damaged one is not worth stopping for: the fit starts again, with one
 logged warning. One that belongs to other data or settings is refused, because it may be hours of somebody's work that
-must not be overwritten.
+must not be overwritten. The progress of workers is read from their checkpoints, which works across threads, processes
+and machines that share a folder.
 """
 
 from __future__ import annotations
@@ -10,10 +12,15 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
+import tempfile
 import time
+from collections.abc import Mapping, Sequence
+from concurrent.futures import FIRST_EXCEPTION, Executor, Future, wait
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -21,6 +28,7 @@ from threadpoolctl import threadpool_limits
 from casadi_contact.core.conventions import Array, Update
 from casadi_contact.core.files.containers import read_npz, write_npz
 from casadi_contact.core.files.reading import one_line
+from casadi_contact.core.workers import cancelled_if_left
 from casadi_contact.networks.network import Network, Regression, size_text
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.networks.training.trainer import Trainer
@@ -183,3 +191,62 @@ def _result(regression: Regression, trainer: Trainer) -> Fit:
     )
     history = {name: np.array(column) for name, column in trainer.history.items()}
     return Fit(network, history, trainer.stop_reason, training, validation, trainer.gflop, trainer.cpu_s)
+
+
+def fit_all(
+    regressions: Sequence[Regression],
+    settings: Mapping[str, TrainingSettings],
+    executor: Executor | None = None,
+    checkpoint_folder: Path | None = None,
+    progress: Update | None = None,
+    starts: Mapping[str, Network] | None = None,
+) -> dict[str, Fit]:
+    """Fit every regression, the one with the largest budget first; returns the fits by name, in given order.
+
+    settings: by the regression's name. executor: None fits one after the other here.
+    checkpoint_folder: a file ``<name>.npz`` for each fit; a later call goes on from these, after Ctrl-C too.
+    starts: networks to go on from instead of random weights, by the regression's name.
+    progress: called here as by `fit`; for a fit that a worker has ended, at once, with the work done as the budget.
+
+    Raises ValueError for what `fit` refuses; the fits still waiting are then cancelled, those running go on in their
+    workers until the executor is shut down.
+    """
+    for regression in regressions:
+        check(regression)
+    with tempfile.TemporaryDirectory(prefix="casadi_contact_") as temporary:
+        folder = Path(temporary if checkpoint_folder is None else checkpoint_folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        largest_first = sorted(regressions, key=lambda regression: -settings[regression.name].max_gflop)
+        checkpoints = {r.name: folder / f"{quote(r.name, safe='')}.npz" for r in largest_first}
+        jobs = {r.name: (r, settings[r.name], checkpoints[r.name], (starts or {}).get(r.name)) for r in largest_first}
+        if executor is None:
+            fits = {name: fit(*job, progress) for name, job in jobs.items()}
+        else:
+            futures = {name: executor.submit(fit, *job) for name, job in jobs.items()}
+            with cancelled_if_left(executor, futures.values()):
+                fits = _collect(futures, settings, checkpoints, progress)
+    return {regression.name: fits[regression.name] for regression in regressions}
+
+
+def _collect(
+    futures: Mapping[str, Future[Fit]],
+    settings: Mapping[str, TrainingSettings],
+    checkpoints: Mapping[str, Path],
+    progress: Update | None,
+) -> dict[str, Fit]:
+    """The fits when all have ended; meanwhile progress is told from the checkpoints that workers write."""
+    waiting = set(futures.values())
+    while waiting:
+        done, waiting = wait(waiting, timeout=1.0, return_when=FIRST_EXCEPTION)
+        for name, future in futures.items():
+            if future in done:
+                ended = future.result()
+                if progress:
+                    progress(name, ended.gflop, ended.gflop, progress_text(ended.network.hidden, ended.rms))
+            elif progress and future in waiting:
+                with suppress(OSError, ValueError, KeyError, IndexError):  # not written yet
+                    saved, chosen = read_npz(checkpoints[name]), settings[name]
+                    gflop, rms = (float(saved[f"history_{column}"][-1]) for column in ("gflop", "training_rms"))
+                    text = progress_text(chosen.sizes[int(saved["level"])], rms)
+                    progress(name, gflop, chosen.gflop_at_end(gflop, float(saved["cpu_s"])), text)
+    return {name: future.result() for name, future in futures.items()}

@@ -147,7 +147,7 @@ class Mesh(Shape):
 
     def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
         """Grids laid over each patch of the fixed mesh, from where the moving body presses it."""
-        from casadi_contact.geometry.mesh_elements import grid_on_mesh
+        from casadi_contact.geometry.projection import grid_on_mesh
         from casadi_contact.scenes.shapes import mesh_bodies as bodies
 
         bodies.check_patches(geometry)
@@ -163,7 +163,7 @@ class Mesh(Shape):
         self, geometry: Geometry, grid: tuple[int, int], z_ranges_mm: Sequence[Sequence[Range]]
     ) -> list[ElementGrid]:
         """As of any shape, or each patch's triangles, whatever the grid; outermost are those where the patch is cut."""
-        from casadi_contact.geometry.mesh_elements import open_triangles, triangles_on_mesh
+        from casadi_contact.geometry.projection import open_triangles, triangles_on_mesh
         from casadi_contact.scenes.shapes import mesh_bodies as bodies
 
         field, elements = bodies.body_field(geometry, "fixed"), []

@@ -13,11 +13,10 @@ import numpy as np
 from casadi_contact.core.conventions import POSE_NAMES, WRENCH_NAMES, Array, local_poses
 from casadi_contact.core.quantities import FORCE, of_kind
 from casadi_contact.networks.network import Regression
-from casadi_contact.samples.samples import Samples
+from casadi_contact.samples.samples import Samples, finite, fitted_rows, nonempty
 from casadi_contact.samples.table import check_no_pull
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.patch.networks import part_components, ratios_name, root_name
-from casadi_contact.surrogate.sample_rows import finite, fitted_rows, nonempty
 
 _GAP_WEIGHT = 0.02  # of residuals far out of contact (`root_weight`)
 _ON_SPACE = 1e-9  # [mm, rad]: rounding

@@ -22,12 +22,11 @@ from casadi_contact.core.quantities import FORCE, of_kind
 from casadi_contact.core.workers import worker_pool
 from casadi_contact.networks.functions import hessian_function
 from casadi_contact.networks.network import size_text
-from casadi_contact.samples.samples import TEST, LoadModel, Samples
+from casadi_contact.samples.samples import TEST, LoadModel, Samples, samples_record
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.load import STRUCTURES, load_surrogate
 from casadi_contact.surrogate.on_foundation import OnFoundation
-from casadi_contact.surrogate.sample_rows import samples_record
 from casadi_contact.workflow.benchmark.front_file import Point
 from casadi_contact.workflow.benchmark.timing import (
     Stopwatch,

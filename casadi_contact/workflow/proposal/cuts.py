@@ -25,11 +25,10 @@ from casadi_contact.core.workers import cancelled_if_left, worker_pool
 from casadi_contact.networks.network import Regression
 from casadi_contact.networks.training.fit import fit
 from casadi_contact.networks.training.settings import TrainingSettings
-from casadi_contact.samples.samples import VALIDATION, Samples
+from casadi_contact.samples.samples import VALIDATION, Samples, fitted_rows
 from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.patch.regressions import root_target, root_weight
-from casadi_contact.surrogate.sample_rows import fitted_rows
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,7 @@ from multiprocessing import get_context
 
 import numpy as np
 
-from casadi_contact.networks.training.fit import fit
-from casadi_contact.networks.training.parallel import fit_all
+from casadi_contact.networks.training.fit import fit, fit_all
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.networks.training.weights import flatten
 from tests.support.smooth_samples import smooth
