@@ -181,9 +181,7 @@ def _sample(
         samples, report = sampling.sample(project, cycle_files, update, executor, model)
     say(report)
     for domain, share in samples.dropped_shares().items():
-        reasons = samples.provenance["dropped"].get(domain, {})
-        listed = "; ".join(f"{reason} ({count})" for reason, count in reasons.items())
-        if listed:
+        if listed := samples.dropped_reasons(domain):
             say(f"{domain}: {share:.1%} of the plan dropped: {listed}")
     for domain, reason in samples.provenance.get("left_out", {}).items():
         say(f"{domain} left out: {reason}")

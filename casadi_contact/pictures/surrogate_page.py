@@ -166,11 +166,8 @@ def _training(surrogate: Surrogate) -> str:
 def _dropped(samples: Samples | None) -> list[str]:
     if samples is None:
         return [paragraph("No samples of this scene lie beside the surrogates: what was dropped is not known here.")]
-    shares, reasons = samples.dropped_shares(), samples.provenance.get("dropped", {})
+    shares = samples.dropped_shares()
     if not any(shares.values()):
         return [paragraph("None.")]
-    rows = []
-    for domain, share in shares.items():
-        listed = "; ".join(f"{reason} ({count})" for reason, count in reasons.get(domain, {}).items())
-        rows.append([domain, f"{share:.1%}", listed or "-"])
+    rows = [[domain, f"{share:.1%}", samples.dropped_reasons(domain) or "-"] for domain, share in shares.items()]
     return [table(["domain", "share of the plan", "why"], rows)]

@@ -139,11 +139,10 @@ def check_rejection_rate(samples: Samples, most: float) -> None:
     """Raise ValueError where more than the share `most` of a domain's plan became no samples, with the reasons."""
     for domain, share in samples.dropped_shares().items():
         if share > most:
-            reasons = samples.provenance.get("dropped", {}).get(domain, {})
-            listed = "; ".join(f"{reason} ({count})" for reason, count in sorted(reasons.items(), key=lambda r: -r[1]))
             raise ValueError(
-                f"{share:.1%} of the samples of {domain} were dropped, expected at most {most:.1%}: {listed}. They are "
-                "kept: mend patches or loads, draw closer to the motion (d3_fraction, d2_offset), or allow most_dropped"
+                f"{share:.1%} of the samples of {domain} were dropped, expected at most {most:.1%}: "
+                f"{samples.dropped_reasons(domain)}. They are kept: mend patches or loads, draw closer to the motion "
+                "(d3_fraction, d2_offset), or allow most_dropped"
             )
 
 

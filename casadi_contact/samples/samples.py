@@ -104,6 +104,11 @@ class Samples:
         found = zip(DOMAINS, lost.tolist(), (lost + kept).tolist(), strict=True)
         return {name: part / planned for name, part, planned in found if planned} if lost.any() else {}
 
+    def dropped_reasons(self, domain: str) -> str:
+        """Why some of a domain's plan became no samples, and how many for each reason, the most first; may be empty."""
+        reasons = self.provenance.get("dropped", {}).get(domain, {})
+        return "; ".join(f"{reason} ({count})" for reason, count in sorted(reasons.items(), key=lambda r: -r[1]))
+
     def counts(self) -> dict[str, dict[str, int]]:
         """Number of samples by domain name and role name."""
         return {
