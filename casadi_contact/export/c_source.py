@@ -15,13 +15,7 @@ from casadi_contact.core.conventions import POSE_NAMES, POSE_UNITS, as_poses
 from casadi_contact.core.files.writing import write_bytes, write_text
 from casadi_contact.core.quantities import quantity
 from casadi_contact.networks.kernel.source import ExportedModel, c_text, casadi_interface
-from casadi_contact.networks.names import (
-    check_name,
-    check_unused,
-    comment_text,
-    identifier,
-    name_of_wrenches,
-)
+from casadi_contact.networks.names import check_name, check_unused, comment_text, identifier, name_of_wrenches
 
 TEMPLATES = f"{__package__}.c"
 _EXAMPLE = "example"  # file of the program that calls the model

@@ -22,14 +22,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.geometry.projection import (
-    DOWN,
-    LEAST_UPWARD,
-    Lines,
-    ParallelProjection,
-    grid_frame,
-    grid_on_mesh,
-)
+from casadi_contact.geometry.projection import DOWN, LEAST_UPWARD, Lines, ParallelProjection, grid_frame, grid_on_mesh
 from casadi_contact.geometry.surface_distances import field_derivatives
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.mesh_bodies import body_field, body_surface, patch_box, patch_mesh, patch_projection

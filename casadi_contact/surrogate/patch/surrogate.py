@@ -22,14 +22,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import casadi as ca
 import numpy as np
 
-from casadi_contact.core.conventions import (
-    WRENCH_NAMES,
-    Array,
-    angular_velocity_map,
-    batched,
-    local_poses,
-    rotation,
-)
+from casadi_contact.core.conventions import WRENCH_NAMES, Array, angular_velocity_map, batched, local_poses, rotation
 from casadi_contact.networks.graph import Expressions
 from casadi_contact.networks.kernel.source import Kernel
 from casadi_contact.networks.network import Network, Regression

@@ -28,12 +28,7 @@ from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.load import STRUCTURES, load_surrogate
 from casadi_contact.surrogate.on_foundation import OnFoundation
 from casadi_contact.workflow.benchmark.front_file import Point
-from casadi_contact.workflow.benchmark.timing import (
-    Stopwatch,
-    time_batch,
-    time_mapped,
-    time_single_calls,
-)
+from casadi_contact.workflow.benchmark.timing import Stopwatch, time_batch, time_mapped, time_single_calls
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
 from casadi_contact.workflow.presets import Effort
 from casadi_contact.workflow.project import Project, exclusive, shipped_surrogates, trained_surrogates

@@ -75,7 +75,7 @@ def test_the_shipped_surrogates_are_exported_and_their_example_pose_is_in_contac
 
 def test_a_folder_with_samples_speaks_for_itself_and_another_scene_has_nothing_shipped(tmp_path):
     assert shipped_front(cc.load_scene("knee", settle=(40, 20))) is None
-    with pytest.raises(ValueError, match="scene socket .* has no geometry"):
+    with pytest.raises(ValueError, match=r"scene socket .* has no geometry"):
         built_in_motion(SOCKET)
     project = Project.open("knee", "quick", tmp_path)
     assert set(available_surrogates(project)) == {"patch", "two_stage"}
