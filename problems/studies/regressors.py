@@ -104,7 +104,7 @@ def random_forest(trees: int, x: Array, y: Array, w: Array) -> Fit:
     """Means of trees of decisions, each of another draw of the samples."""
     from sklearn.ensemble import RandomForestRegressor
 
-    return Fit(RandomForestRegressor(trees, random_state=0).fit(x, y, sample_weight=w**2).predict)
+    return Fit(RandomForestRegressor(trees, random_state=0).fit(x, np.squeeze(y), sample_weight=w**2).predict)
 
 
 def radial_basis(points: int, local: int | None, x: Array, y: Array, w: Array) -> Fit:
