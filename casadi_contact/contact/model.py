@@ -173,6 +173,8 @@ class WrenchLoads(ContactModel):
     has_wrenches = has_gaps = True
 
     def __init__(self, scene: Scene) -> None:
+        if not isinstance(scene, Scene):
+            raise TypeError(f"got {scene!r}, expected a scene, as cc.load_scene gives it for a name or a file")
         self.scene, self.load_names, self.patch_names = scene, scene.load_names, scene.patch_names
         self._selection = load_selection(self.load_names, self.patch_names)
 

@@ -127,3 +127,9 @@ def test_first_and_second_derivatives_by_all_inputs_are_those_of_the_loads(knee,
     second = np.column_stack([np.array(gradient(at + m) - gradient(at - m))[:, 0] for m in np.diag(steps)])
     square = np.array(hessian(at)) * np.outer(steps, steps)
     np.testing.assert_allclose(square, 0.5 * second * steps[:, None], atol=3e-3 * np.abs(square).max())
+
+
+@pytest.mark.parametrize("model", [cc.ElasticFoundation, cc.PolarFoundation, cc.CupFoundation])
+def test_a_name_in_place_of_a_scene_is_told(model):
+    with pytest.raises(TypeError, match="load_scene"):
+        model("knee")

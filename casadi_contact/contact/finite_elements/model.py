@@ -122,9 +122,9 @@ class FiniteElements(WrenchLoads):
         *,
         reach_mm: float = 0.3,
     ) -> None:
+        super().__init__(scene)
         nx, nz = [3 * count // 2 for count in scene.grids["coarse"]] if grid is None else grid_size("grid", grid)
         self.grid = nx - (nx - 1) % mesh.order, nz - (nz - 1) % mesh.order  # whole elements
-        super().__init__(scene)
         self.mesh, self.reach_mm = mesh, reach_mm
         self.record: dict[str, Any] = {}
         self._blas = ThreadpoolController()
