@@ -11,7 +11,6 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.cli import pipeline
-from casadi_contact.surrogate.info import fitness
 from casadi_contact.workflow import samples as sampling
 from casadi_contact.workflow.benchmark.front_file import read_front
 from casadi_contact.workflow.presets import PRESETS, Effort, Preset
@@ -58,7 +57,7 @@ def project(tmp_path_factory, warned, quick_calibration):
 def test_the_report_gives_every_surrogate_s_verdict_on_one_page(project):
     text = (project.folder / "report.html").read_text("utf-8")
     for structure, surrogate in project_surrogates(project).items():
-        assert html.escape(f"{structure}: {fitness(surrogate)}") in text
+        assert html.escape(f"{structure}: {surrogate.info().fitness}") in text
     assert "data:image/png" in text
 
 

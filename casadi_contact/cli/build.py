@@ -32,7 +32,6 @@ from casadi_contact.core.conventions import load_unit
 from casadi_contact.core.files.writing import folder_lock
 from casadi_contact.core.terminal import progress_bars
 from casadi_contact.core.workers import cluster_workers
-from casadi_contact.surrogate.info import fitness
 from casadi_contact.workflow import samples as sampling
 from casadi_contact.workflow.benchmark.front_file import FILE_NAME, read_front
 from casadi_contact.workflow.project import Project, project_surrogates
@@ -219,7 +218,7 @@ def _evaluate(project: Project) -> None:
 def _report(project: Project) -> None:
     path = pipeline.report(project)
     for structure, surrogate in project_surrogates(project).items():
-        say(f"{structure}: {fitness(surrogate)}")
+        say(f"{structure}: {surrogate.info().fitness}")
     say(f"report in {path}")
 
 

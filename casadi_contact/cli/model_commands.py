@@ -39,7 +39,6 @@ from casadi_contact.pictures.contact_picture import (
 from casadi_contact.pictures.joint_page import joint_page
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.pose_file import read_poses
-from casadi_contact.surrogate.info import fitness
 from casadi_contact.surrogate.load import load_surrogate
 from casadi_contact.workflow.benchmark.choose import choose as choose_model
 from casadi_contact.workflow.benchmark.front_file import read_front
@@ -63,7 +62,7 @@ def report(
     check_html(path)
     writable_folder(path.parent)
     pipeline.write_report({loaded.title: loaded}, folder, path)
-    say(fitness(loaded), f"report in {path}")
+    say(loaded.info().fitness, f"report in {path}")
 
 
 def show(

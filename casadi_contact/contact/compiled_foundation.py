@@ -111,11 +111,6 @@ class CompiledFoundation(WrenchLoads, SymbolicContact, PressureOutputs):
         return hessian_function(self.function(compiled=False))
 
     @batched
-    def gaps(self, poses: Array) -> Array:
-        """Distance of each patch (n, patches) [mm] from the moving body; below zero, minus the largest overlap."""
-        return self.gap_jacobian(poses)[0]
-
-    @batched
     def at_edge(self, poses: Array) -> np.ndarray:
         """True (n, patches) where contact reaches a patch's rim: part of it may lie beyond."""
         return self._evaluate(poses).cut

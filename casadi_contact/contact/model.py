@@ -182,6 +182,11 @@ class WrenchLoads(ContactModel):
     def gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Gaps (n, patches) [mm] and their derivatives by the pose (n, patches, 6)."""
 
+    @batched
+    def gaps(self, poses: Array) -> Array:
+        """Distance of each patch (n, patches) [mm] from the moving body; below zero, minus the largest overlap."""
+        return self.gap_jacobian(poses)[0]
+
     def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
         """The loads asked for (None: all of ``load_names``); ValueError where one is not the scene's."""
         return check_loads(self.load_names, loads)

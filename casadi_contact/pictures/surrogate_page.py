@@ -20,7 +20,7 @@ from casadi_contact.pictures.page import save_page
 from casadi_contact.samples.samples import Samples
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
-from casadi_contact.surrogate.info import fitness, model_line, other_rows
+from casadi_contact.surrogate.info import model_line, other_rows
 
 if TYPE_CHECKING:
     from casadi_contact.workflow.benchmark.front_file import Front
@@ -77,7 +77,7 @@ def surrogate_page(
     scene = next(iter(surrogates.values())).scene
     parts = [heading(f"Surrogates of the scene {scene.name}", 1)]
     for name, surrogate in surrogates.items():
-        verdict = fitness(surrogate)
+        verdict = surrogate.info().fitness
         parts.append(paragraph(f"{name}: {verdict}", "verdict" if verdict.usable else "verdict unfit"))
     parts += [heading("Scene"), _scene_picture(scene)]
     for name, surrogate in surrogates.items():

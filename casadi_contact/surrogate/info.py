@@ -30,14 +30,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from casadi_contact.core.quantities import ANGLE, format_above_limit, of_kind, quantity, three_digits, two_digits
 from casadi_contact.networks.network import Network, size_text
 from casadi_contact.scenes.scene import Scene
-
-if TYPE_CHECKING:
-    from casadi_contact.surrogate.base import Surrogate
 
 _TABLES = (
     "samples", "dropped", "pose_range", "load_range", "valid_share", "training_errors", "test_errors", "test_samples",
@@ -61,6 +58,16 @@ class SurrogateInfo:
     loads: tuple[str, ...]
     networks: Mapping[str, Network]
     record: Mapping[str, Any]
+
+    @property
+    def fitness(self) -> Fitness:
+        """The verdict by the errors that the file records."""
+        errors = {
+            domain: {load: row["rms"] for load, row in loads.items() if load in self.loads}
+            for domain, loads in self.test_errors.items()
+        }
+        tolerances = {load: self.scene.tolerances[load] for load in self.loads}
+        return Fitness(errors, tolerances, self.record.get("dropped", {}), self.record.get("test_samples", {}))
 
     @property
     def samples(self) -> Mapping[str, int]:
@@ -243,17 +250,3 @@ class Fitness:
         load = max(self.failing(domain), key=lambda name: rms[name] / self.tolerances[name])
         off, tolerance = format_above_limit(rms[load], self.tolerances[load]), self.tolerances[load]
         return f"{load} is off by {off} {quantity(load).unit}, tolerance {tolerance:g}"
-
-
-def fitness(surrogate: Surrogate) -> Fitness:
-    """Judge a surrogate by the errors that its file records (`SurrogateInfo.test_errors`)."""
-    errors = {
-        domain: {load: row["rms"] for load, row in loads.items() if load in surrogate.load_names}
-        for domain, loads in surrogate.info().test_errors.items()
-    }
-    return Fitness(
-        errors,
-        {load: surrogate.scene.tolerances[load] for load in surrogate.load_names},
-        surrogate.record.get("dropped", {}),
-        surrogate.record.get("test_samples", {}),
-    )

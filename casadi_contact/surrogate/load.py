@@ -9,7 +9,6 @@ from pathlib import Path
 from casadi_contact.scenes.loading import ready_scenes
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.file import read_file
-from casadi_contact.surrogate.info import fitness
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from casadi_contact.surrogate.two_stage import TwoStageSurrogate
 
@@ -55,7 +54,7 @@ def _load(path: Path, compiled: bool) -> Surrogate:
         surrogate = kind(content.scene, content.networks, content.record, content.confidence, compiled=compiled)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-    verdict = fitness(surrogate)
+    verdict = surrogate.info().fitness
     if verdict.errors and not verdict.usable:
         warnings.warn(f"{path}: {verdict}", UserWarning, stacklevel=3)
     return surrogate

@@ -10,7 +10,7 @@ with weights √N and a ridge, this and the degree from the least error of left-
 h = φᵀ(ΦᵀΦ)⁻¹φ (Montgomery, Peck, Vining, Introduction to Linear Regression Analysis). Prediction intervals give the
 expected error; where φᵀ(ΦᵀΦ)⁻¹φ exceeds that of all samples, hidden extrapolation, validity ends.
 
-Measured on `knee_fem` (`problems.studies.few_samples`): 100 samples so learned are as good as thousands on networks.
+Measured on `knee_fem` (`problems.studies.few_samples`): 30 to 300 samples come about as near as 1,000 by networks.
 """
 
 from __future__ import annotations
@@ -232,11 +232,6 @@ class OnFoundation(WrenchLoads, SymbolicContact):
     def gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Gaps (n, patches) [mm] and their derivatives by the pose (n, patches, 6): the foundation's."""
         return self.foundation.gap_jacobian(poses)
-
-    @batched
-    def gaps(self, poses: Array) -> Array:
-        """Distance of each patch (n, patches) [mm] from the moving body: the foundation's."""
-        return self.foundation.gaps(poses)
 
     @batched
     def validity(self, poses: Array) -> Array:

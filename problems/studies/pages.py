@@ -1,11 +1,11 @@
 """Write the pages of results from result files: ``python -m problems.studies.pages``.
 
 The folder of result files holds, as far as measured: speed_accuracy.csv (``python -m
-problems.studies.shipped_front``), chart-SCENE.csv (``casadi-contact chart``), solve_time.csv and stability.json
-(``python -m problems.studies.solve_time`` and ``.stability``), and summaries of the problems in pose_estimation/ and
-muscle_contact/. Every number of a page stands in one of these files, or in the records of the shipped surrogates.
-paper.json holds the numbers of [EF15]; the page beside them, ../paper.md, is written by hand but for its numbers, as
-the README is.
+problems.studies.shipped_front``), chart-SCENE.csv (``.peers`` or ``casadi-contact speed``), solve_time.csv and
+stability.json (``python -m problems.studies.solve_time`` and ``.stability``), and summaries of the problems
+in pose_estimation/ and muscle_contact/. Every number of a page stands in one of these files, or in the
+records of the shipped surrogates. paper.json holds the numbers of [EF15]; the page beside them, ../paper.md, is
+written by hand but for its numbers, as the README is.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ def _chart_section(path: Path) -> list[str]:
     scene = header["scene"]
     given = scene if scene in ready_scenes() else f"problems/scenes/{scene}.toml"
     peers = any(point.family == "polynomial" for point in front.points)
-    program = "python -m problems.studies.peers" if peers else "casadi-contact chart"
+    program = "python -m problems.studies.peers" if peers else "casadi-contact speed"
     command = f"{program} {given} --preset {header['preset']}"
     intro = (
         f"{len(front.models)} models, {header['walking_poses']} unseen poses, against {header['reference']}, on "

@@ -9,7 +9,7 @@ import pytest
 from casadi_contact.cli.pipeline import write_report
 from casadi_contact.pictures.surrogate_page import surrogate_page
 from casadi_contact.samples.samples import Dropped, domain_errors, samples_record, write_samples
-from casadi_contact.surrogate.info import Fitness, fitness
+from casadi_contact.surrogate.info import Fitness
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from tests.support.random_surrogates import random_confidence, random_network
 from tests.support.smooth_samples import CENTRE, SPHERE, SPREAD, smooth_samples
@@ -64,7 +64,7 @@ def test_a_surrogate_says_how_few_samples_it_was_judged_by_and_how_much_of_its_p
     of_d2 = int((SAMPLES.domain == 2).sum())
     drawn = replace(SAMPLES, dropped=Dropped(np.zeros((3 * of_d2, 6)), np.full(3 * of_d2, 2)))
     partial = PatchSurrogate(SPHERE, surrogate.networks, {**surrogate.record, **samples_record(drawn)})
-    generous = str(replace(fitness(partial), tolerances=dict.fromkeys(partial.load_names, 1e9)))
+    generous = str(replace(partial.info().fitness, tolerances=dict.fromkeys(partial.load_names, 1e9)))
     assert f"{SAMPLES.counts()['D1']['test']} of D1" in generous.partition("; judged by few samples: ")[2]
     assert "dropped and not judged: of D2 75 %" in generous
     assert "dropped, of the plan: D2 75.0 %" in str(partial.info())
@@ -79,7 +79,7 @@ def test_the_page_is_one_file_that_loads_nothing_and_runs_nothing(surrogate, tmp
     (picture,) = re.findall(r' src="([^"]*)', text)
     assert picture.startswith("data:image/png;base64,")
     assert "&lt;script&gt;alert" in text
-    assert str(fitness(surrogate)) in text
+    assert str(surrogate.info().fitness) in text
     bare = surrogate_page({"patch": PatchSurrogate(SPHERE, surrogate.networks)})
     for said in ("not judged", "does not record the sampled poses", "never calibrated", "No samples of this scene"):
         assert said in bare

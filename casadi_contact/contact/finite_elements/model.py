@@ -181,11 +181,6 @@ class FiniteElements(WrenchLoads):
         return wrenches, twist_to_pose_gradient(by_twist, poses)
 
     @batched
-    def gaps(self, poses: Array) -> Array:
-        """Distance of each patch (n, patches) [mm] from the moving body; below zero, minus the largest overlap."""
-        return self.gap_jacobian(poses)[0]
-
-    @batched
     def part_gaps(self, poses: Array) -> Array:
         """Distance of each part of the scene's patches (n, parts) [mm] from the moving body, likewise."""
         return self._elements._gaps(self._part_elements, poses)[0]
