@@ -106,7 +106,9 @@ def _chart_section(path: Path) -> list[str]:
     scene = header["scene"]
     given = scene if scene in ready_scenes() else f"problems/scenes/{scene}.toml"
     peers = any(point.family == "polynomial" for point in front.points)
-    program = "python -m problems.studies.peers" if peers else "casadi-contact speed"
+    sizes = any(point.name.startswith("patch ") for point in front.points)
+    measured = "casadi-contact chart" if sizes else "casadi-contact speed"
+    program = "python -m problems.studies.peers" if peers else measured
     command = f"{program} {given} --preset {header['preset']}"
     intro = (
         f"{len(front.models)} models, {header['walking_poses']} unseen poses, against {header['reference']}, on "
