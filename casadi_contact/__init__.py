@@ -9,75 +9,44 @@ from typing import TYPE_CHECKING
 
 __version__ = "0.2.0.dev0"
 
-__all__ = [
-    "Assembly",
-    "CallableModel",
-    "CellFoundation",
-    "Cells",
-    "ContactFrames",
-    "ContactInOpti",
-    "CupFoundation",
-    "ElasticFoundation",
-    "FiniteElements",
-    "Hexahedra",
-    "MuscleContact",
-    "OnFoundation",
-    "PolarFoundation",
-    "PoseEstimation",
-    "RayCastFoundation",
-    "Rays",
-    "Scene",
-    "StaticEquilibrium",
-    "build",
-    "choose",
-    "export_c",
-    "export_fmu",
-    "foundation",
-    "load_assembly",
-    "load_scene",
-    "load_surrogate",
-    "opensim",
-    "refine",
-    "relax",
-    "sensitive_directions",
-    "settle",
-    "settled_function",
-    "verify",
-]
-
 if TYPE_CHECKING:
-    from casadi_contact.cli.pipeline import build
-    from casadi_contact.contact.callable_model import CallableModel
-    from casadi_contact.contact.cells.basis import Cells
-    from casadi_contact.contact.cells.foundation import CellFoundation
-    from casadi_contact.contact.choice import foundation
-    from casadi_contact.contact.cup import CupFoundation
-    from casadi_contact.contact.elements.foundation import ElasticFoundation
-    from casadi_contact.contact.finite_elements.layer import Hexahedra
-    from casadi_contact.contact.finite_elements.model import FiniteElements
-    from casadi_contact.contact.model_checks import sensitive_directions
-    from casadi_contact.contact.polar.foundation import PolarFoundation
-    from casadi_contact.contact.polar.lines import Rays
-    from casadi_contact.contact.ray_cast import RayCastFoundation
-    from casadi_contact.contact.relax import relax
-    from casadi_contact.contact.settle import settle
-    from casadi_contact.export.c_source import export_c
-    from casadi_contact.export.fmu import export_fmu
-    from casadi_contact.optimisation.assembly import Assembly
-    from casadi_contact.optimisation.assembly.file import load_assembly
-    from casadi_contact.optimisation.contact_frames import ContactFrames
-    from casadi_contact.optimisation.contact_in_opti import ContactInOpti, settled_function
-    from casadi_contact.optimisation.muscle_contact import MuscleContact
-    from casadi_contact.optimisation.pose_estimation import PoseEstimation
-    from casadi_contact.optimisation.static_equilibrium import StaticEquilibrium
-    from casadi_contact.optimisation.verification import verify
-    from casadi_contact.scenes import opensim
-    from casadi_contact.scenes.loading import load_scene
-    from casadi_contact.scenes.scene import Scene
-    from casadi_contact.surrogate.load import load_surrogate
-    from casadi_contact.surrogate.on_foundation import OnFoundation
-    from casadi_contact.workflow.benchmark.choose import choose
-    from casadi_contact.workflow.refine import refine
+    from casadi_contact.cli.pipeline import build as build
+    from casadi_contact.contact.callable_model import CallableModel as CallableModel
+    from casadi_contact.contact.cells.basis import Cells as Cells
+    from casadi_contact.contact.cells.foundation import CellFoundation as CellFoundation
+    from casadi_contact.contact.choice import foundation as foundation
+    from casadi_contact.contact.cup import CupFoundation as CupFoundation
+    from casadi_contact.contact.elements.foundation import ElasticFoundation as ElasticFoundation
+    from casadi_contact.contact.finite_elements.layer import Hexahedra as Hexahedra
+    from casadi_contact.contact.finite_elements.model import FiniteElements as FiniteElements
+    from casadi_contact.contact.model_checks import sensitive_directions as sensitive_directions
+    from casadi_contact.contact.polar.foundation import PolarFoundation as PolarFoundation
+    from casadi_contact.contact.polar.lines import Rays as Rays
+    from casadi_contact.contact.ray_cast import RayCastFoundation as RayCastFoundation
+    from casadi_contact.contact.relax import relax as relax
+    from casadi_contact.contact.settle import settle as settle
+    from casadi_contact.export.c_source import export_c as export_c
+    from casadi_contact.export.fmu import export_fmu as export_fmu
+    from casadi_contact.optimisation.assembly import Assembly as Assembly
+    from casadi_contact.optimisation.assembly.file import load_assembly as load_assembly
+    from casadi_contact.optimisation.contact_frames import ContactFrames as ContactFrames
+    from casadi_contact.optimisation.contact_in_opti import (
+        ContactInOpti as ContactInOpti,
+    )
+    from casadi_contact.optimisation.contact_in_opti import (
+        settled_function as settled_function,
+    )
+    from casadi_contact.optimisation.muscle_contact import MuscleContact as MuscleContact
+    from casadi_contact.optimisation.pose_estimation import PoseEstimation as PoseEstimation
+    from casadi_contact.optimisation.static_equilibrium import StaticEquilibrium as StaticEquilibrium
+    from casadi_contact.optimisation.verification import verify as verify
+    from casadi_contact.scenes import opensim as opensim
+    from casadi_contact.scenes.loading import load_scene as load_scene
+    from casadi_contact.scenes.scene import Scene as Scene
+    from casadi_contact.surrogate.load import load_surrogate as load_surrogate
+    from casadi_contact.surrogate.on_foundation import OnFoundation as OnFoundation
+    from casadi_contact.workflow.benchmark.choose import choose as choose
+    from casadi_contact.workflow.refine import refine as refine
 else:
     _HOME = {
         "Assembly": "optimisation.assembly",
@@ -114,6 +83,8 @@ else:
         "settled_function": "optimisation.contact_in_opti",
         "verify": "optimisation.verification",
     }
+
+    __all__ = list(_HOME)
 
     def __getattr__(name: str) -> object:
         """Import a public name from its module, once (PEP 562)."""

@@ -138,7 +138,8 @@ class SurrogateInfo:
 
         loads = list(next(iter(self.test_errors.values())))
         rows = {domain: [cell(row.get(load)) for load in loads] for domain, row in self.test_errors.items()}
-        return ["test errors, RMS / max:", *_table(loads, rows, 20)]
+        rows["allowed"] = [f"{self.scene.tolerances[load]:g}" for load in loads]
+        return ["test errors, RMS / max, and the RMS that was allowed:", *_table(loads, rows, 20)]
 
     def _coverage_lines(self) -> list[str]:
         if not self.coverage:
@@ -149,7 +150,8 @@ class SurrogateInfo:
             for domain, shares in self.coverage.items()
         }
         said = "held-back samples with validity above 0.9, errors below the expected error [%]:"
-        return [said, *_table(columns, rows, 8), *(f"  {line}" for line in other_rows(self.coverage))]
+        others = (f"  {name}: {which}" for name, which in _COVERAGE_ROWS.items() if name in self.coverage)
+        return [said, *_table(columns, rows, 8), *others]
 
 
 def _table(columns: Sequence[str], rows: Mapping[str, Sequence[str]], least: int) -> list[str]:
@@ -159,11 +161,6 @@ def _table(columns: Sequence[str], rows: Mapping[str, Sequence[str]], least: int
         f"  {name:<7}" + "".join(f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True))
         for name, cells in {"domain": columns, **rows}.items()
     ]
-
-
-def other_rows(coverage: Mapping[str, Any]) -> list[str]:
-    """What the rows of a coverage hold that are no domains, a line for each of those there are."""
-    return [f"{name}: {which}" for name, which in _COVERAGE_ROWS.items() if name in coverage]
 
 
 def model_line(record: Mapping[str, Any]) -> str:
