@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike
 
 from casadi_contact.contact.approach import touching_start
 from casadi_contact.contact.foundation_source import C_FOLDER, C_LAWS, kernel_source
-from casadi_contact.contact.model import PatchLoads, WrenchLoads, signed_roots, with_loads
+from casadi_contact.contact.friction import SlidingContact, checked_velocities
+from casadi_contact.contact.model import PatchLoads, signed_roots, with_loads
 from casadi_contact.contact.pressures import PressureOutputs
 from casadi_contact.contact.symbolic import SymbolicContact, check_parameters, model_callback, parametric_function
 from casadi_contact.core.compiler import CompilerError, shared_library, warn_once
@@ -30,7 +31,7 @@ from casadi_contact.scenes.scene import Scene
 OF_PRESSURES = "pressure_"  # what names of C functions begin with
 
 
-class CompiledFoundation(WrenchLoads, SymbolicContact, PressureOutputs):
+class CompiledFoundation(SlidingContact, SymbolicContact, PressureOutputs):
     """A contact model of a scene by a kernel in C; without a compiler, slower, by the same formulas in NumPy. It gives
     loads, root loads and pressures.
 
@@ -70,8 +71,11 @@ class CompiledFoundation(WrenchLoads, SymbolicContact, PressureOutputs):
         _ = self._library
 
     @batched
-    def wrenches(self, poses: Array) -> Array:
-        """Wrench of each patch on the fixed body (n, patches, 6) [N, N·mm], for poses (n, 6)."""
+    def wrenches(self, poses: Array, velocities: ArrayLike | None = None) -> Array:
+        """Wrench of each patch on the fixed body (n, patches, 6) [N, N·mm], for poses (n, 6); velocities: their rates,
+        see `SlidingContact`."""
+        if velocities is not None:
+            return self.moving_wrenches(poses, checked_velocities(poses, velocities))
         return self._evaluate(poses).wrench
 
     @batched

@@ -19,13 +19,21 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from casadi_contact.contact.friction import SlidingContact
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.pressure_law import layer_modulus
-from casadi_contact.core.conventions import POSE_NAMES, Array, batched
+from casadi_contact.core.conventions import (
+    POSE_NAMES,
+    Array,
+    batched,
+    load_jacobian,
+    load_selection,
+    wrench_names,
+)
 from casadi_contact.networks.frames import relative_pose, rotation
 from casadi_contact.networks.functions import ContactFunctions
-from casadi_contact.networks.names import check_name
-from casadi_contact.scenes.material import Material
+from casadi_contact.networks.names import check_name, name_of_wrenches
+from casadi_contact.scenes.material import FRICTION_NAMES, Material
 from casadi_contact.scenes.scene import Scene
 
 Output = tuple[str, int, Callable[[Array], tuple[Array, Array]]]  # name, rows m, poses -> (n, m), (n, m, 6)
@@ -135,6 +143,13 @@ def model_callback(
     return function if batch is None else function.map(batch)
 
 
+def _moving_loads(model: SlidingContact, selection: Array, inputs: Array) -> tuple[Array, Array]:
+    """Loads (n, L) and their derivatives (n, L, m) by poses, their rates and perhaps coefficients (n, m)."""
+    coefficients = inputs[0, 12:] if inputs.shape[1] > 12 else None
+    values, slopes = load_jacobian(selection, *model.moving_jacobian(inputs[:, :6], inputs[:, 6:12], coefficients))
+    return values, slopes[..., : inputs.shape[1]]
+
+
 class SymbolicContact(ContactFunctions, ContactModel):
     """A `ContactModel` with CasADi functions: a surrogate, a foundation (`cc.foundation`), or `symbolic` of any other.
 
@@ -146,6 +161,26 @@ class SymbolicContact(ContactFunctions, ContactModel):
     @abstractmethod
     def __call__(self, poses: Array, loads: Iterable[str] | None = None) -> Array:
         """Named loads (n, loads) [N, N·mm], all or those asked for."""
+
+    def _at_rates(self, name: str, loads: Sequence[str], compiled: bool, size: int) -> ca.Function:
+        """casadi.Function pose, its rates, and with size 17 coefficients of friction -> loads."""
+        model = getattr(self, "model", self)
+        if not isinstance(model, SlidingContact):
+            return super()._moving(name, loads, compiled, ())
+        model.pressed_points(np.empty((0, 6)))  # refuses, where there are none
+        selection = load_selection(loads, self.patch_names)
+        return contact_callback(name, [("loads", len(loads), partial(_moving_loads, model, selection))], size)
+
+    def _moving(self, name: str, loads: Sequence[str], compiled: bool, parameters: Iterable[str]) -> ca.Function:
+        inputs = check_parameters(parameters, self.scene.material, moving=True)
+        if inputs:
+            size = 17 if set(inputs) & set(FRICTION_NAMES) else 12
+            of_patches = self._at_rates(name_of_wrenches(name), wrench_names(self.patch_names), compiled, size)
+            selection = load_selection(loads, self.patch_names)
+            return parametric_function(name, inputs, self.scene, selection, of_patches, ("loads",), moving=True)
+        pose, velocity = ca.MX.sym("pose", 6), ca.MX.sym("velocity", 6)
+        found = self._at_rates(f"{name}_at_rates", loads, compiled, 12)(ca.vertcat(pose, velocity))
+        return ca.Function(name, [pose, velocity], [found], ["pose", "velocity"], ["loads"])
 
 
 def symbolic(model: ContactModel) -> SymbolicContact:
@@ -191,17 +226,21 @@ class CallbackContact(SymbolicContact):
 
 PLACEMENT = tuple(f"fixed_{name}" for name in POSE_NAMES)
 PARAMETERS = ("youngs_modulus", "poissons_ratio", "thickness", *PLACEMENT)
+"""And `FRICTION_NAMES` of what depends on the velocity."""
 
 
-def check_parameters(parameters: Iterable[str], material: Material) -> tuple[str, ...]:
-    """The parameters (E [MPa], ν, h [mm], placement [mm, rad]) asked for.
+def check_parameters(parameters: Iterable[str], material: Material, *, moving: bool = False) -> tuple[str, ...]:
+    """The parameters (E [MPa], ν, h [mm], placement [mm, rad]; coefficients of friction of loads that depend on the
+    velocity) asked for.
 
     Raises ValueError for an unknown or repeated one, and for a thickness that is no factor of the loads.
     """
     names = tuple([parameters] if isinstance(parameters, str) else parameters)
-    unknown = [name for name in names if name not in PARAMETERS]
+    known = (*PARAMETERS, *FRICTION_NAMES) if moving else PARAMETERS
+    unknown = [name for name in names if name not in known]
     if unknown or len(set(names)) < len(names):
-        raise ValueError(f"parameters {', '.join(names)}, expected some of {', '.join(PARAMETERS)}, each once")
+        cure = "; with velocity=True also coefficients of friction" if set(unknown) & set(FRICTION_NAMES) else ""
+        raise ValueError(f"parameters {', '.join(names)}, expected some of {', '.join(known)}, each once{cure}")
     if "thickness" in names and material.law != "linear":
         raise ValueError(f"thickness is no factor of the loads under the law {material.law!r}, expected the law linear")
     return names
@@ -214,12 +253,15 @@ def parametric_function(
     selection: Array,
     of_patches: ca.Function,
     outputs: Sequence[str],
+    *,
+    moving: bool = False,
 ) -> ca.Function:
-    """Function pose (6), parameters (m) -> outputs, some of "loads" (L) and "roots" (P).
+    """Function pose (6), its rates (6) if moving, parameters (m) -> outputs, some of "loads" (L) and "roots" (P).
 
-    selection (L, P, 6) picks loads. of_patches: pose (6) -> wrenches (6·P), patch after patch, and for roots signed
-    root loads (P), those of the scene's own material in the fixed body's frame. In contact a root load is that of the
-    normal load N in the scene's frame, s·√(N/N'); out of contact it tells of the gap, which no material changes.
+    selection (L, P, 6) picks loads. of_patches: pose (6), if moving with its rates and, where they are parameters,
+    coefficients, -> wrenches (6·P), patch after patch, and for roots signed root loads (P), those of the scene's own
+    material in the fixed body's frame. In contact a root load is that of the normal load N in the scene's frame,
+    s·√(N/N'); out of contact it tells of the gap, which no material changes.
     """
     pose, given = ca.MX.sym("pose", 6), ca.MX.sym("parameters", len(parameters))
     value = dict(zip(parameters, ca.vertsplit(given), strict=True))
@@ -227,6 +269,11 @@ def parametric_function(
     place = ca.vertcat(*(value.get(key, ca.MX(0.0)) for key in PLACEMENT))
     turn, shift = rotation(place[3:]), place[:3]
     met = relative_pose((shift, turn), (pose[:3], rotation(pose[3:]))) if placed else pose
+    velocity = ca.MX.sym("velocity", 6)
+    if moving:
+        rates = ca.jtimes(met, pose, velocity) if placed else velocity
+        coefficients = [value.get(key, ca.MX(number)) for key, number in vars(scene.friction).items()]
+        met = ca.vertcat(met, rates, *(coefficients if of_patches.numel_in(0) > 12 else []))
     own = of_patches.call([met])
     there = found = ca.reshape(own[0], 6, selection.shape[1])
     if placed:
@@ -243,7 +290,8 @@ def parametric_function(
                 grown = ratio * after / before
             roots.append(s * ca.sqrt(ca.if_else(s > 0.0, grown, 1.0)))
         made["roots"] = ca.vertcat(*roots)
-    return ca.Function(name, [pose, given], [made[key] for key in outputs], ["pose", "parameters"], list(outputs))
+    inputs = {"pose": pose, **({"velocity": velocity} if moving else {}), "parameters": given}
+    return ca.Function(name, [*inputs.values()], [made[key] for key in outputs], [*inputs], list(outputs))
 
 
 def _stiffness_ratio(value: dict[str, ca.MX], material: Material) -> ca.MX:

@@ -239,7 +239,7 @@ def load_jacobian(selection: Array, wrenches: Array, slopes: Array) -> tuple[Arr
     """Loads (n, L) and their derivatives by the pose (n, L, 6): a `load_selection` of wrenches (n, P, 6) and theirs."""
     # A product of matrices for each pose: of the parts of a patch einsum takes twenty times as long.
     rows = selection.reshape(len(selection), selection[0].size)
-    columns = slopes.reshape(len(slopes), rows.shape[1], 6)
+    columns = slopes.reshape(len(slopes), rows.shape[1], slopes.shape[-1])
     return np.einsum("lpk,npk->nl", selection, wrenches), rows @ columns
 
 

@@ -44,6 +44,11 @@ class ContactFunctions(ABC):
         """casadi.Function pose (6), parameters (m) -> outputs; ValueError for a model that has no parameters."""
         raise ValueError(f"{self!r} takes no parameters, expected a foundation (cc.foundation)")
 
+    def _moving(self, name: str, loads: Sequence[str], compiled: bool, parameters: Iterable[str]) -> ca.Function:
+        """casadi.Function pose (6), velocity (6), and parameters (m) where there are any -> loads; ValueError for a
+        model whose loads do not depend on velocities."""
+        raise ValueError(f"{self!r} takes no velocity, expected an elastic foundation (cc.foundation)")
+
     def _made(
         self,
         name: str,
@@ -52,8 +57,12 @@ class ContactFunctions(ABC):
         compiled: bool,
         batch: int | None,
         parameters: Iterable[str],
+        velocity: bool = False,
     ) -> ca.Function:
         names, frames = self.check_loads(loads), checked_batch(batch)
+        if velocity:
+            function = self._moving(check_name(name), names, compiled, parameters)
+            return function if frames is None else function.map(frames)
         if "roots" in outputs:
             self.check_roots()
         if not parameters:
@@ -69,6 +78,7 @@ class ContactFunctions(ABC):
         compiled: bool = True,
         batch: int | None = None,
         parameters: Iterable[str] = (),
+        velocity: bool = False,
     ) -> ca.Function:
         """casadi.Function pose (6) -> loads (L) with derivatives; batch: (6 x batch) -> (L x batch), in one call.
 
@@ -77,11 +87,13 @@ class ContactFunctions(ABC):
         and kept in the user's cache folder; where that fails, one warning and the slower form. A kernel has no third
         derivatives, and no file carries it (the library lies in the cache).
         A function of several poses at once has the name ``name_of_frames``.
-        parameters: of a foundation some of `contact.symbolic.PARAMETERS`, a second input (m) in their order: the
+        parameters: of a foundation some of `contact.symbolic.PARAMETERS`, a last input (m) in their order: the
         layer's material, and where the fixed body lies in the scene's frame, which pose and loads then refer to.
+        velocity: of a foundation, a second input (6): the time derivative of the pose, tx..rz [mm/s, rad/s], with which
+        loads hold the scene's friction and dissipation (`contact.friction`). Its coefficients then are parameters too.
         Raises ValueError for an unknown load or parameter and for a batch that is no whole number of 1 or more.
         """
-        return self._made(name, loads, ("loads",), compiled, batch, parameters)
+        return self._made(name, loads, ("loads",), compiled, batch, parameters, velocity)
 
     def root_function(
         self,

@@ -1,9 +1,9 @@
-"""The elastic layer of a scene's fixed body, and its pressure at a depth: the laws p(d)."""
+"""The elastic layer of a scene's fixed body, its pressure at a depth (the laws p(d)), and friction on its surface."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -53,3 +53,34 @@ class Material:
             thickness=number("material.thickness", values["thickness"], low=0.0),
             law=values["law"],
         )
+
+
+@dataclass(frozen=True)
+class Friction:
+    """What the contact surface does where bodies move: coefficients by the names of OpenSim's ElasticFoundationForce.
+
+    Static and dynamic friction are shares of the pressure, viscous friction [s/mm] is one for each mm/s of sliding, the
+    transition velocity [mm/s] is that at which friction is largest, and dissipation [s/mm] the share by which each mm/s
+    of approach raises the pressure (formulas: `contact.friction`). Without any, loads do not depend on velocities.
+    """
+
+    static_friction: float = 0.0
+    dynamic_friction: float = 0.0
+    viscous_friction: float = 0.0
+    transition_velocity: float = 10.0
+    dissipation: float = 0.0
+
+    @classmethod
+    def from_table(cls, table: object) -> Friction:
+        """From the scene's [friction], where static friction left out is the dynamic one; raises ValueError naming the
+        key at fault."""
+        given = table_of("friction", table, FRICTION_NAMES, complete=False)
+        values = {key: number(f"friction.{key}", value) for key, value in given.items()}
+        for key, value in values.items():
+            if value < 0.0 or (key == "transition_velocity" and value == 0.0):
+                raise fail(f"friction.{key}", value, "0 or more" if value < 0.0 else "above 0 [mm/s]")
+        values.setdefault("static_friction", values.get("dynamic_friction", 0.0))
+        return cls(**values)
+
+
+FRICTION_NAMES = tuple(field.name for field in fields(Friction))

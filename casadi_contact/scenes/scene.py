@@ -18,7 +18,7 @@ from casadi_contact.core.conventions import Array, load_selection
 from casadi_contact.core.files.reading import toml_tables
 from casadi_contact.geometry.elements import EVERYWHERE, ElementGrid
 from casadi_contact.geometry.moving_surface import MovingSurface
-from casadi_contact.scenes.material import Material
+from casadi_contact.scenes.material import FRICTION_NAMES, Friction, Material
 from casadi_contact.scenes.normal_load import LoadsTable, NormalLoad, Part, in_sum, parts_of, tables_by_parts
 from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.scenes.shapes.checks import (
@@ -34,7 +34,7 @@ from casadi_contact.scenes.shapes.shape import shape_named
 
 FORMAT = 1
 _KEYS = (
-    *("format", "name", "shape", "geometry", "material", "grids"),
+    *("format", "name", "shape", "geometry", "material", "friction", "grids"),
     *("loads", "tolerances", "sampling", "motion", "pose"),
 )
 MOST_PARTS = 256
@@ -51,6 +51,7 @@ class Scene:
     shape: str
     geometry: Mapping[str, Any]
     layer: Material | None
+    friction: Friction
     patch_names: tuple[str, ...]
     anchors_mm: Array = field(compare=False)
     load_names: tuple[str, ...]
@@ -100,6 +101,7 @@ class Scene:
             shape=shape.name,
             geometry=geometry,
             layer=Material.from_table(tables.get("material", {})) if shape.has_layer else None,
+            friction=Friction.from_table(tables.get("friction", {})),
             patch_names=patch_names,
             anchors_mm=anchors_mm,
             tolerances={load: number(f"tolerances.{load}", value, low=0.0) for load, value in tolerances.items()},
@@ -122,9 +124,9 @@ class Scene:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of what determines loads and samples: the scene's TOML text without paths of meshes, tolerances and
-        what of a sampling plan may be dropped."""
-        tables = {key: value for key, value in self.tables.items() if key != "tolerances"}
+        """SHA-256 of what determines loads and samples: the scene's TOML text without paths of meshes, tolerances,
+        friction (samples are taken at rest) and what of a sampling plan may be dropped."""
+        tables = {key: value for key, value in self.tables.items() if key not in ("tolerances", "friction")}
         tables["geometry"] = shape_named(self.shape).identity(self.tables["geometry"])
         tables["sampling"] = {key: value for key, value in self.sampling.items() if not key.startswith("most_")}
         if not tables["sampling"]:
@@ -215,6 +217,9 @@ class Scene:
                 tables[key] = value
                 continue
             homes = [name for name, table in tables.items() if isinstance(table, dict) and key in table]
+            if key in FRICTION_NAMES:  # a scene may leave its table out
+                tables.setdefault("friction", {})
+                homes = ["friction"]
             if not homes:
                 possible = sorted(k for table in tables.values() if isinstance(table, dict) for k in table)
                 raise ValueError(f"scene {self.name}: unknown parameter {key!r}, expected one of {', '.join(possible)}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import fields
 from functools import cached_property
 
@@ -15,9 +15,10 @@ from casadi_contact.contact.cells.quadrature import Quadrature, cell_moments
 from casadi_contact.contact.cells.source import cell_source
 from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.friction import PressedPoints
 from casadi_contact.contact.model import PatchLoads
 from casadi_contact.contact.pressure_law import law_of
-from casadi_contact.core.conventions import Array, batched
+from casadi_contact.core.conventions import Array, batched, rotation
 from casadi_contact.geometry.distance_field import in_single_precision
 from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface
 from casadi_contact.scenes.scene import Scene
@@ -64,6 +65,11 @@ class CellFoundation(CompiledFoundation):
     def _parts(self) -> CellFoundation:
         scene = self.scene.by_parts
         return self if scene is self.scene else CellFoundation(scene, self.cells, compiled=self._compiled)
+
+    def pressed_points(self, poses: Array) -> Iterator[list[PressedPoints]]:
+        """Of each pose (n, 6), of each patch, the nodes that bear load."""
+        for R, t in zip(rotation(poses[:, 3:]), poses[:, :3], strict=True):
+            yield [patch.pressed_points(R, t) for patch in self.patches]
 
     def _moments_by_twist(self, R: Array, t: Array) -> tuple[Array, Array]:
         found = [[cell_moments(patch, *pose) for patch in self.patches] for pose in zip(R, t, strict=True)]

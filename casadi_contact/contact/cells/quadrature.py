@@ -21,6 +21,7 @@ import numpy as np
 from casadi_contact.contact.cells.basis import Cells, corner_shares, hermite_functions, positive_ramp, ramp, smooth_step
 from casadi_contact.contact.cells.patches import CellPatch
 from casadi_contact.contact.elements.loops import STEEPEST_FIELD, point_distances
+from casadi_contact.contact.friction import PressedPoints
 from casadi_contact.contact.model import PatchLoads
 from casadi_contact.contact.pressure_law import pressure, pressure_derivatives
 from casadi_contact.contact.pressures import MOMENTS
@@ -80,6 +81,16 @@ class Quadrature:
         wrench, stiffness = total[:6], by_total[:6]
         stiffness = fade * stiffness - np.outer(wrench, by_total[6]) * fade_slope / self.fade_n
         return PatchLoads(fade * wrench, stiffness, gap[0], gap_gradient, np.array(touch.cut))
+
+    def pressed_points(self, R: Array, t: Array) -> PressedPoints:
+        """The nodes that bear load at rotation (3, 3) and translation (3,)."""
+        p, touch = self.patch, self.touch(R, t)
+        used, area = touch.nodes.used, p.loads[touch.nodes.used, 6]
+        by_node = self.derivatives(touch)[0] * area[:, None]
+        forces = touch.weights * area
+        fade, fade_slope = smooth_step(forces.sum() / self.fade_n)
+        slopes = fade * by_node + np.outer(forces, by_node.sum(axis=0)) * fade_slope / self.fade_n
+        return PressedPoints(p.c[used], p.n[used], p.loads[used, :6] / area[:, None], fade * forces, slopes)
 
     def wrench_and_cut(self, R: Array, t: Array) -> tuple[Array, bool]:
         """The patch's wrench (6,), and whether contact reaches the rim."""

@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from casadi_contact.contact.elements.loops import gap_many, overlap_many, point_distances, wrench_many
 from casadi_contact.contact.foundation_source import C_FOLDER, C_LAWS, law_source
-from casadi_contact.contact.model import WrenchLoads
-from casadi_contact.contact.pressure_law import law_of, pressures
+from casadi_contact.contact.friction import PressedPoints, SlidingContact, checked_velocities
+from casadi_contact.contact.pressure_law import law_of, pressure_derivatives, pressures
 from casadi_contact.contact.pressures import PressureMap, PressureSummary
+from casadi_contact.contact.symbolic import symbolic
 from casadi_contact.core.compiler import CompilerError, shared_library
-from casadi_contact.core.conventions import Array, as_poses, batched, rotation, twist_to_pose_gradient
+from casadi_contact.core.conventions import (
+    Array,
+    as_poses,
+    batched,
+    rotation,
+    twist_to_pose_gradient,
+    wrench_about_origin,
+)
 from casadi_contact.core.threads import call_in_shares, in_shares
 from casadi_contact.geometry.elements import BLOCK_SIDE, ElementGrid, scattered_elements
 from casadi_contact.geometry.moving_surface import SWEPT_ARCS, MovingSurface
@@ -101,7 +111,7 @@ class PatchElements(NamedTuple):
         return wrenches, np.empty((0, 6, 6)) if stiffness is None else stiffness
 
 
-class ElasticFoundation(WrenchLoads):
+class ElasticFoundation(SlidingContact):
     """A bed of independent springs on the fixed body, pressed by the rigid moving body.
 
     The wrench of a patch on the fixed body is Σ -p(d_i)·A_i·(n_i, c_i × n_i) over its elements, with d_i the depth
@@ -129,9 +139,29 @@ class ElasticFoundation(WrenchLoads):
         return f"EF {grid_text(self.grid)}"
 
     @batched
-    def wrenches(self, poses: Array) -> Array:
-        """Wrench of each patch on the fixed body (n, patches, 6) [N, N·mm], for poses (n, 6)."""
+    def wrenches(self, poses: Array, velocities: ArrayLike | None = None) -> Array:
+        """Wrench of each patch on the fixed body (n, patches, 6) [N, N·mm], for poses (n, 6); velocities: their rates,
+        see `SlidingContact`."""
+        if velocities is not None:
+            return self.moving_wrenches(poses, checked_velocities(poses, velocities))
         return self._evaluate(self._patches, poses, derivatives=False)[0]
+
+    def pressed_points(self, poses: Array) -> Iterator[list[PressedPoints]]:
+        """Of each pose (n, 6), of each patch, the elements that bear load."""
+        for pose in poses:
+            yield [self._pressed(bed, rotation(pose[3:]), pose[:3].copy()) for bed in self._patches]
+
+    def _pressed(self, bed: PatchElements, R: Array, t: Array) -> PressedPoints:
+        surface, (centres, normals, areas, *_) = bed.surface, bed.elements
+        depths, by_twist = overlap_many(surface.family, surface.parameters, centres, normals, R, t, 0.0)
+        on = depths > 0.0
+        p, slope = pressure_derivatives(*self._law, depths[on])
+        c, n, area = centres[on], normals[on], areas[on]
+        return PressedPoints(c, n, wrench_about_origin(n, c), p * area, (slope * area)[:, None] * by_twist[on])
+
+    def function(self, loads: Iterable[str] | None = None, name: str = "contact_loads", **options: Any) -> ca.Function:
+        """`ContactFunctions.function` of this model called back from CasADi."""
+        return symbolic(self).function(loads, name, **options)
 
     @batched
     def part_wrenches(self, poses: Array) -> Array:

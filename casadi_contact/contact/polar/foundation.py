@@ -8,7 +8,7 @@ right at all.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -19,10 +19,18 @@ from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.convergence import Errors, NotGoodEnoughError, cheapest, forces_tried, remedy
 from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
 from casadi_contact.contact.foundation_source import C_FOLDER, braces, definitions
+from casadi_contact.contact.friction import PressedPoints
 from casadi_contact.contact.model import PatchLoads
 from casadi_contact.contact.polar.lines import Rays, fan_angles, ray_angles
 from casadi_contact.contact.polar.peak import ACROSS, nearest, peak
-from casadi_contact.contact.polar.quadrature import OUTWARDS, RIM_STARTS, fits_closely, patch_loads, patch_moments
+from casadi_contact.contact.polar.quadrature import (
+    OUTWARDS,
+    RIM_STARTS,
+    fits_closely,
+    patch_loads,
+    patch_moments,
+    pressed_points,
+)
 from casadi_contact.contact.polar.ray_hits import fixed_point
 from casadi_contact.contact.polar.surfaces import SmoothPatch, Torus, smooth_patches, u_range
 from casadi_contact.contact.pressure_law import law_of
@@ -116,6 +124,11 @@ class PolarFoundation(CompiledFoundation):
     def _moments_by_twist(self, R: Array, t: Array) -> tuple[Array, Array]:
         found = [patch_moments(patch, self.law, self.rays, R, t) for patch in self.patches]
         return np.stack([value for value, _ in found], 1), np.stack([slope for _, slope in found], 1)
+
+    def pressed_points(self, poses: Array) -> Iterator[list[PressedPoints]]:
+        """Of each pose (n, 6), of each patch, the points that bear load."""
+        for R, t in zip(rotation(poses[:, 3:]), poses[:, :3], strict=True):
+            yield [pressed_points(patch, self.law, self.rays, R[None], t[None]) for patch in self.patches]
 
     def _patch_loads(self, R: Array, t: Array) -> list[PatchLoads]:
         return [patch_loads(patch, self.law, self.rays, R, t) for patch in self.patches]

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from casadi_contact.contact.friction import PressedPoints
 from casadi_contact.contact.model import PatchLoads
 from casadi_contact.contact.polar.lines import Lines, Rays, curvature_jump_segments, joined, rays_from, to_edges
 from casadi_contact.contact.polar.peak import (
@@ -111,6 +112,22 @@ def patch_loads(patch: SmoothPatch, law: tuple[int, float, float], rays: Rays, R
     gap_gradient = -wrench_about_origin(near.ends.G_start, near.ends.c - t)
     cut = found.cut.any(axis=1) & ~free
     return PatchLoads(wrench @ both, both.T @ stiffness @ both, near.ends.g, gap_gradient @ both, cut)
+
+
+def pressed_points(patch: SmoothPatch, law: tuple[int, float, float], rays: Rays, R: Array, t: Array) -> PressedPoints:
+    """The points of one patch that bear load at one rotation (1, 3, 3) and translation (1, 3)."""
+    R, t = patch.turn @ R, t @ patch.turn.T
+    m = peak(patch, R, t)
+    if not m.local.depth[0] > 0.0:
+        return PressedPoints(*(np.zeros((0, *columns)) for columns in ((3,), (3,), (6,), (), (6,))))
+    found = integration(patch, R, t, m, rays)
+    ends, both = found.ends, np.kron(np.eye(2), patch.turn)
+    p, dp = pressure_derivatives(*law, ends.depth)
+    area = found.weight * ends.length
+    n = ends.N / ends.length[..., None]
+    slopes = (area * dp)[..., None] * _depth_gradient(ends, t) @ both
+    places, normals, loads = ends.c @ patch.turn, n @ patch.turn, wrench_about_origin(n, ends.c) @ both
+    return PressedPoints(*(x[0].reshape(-1, *x.shape[3:]) for x in (places, normals, loads, area * p, slopes)))
 
 
 @dataclass(frozen=True)

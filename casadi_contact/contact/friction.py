@@ -1,0 +1,169 @@
+"""Friction and dissipation of a contact surface whose bodies move: the law at a point, and sums of it over points.
+
+At a point c of the fixed surface with outward normal n the moving body's material passes at
+
+    w = v + ω × (c - t),   v = ṫ,   ω = E(r)·ṙ   for the rates (ṫ, ṙ) of its pose,
+
+so that it approaches at a = -n·w and slides at w_t = w + a·n. The force on the fixed body for each unit of the elastic
+force p(d)·A is m = -S(1 + c·a)·(n - f·w_t): pressure grows with the rate of approach [Hunt, Crossley 1975] and falls no
+lower than zero, and friction drags the surface along with the body. The rate of approach is that of the materials along
+the pressure, as in OpenSim's ElasticFoundationForce: of the depth, where the surfaces are parallel. Both parts take
+power from the motion whatever it is.
+
+    f·|w_t| = μ_d·M(x) + (μ_s - μ_d)·16/9·x/(1 + x²/3)² + μ_v·|w_t|,   x = |w_t|/v_t
+
+after Sherman, Seth, Delp (Procedia IUTAM 2, 2011, 241-261), who take min(x, 1) for M and 2·min(x, 1)/(1 + x²) for the
+other. M = x(15 - 10x² + 3x⁴)/8 up to x = 1, then 1. As theirs, friction reaches μ_s at x = 1 and falls to μ_d; unlike
+theirs it has two continuous derivatives. S(y) is y from 1/2 on, 0 below 0, and (6u³ - 8u⁴ + 3u⁵)/2 with u = 2y between.
+
+All of it depends on the motion by the twist about the fixed origin alone, (v - ω × t, ω), which is the same for all
+points. The C (``c/friction.h``) has the same formulas.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from casadi_contact.contact.model import WrenchLoads
+from casadi_contact.core.conventions import (
+    Array,
+    angular_velocity_map,
+    batched,
+    finite_numbers,
+    twist_to_pose_gradient,
+    wrench_about_origin,
+)
+from casadi_contact.scenes.material import FRICTION_NAMES, Friction
+
+
+def coefficients_of(friction: Friction) -> Array:
+    """Its numbers (5,), in the order of `FRICTION_NAMES`."""
+    return np.array([getattr(friction, name) for name in FRICTION_NAMES])
+
+
+def whole_pressure(y: Array) -> tuple[Array, Array]:
+    """S(y) and its slope."""
+    u = np.clip(2.0 * y, 0.0, 1.0)
+    slope = u * u * (18.0 - 32.0 * u + 15.0 * u * u)
+    return np.where(y < 0.5, 0.5 * u**3 * (6.0 - 8.0 * u + 3.0 * u * u), y), slope
+
+
+def friction_factor(coefficients: Array, square: Array) -> tuple[Array, Array, Array]:
+    """f [s/mm] at squares |w_t|² (...) [mm²/s²], its derivative by these, and by the coefficients (..., 5)."""
+    static, dynamic, viscous, transition, _ = coefficients
+    s = square / transition**2
+    above = np.maximum(s, 1.0)
+    kinetic = np.where(s < 1.0, (15.0 - 10.0 * s + 3.0 * s * s) / 8.0, above**-0.5)
+    kinetic_slope = np.where(s < 1.0, (3.0 * s - 5.0) / 4.0, -0.5 * above**-1.5)
+    sticking = 16.0 / 9.0 / (1.0 + s / 3.0) ** 2
+    sticking_slope = -2.0 / 3.0 * sticking / (1.0 + s / 3.0)
+    dry = dynamic * kinetic + (static - dynamic) * sticking
+    dry_slope = dynamic * kinetic_slope + (static - dynamic) * sticking_slope
+    by_transition = -(dry + 2.0 * s * dry_slope) / transition**2
+    one, zero = np.ones_like(s), np.zeros_like(s)
+    by_shares = sticking / transition, (kinetic - sticking) / transition
+    by = np.stack([*by_shares, one, by_transition, zero], -1)
+    return dry / transition + viscous, dry_slope / transition**3, by
+
+
+def twist_about_origin(poses: Array, velocities: Array) -> tuple[Array, Array]:
+    """(v - ω × t, ω) (n, 6) of poses and their rates (n, 6), and its derivatives by both (n, 6, 12)."""
+    t, E = poses[:, :3], angular_velocity_map(poses[:, 3:])
+    turn = np.einsum("nij,nj->ni", E, velocities[:, 3:])
+    twist = np.concatenate([velocities[:, :3] - np.cross(turn, t), turn], 1)
+    turns = np.zeros((len(poses), 3, 12))  # of ω: an axis turns with the angles before it
+    turns[:, :, 9:] = E
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        turns[:, :, 3 + i] += velocities[:, 3 + j, None] * np.cross(E[:, :, i], E[:, :, j])
+    slopes = np.concatenate([np.cross(t[:, :, None], turns, axis=1), turns], 1)
+    slopes[:, :3, :3] -= np.cross(turn[:, None], np.eye(3)).swapaxes(1, 2)
+    slopes[:, :3, 6:9] += np.eye(3)
+    return twist, slopes
+
+
+class PressedPoints(NamedTuple):
+    """Points of one patch in one pose, fixed frame: places c [mm] and unit normals n (m, 3), the wrench (n, c × n)
+    (m, 6) of a unit of force, elastic forces p·A (m,) [N], and their derivatives by the twist of the moving body about
+    t (m, 6)."""
+
+    places: Array
+    normals: Array
+    loads: Array
+    forces: Array
+    slopes: Array
+
+    def wrench(self, coefficients: Array, twist: Array) -> tuple[Array, Array, Array, Array]:
+        """Wrench (6,) on the fixed body under a twist about the origin (6,), and its derivatives: by the twist that
+        displaces the body (6, 6), by the twist at which it moves (6, 6), by the coefficients (6, 5)."""
+        c, n, dissipation = self.places, self.normals, coefficients[4]
+        w = twist[:3] + np.cross(twist[3:], c)
+        approach = -np.sum(n * w, 1)
+        slide = w + approach[:, None] * n
+        f, f_slope, f_by = friction_factor(coefficients, np.sum(slide * slide, 1))
+        whole, rise = whole_pressure(1.0 + dissipation * approach)
+        drag = wrench_about_origin(slide, c)
+        steady = f[:, None] * drag - self.loads
+        load = whole[:, None] * steady
+        by_slide = f[:, None, None] * (np.eye(3) - n[:, :, None] * n[:, None])
+        by_slide += 2.0 * f_slope[:, None, None] * slide[:, :, None] * slide[:, None]
+        by_w = whole[:, None, None] * np.concatenate([by_slide, np.cross(c[:, :, None], by_slide, axis=1)], 1)
+        by_w -= (dissipation * rise)[:, None, None] * steady[:, :, None] * n[:, None]
+        by_coefficients = whole[:, None, None] * drag[:, :, None] * f_by[:, None]
+        by_coefficients[:, :, 4] = (rise * approach)[:, None] * steady
+        parts = wrench_about_origin(by_w, c[:, None]), by_coefficients
+        by_motion, by_coefficients = (np.einsum("m,mka->ka", self.forces, part) for part in parts)
+        return self.forces @ load, load.T @ self.slopes, by_motion, by_coefficients
+
+
+def checked_velocities(poses: Array, velocities: ArrayLike) -> Array:
+    """Rates of poses (n, 6), as many or one (6,) for all; raises ValueError for another shape and for what is not
+    finite."""
+    array = finite_numbers(velocities)
+    if array is None or array.shape not in ((6,), poses.shape):
+        got = "what is no finite number" if array is None else f"the shape {array.shape}"
+        raise ValueError(f"velocities have {got}, expected rates of the poses {poses.shape} [mm/s, rad/s], or (6,)")
+    return np.ascontiguousarray(np.broadcast_to(array, poses.shape))
+
+
+class SlidingContact(WrenchLoads):
+    """A contact model of the points of its surface, whose loads may depend on how fast its poses change."""
+
+    def pressed_points(self, poses: Array) -> Iterable[Sequence[PressedPoints]]:
+        """Of each pose (n, 6), of each patch, the points that bear load; raises ValueError for a model without."""
+        raise ValueError(f"{self!r} takes no velocity, expected elements or cells: cc.ElasticFoundation(scene)")
+
+    def moving_jacobian(
+        self, poses: Array, velocities: Array, coefficients: Array | None = None
+    ) -> tuple[Array, Array]:
+        """Wrenches (n, patches, 6) of poses that change at these rates (n, 6), in NumPy, and their derivatives
+        (n, patches, 6, 17) by poses, rates, and coefficients: the scene's where these (5,) are left out."""
+        theta = coefficients_of(self.scene.friction) if coefficients is None else coefficients
+        shape = (len(poses), len(self.patch_names), 6)
+        wrenches, slopes = np.zeros(shape), np.zeros((*shape, 17))
+        twists, by_inputs = twist_about_origin(poses, velocities)
+        for n, patches in enumerate(self.pressed_points(poses)):
+            for p, points in enumerate(patches):
+                wrenches[n, p], placed, motion, slopes[n, p, :, 12:] = points.wrench(theta, twists[n])
+                slopes[n, p, :, :12] = motion @ by_inputs[n]
+                slopes[n, p, :, :6] += twist_to_pose_gradient(placed[None], poses[n, None])[0]
+        return wrenches, slopes
+
+    @batched
+    def __call__(self, poses: Array, loads: Iterable[str] | None = None, velocities: ArrayLike | None = None) -> Array:
+        """Named loads (n, loads) [N, N·mm], all in the order of ``load_names``, or those asked for; velocities: rates
+        (n, 6) [mm/s, rad/s] of the poses, with which bodies rub and press as the scene's friction says.
+
+        Raises ValueError for a load that is not the scene's.
+        """
+        if velocities is None:
+            return super().__call__(poses, loads)
+        moving = self.moving_wrenches(poses, checked_velocities(poses, velocities))
+        return np.einsum("lpk,npk->nl", self._rows(loads), moving)
+
+    def moving_wrenches(self, poses: Array, velocities: Array) -> Array:
+        """Wrenches (n, patches, 6) of poses that change at these rates (n, 6)."""
+        return self.moving_jacobian(poses, velocities)[0]
