@@ -108,17 +108,20 @@ def _share_on_bare(
     mesh's distance from the triangles' centres; beyond its open edges they are unknown and count as none."""
     poses, geometry = as_poses(poses), model.scene.geometry
     share = np.zeros(len(poses))
-    if model.scene.shape != "mesh":
+    if model.scene.shape != "mesh" or not len(poses):
         return share
-    bare = bare_mesh(geometry, longest_mm, within=within)
-    if not len(bare.faces) or not len(poses):
+    moving, rotations = body_mesh(geometry, "moving"), rotation(poses[:, 3:])
+    low, high = moving.vertices_mm.min(axis=0), moving.vertices_mm.max(axis=0)
+    middles, halves = poses[:, :3] + rotations @ (0.5 * (low + high)), np.abs(rotations) @ (0.5 * (high - low))
+    bare = bare_mesh(
+        geometry, longest_mm, (middles - halves).min(axis=0), (middles + halves).max(axis=0), within=within
+    )
+    if not len(bare.faces):
         return share
     centres, normals, areas = bare.corners_mm.mean(axis=1), bare.normals, bare.areas_mm2
     law, field = law_of(model.scene.material), body_field(geometry, "moving")
-    moving = body_mesh(geometry, "moving")
-    low, high = moving.vertices_mm.min(axis=0), moving.vertices_mm.max(axis=0)
     pressed: list[tuple[np.ndarray, Array, Array]] = []  # pose, point of the moving body [mm] and force [N] of each
-    for k, (R, t) in enumerate(zip(rotation(poses[:, 3:]), poses[:, :3], strict=True)):
+    for k, (R, t) in enumerate(zip(rotations, poses[:, :3], strict=True)):
         local = (centres - t) @ R
         near = np.flatnonzero(((local > low) & (local < high)).all(axis=1))
         distance, gradient = field(local[near])

@@ -127,11 +127,13 @@ def _draw(front: Front, title: str, drawn: Sequence[tuple[str, str, Kind, str]],
     figure.set_layout_engine("none")
     styles = family_styles([point.family for point in front.points])
     for axis, points in zip(axes, shown, strict=True):
-        labels = [
-            (timing.median_us, rms, point.name.removeprefix(f"{point.family} "), _darker(styles[point.family]["color"]))
-            for point, timing, rms in points
-        ]
-        place_labels(axis, labels)
+        labels = []
+        for family, style in styles.items():
+            mine = [(timing.median_us, rms, point) for point, timing, rms in points if point.family == family]
+            best = [mine[i] for i in pareto([row[:2] for row in mine])]  # of a peer the most accurate alone
+            for x, y, point in best if family in _NAMES else best[-1:]:
+                labels.append((x, y, point.name.removeprefix(f"{family} "), _darker(style["color"])))
+        place_labels(axis, labels, [(timing.low_us, timing.high_us, rms) for _, timing, rms in points])
     return figure
 
 
@@ -182,13 +184,16 @@ _MARKER = 4.0  # half the width of a marker, in points
 _PASSES = 3
 
 
-def place_labels(axis: Any, labels: Sequence[tuple[float, float, str, str]]) -> None:
+def place_labels(
+    axis: Any, labels: Sequence[tuple[float, float, str, str]], bars: Sequence[tuple[float, float, float]]
+) -> None:
     """Write (x, y, text, colour) on an axis whose limits and layout are final, at the nearest free place, or where it
-    covers least; a label far from its point gets a thin line to it."""
+    covers least of the bars (from x, to x, y); a label far from its point gets a thin line to it."""
     renderer, scale = axis.figure.canvas.get_renderer(), axis.figure.dpi / 72.0
     frame = axis.get_window_extent(renderer).extents
     points = axis.transData.transform([(x, y) for x, y, *_ in labels])
-    markers = np.hstack([points - _MARKER * scale, points + _MARKER * scale])
+    low, high = (axis.transData.transform([(bar[k], bar[2]) for bar in bars]) for k in (0, 1))
+    markers = np.hstack([low - _MARKER * scale, high + _MARKER * scale])
     directions = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], 1)
     boxes, ways = np.zeros((len(labels), 4)), []
     for x, y, text, _ in labels:

@@ -187,10 +187,11 @@ def patch_mesh(geometry: Geometry, patch: str, *, reaching: bool = False) -> Tri
     return mesh.part(_seen(geometry, patch, mesh.corners_mm.mean(axis=1), mesh.normals))
 
 
-def bare_mesh(geometry: Geometry, longest_mm: float, *, within: bool) -> TriangleMesh:
-    """The triangles of the fixed mesh without elements, divided until no edge is longer than `longest_mm`. within:
-    those in the patches' boxes that are too steep for elements, or undercut; else those outside of all boxes. If
-    elements are the triangles themselves, a triangle counts as a whole, by its centre; on a grid, by its parts."""
+def bare_mesh(geometry: Geometry, longest_mm: float, low: Array, high: Array, *, within: bool) -> TriangleMesh:
+    """The triangles of the fixed mesh without elements that reach into the box [mm], divided until no edge is longer
+    than `longest_mm`. within: those in the patches' boxes that are too steep for elements, or undercut; else those
+    outside of all boxes. If elements are the triangles themselves, a triangle counts as a whole, by its centre; on a
+    grid, by its parts."""
 
     def covered(mesh: TriangleMesh, points: Sequence[Array]) -> tuple[np.ndarray, np.ndarray]:
         """Whether a box holds all of some points (f, 3) of each triangle, and whether its patch's elements do."""
@@ -199,12 +200,19 @@ def bare_mesh(geometry: Geometry, longest_mm: float, *, within: bool) -> Triangl
         seen = np.array([_seen(geometry, patch, centres, mesh.normals) for patch in patches])
         return np.asarray(boxed.any(axis=0)), np.asarray((boxed & seen).any(axis=0))
 
+    def reached(mesh: TriangleMesh, longest_mm: float) -> TriangleMesh:
+        for length in (8.0 * longest_mm, longest_mm):  # of a plate's large triangles what is near is divided alone
+            mesh = mesh.subdivided(length)
+            corners = mesh.corners_mm
+            mesh = mesh.part(((corners.max(axis=1) >= low) & (corners.min(axis=1) <= high)).all(axis=1))
+        return mesh
+
     mesh = body_mesh(geometry, "fixed")
     if on_grid := geometry["elements"] == "grid":
-        mesh = mesh.part(~covered(mesh, list(np.moveaxis(mesh.corners_mm, 1, 0)))[1]).subdivided(longest_mm)
+        mesh = reached(mesh.part(~covered(mesh, list(np.moveaxis(mesh.corners_mm, 1, 0)))[1]), longest_mm)
     boxed, borne = covered(mesh, [mesh.corners_mm.mean(axis=1)])
     chosen = mesh.part(boxed & ~borne if within else ~boxed)
-    return chosen if on_grid else chosen.subdivided(longest_mm)
+    return chosen if on_grid else reached(chosen, longest_mm)
 
 
 def _seen(geometry: Geometry, patch: str, points: Array, normals: Array) -> np.ndarray:
