@@ -33,7 +33,7 @@ from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.page import new_page, save_page
 from casadi_contact.scenes.columns import TextColumns, check_reach, check_rising, write_columns
-from casadi_contact.scenes.load_cycle import OverTime
+from casadi_contact.scenes.cycle import OverTime
 from casadi_contact.scenes.walking import reference_cycle
 from problems.walks import example_walk
 
@@ -89,7 +89,7 @@ def walking() -> AssemblyCycle:
     solved = MuscleContact(cc.load_surrogate("knee"), walk).solve()
     quadriceps = [walk.muscles.names.index(name) for name in ("recfem", "vasint", "vaslat", "vasmed")]
     tension = {"quadriceps": solved.muscle_forces_n[:, quadriceps].sum(axis=1)}
-    pose = {"femur": {"ry": cycle.ry, "rz": cycle.rz}}
+    pose = {"femur": cycle.pose}
     return AssemblyCycle(cycle.time_s, pose, "tibiofemoral", cycle.estimation_targets(), tension)
 
 

@@ -89,10 +89,10 @@ def made_up(
     check_knee("a made-up measurement", model.scene, model.load_names, SIDES)
     cycle, share = reference_cycle(frames), 2.0 * np.pi * np.arange(frames) / frames
     relative = np.tile(model.scene.start_pose, (frames, 1))
-    for name, curve in cycle.measured_pose().items():
+    for name, curve in cycle.pose.items():
         relative[:, POSE_NAMES.index(name)] = curve
     relative[:, 0], relative[:, 2] = 2.0 + 2.5 * np.sin(2.0 * share), np.sin(3.0 * share)
-    sides = {name: np.minimum(f, -150.0) for name, f in zip(SIDES, (cycle.fy_med, cycle.fy_lat), strict=True)}
+    sides = {name: np.minimum(f, -150.0) for name, f in zip(SIDES, cycle.loads.values(), strict=True)}
     relative = settle_in_range(model, relative, relative, POSE_NAMES, sides)
     poses = composed(relative, np.array([truth.get(name, 0.0) for name in PLACEMENT]))
     function = model.function(parameters=tuple(truth))

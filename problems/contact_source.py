@@ -18,8 +18,7 @@ from casadi_contact.core.compiler import CompilerError, compiler_command
 from casadi_contact.core.conventions import Array
 from casadi_contact.optimisation.joint_mechanics import total_selection, whole_wrench
 from casadi_contact.samples.reference import found_sensitive_pose, reference_poses
-from casadi_contact.scenes.joint_cycle import JointCycle
-from casadi_contact.scenes.load_cycle import LoadCycle
+from casadi_contact.scenes.cycle import Cycle
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.walking import has_gait, reference_cycle, reference_motion_cycles
@@ -31,7 +30,7 @@ def load_contact(
     scene: str | None = None,
     *,
     whole: bool = False,
-    cycles: Sequence[LoadCycle | JointCycle] = (),
+    cycles: Sequence[Cycle] = (),
 ) -> SymbolicContact:
     """A surrogate by name or path, or the foundation of a scene by name or path; that of the scene `knee` for neither,
     or with a warning the surrogate `knee` where there is no C compiler, without which a foundation takes minutes.
@@ -59,7 +58,7 @@ def load_contact(
     return model
 
 
-def load_cycle(scene: Scene, path: Path | None = None) -> LoadCycle | JointCycle:
+def load_cycle(scene: Scene, path: Path | None = None) -> Cycle:
     """The cycle in a CSV file, or that of the scene: of a knee mean walking, else the first of its own motion."""
     if path is None and has_gait(scene):
         return reference_cycle()
@@ -79,7 +78,7 @@ def wrench_function(model: ContactModel, name: str = "contact_wrench") -> ca.Fun
     return ca.Function(name, [pose], [ca.mtimes(total, loads)])
 
 
-def _poses_on_elements(scene: Scene, cycles: Sequence[LoadCycle | JointCycle], frames: int = 25) -> Array:
+def _poses_on_elements(scene: Scene, cycles: Sequence[Cycle], frames: int = 25) -> Array:
     """Poses (n, 6) that carry the cycles' loads on the elements that the scene settles on."""
     elements = ElasticFoundation(scene, scene.grids["settle"])
     found = [reference_poses(elements, [cycle], frames=frames, every_cycle=False) for cycle in cycles]

@@ -101,11 +101,11 @@ def wanted_loads(frames: int) -> tuple[Array, Array]:
     """Loads (n, 4) of `BALANCED` and poses (n, 6) that hold rz and ry: frames of walking, then the laxity tests."""
     cycle = reference_cycle(frames)
     loads, locked = np.zeros((frames + 4, 4)), np.zeros((frames + 4, 6))
-    loads[:frames, :2] = np.column_stack([cycle.fy_med, cycle.fy_lat])
+    loads[:frames, :2] = np.column_stack(list(cycle.loads.values()))
     loads[frames:, :2] = -350.0
     for row, (load, push) in enumerate((load, s * push) for _, load, push in LAXITY for s in (1.0, -1.0)):
         loads[frames + row, BALANCED.index(load)] = push
-    locked[:frames, 4], locked[:frames, 5], locked[frames:, 5] = cycle.ry, cycle.rz, -np.radians(20.0)
+    locked[:frames, 4], locked[:frames, 5], locked[frames:, 5] = cycle.pose["ry"], cycle.pose["rz"], -np.radians(20.0)
     return loads, locked
 
 

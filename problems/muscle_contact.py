@@ -25,7 +25,7 @@ from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.page import SURROGATE, TARGET, frame, new_page, save_page
 from casadi_contact.scenes.columns import write_columns
-from casadi_contact.scenes.load_cycle import read_cycle
+from casadi_contact.scenes.cycle import read_cycle
 from casadi_contact.scenes.opensim import ColumnMap
 from problems.contact_source import load_contact
 from problems.summary import write_summary
@@ -121,7 +121,9 @@ def walk_of(
 def measured_compression(path: Path, walk: MuscleWalk) -> Array:
     """Measured medial and lateral compression (n, 2) [N] at the walk's times."""
     cycle = read_cycle(path)
-    return at_times(str(path), cycle.time_s, -np.column_stack([cycle.fy_med, cycle.fy_lat]), walk.time_s)
+    return at_times(
+        str(path), cycle.time_s, -np.column_stack([cycle.loads["Fy_med"], cycle.loads["Fy_lat"]]), walk.time_s
+    )
 
 
 def draw(path: Path, walk: MuscleWalk, result: MuscleContactResult, measured: Array | None) -> None:

@@ -6,8 +6,8 @@ r are the misfits of the measured loads and centres of pressure, measured pose p
 (`casadi_contact.optimisation.pose_estimation`). Frames that the surrogate leaves unsolved go on with the scene's
 elements, on which all frames are verified.
 
-Input columns: of a knee `casadi_contact.scenes.load_cycle.COLUMNS`, of another joint time_s and any of its pose
-parameters, loads and centres of pressure with their units (rz_rad, Fy_med_N, cop_x_mm). Output columns: `write_frames`.
+Input columns (`casadi_contact.scenes.cycle.read_cycle`): time_s and any of the joint's pose parameters, loads and
+centres of pressure with their units (rz_rad, Fy_med_N, cop_x_mm). Output columns: `write_frames`.
 """
 
 from __future__ import annotations
@@ -28,8 +28,7 @@ from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.optimisation.verification import Verification, verify
 from casadi_contact.pictures.page import FAILED, FOUNDATION, SURROGATE, TARGET, frame, new_page, save_page
 from casadi_contact.scenes.columns import write_columns
-from casadi_contact.scenes.joint_cycle import JointCycle
-from casadi_contact.scenes.load_cycle import LoadCycle
+from casadi_contact.scenes.cycle import Cycle
 from casadi_contact.scenes.opensim import poses_table, write_table
 from problems.contact_source import load_contact, load_cycle
 from problems.pose_continuation import continue_on, motion_of
@@ -53,7 +52,7 @@ def main(
     raise SystemExit(estimate(model, measured, out, smoothness))
 
 
-def estimate(model: SymbolicContact, measured: LoadCycle | JointCycle, out: Path, smoothness: float = 0.0) -> int:
+def estimate(model: SymbolicContact, measured: Cycle, out: Path, smoothness: float = 0.0) -> int:
     """Solve, verify, print and write into the folder out; the exit status."""
     problem = PoseEstimation.of_cycle(model, measured, smoothness=smoothness)
     for warning in check_targets(problem.targets):
@@ -157,7 +156,7 @@ def check_targets(targets: PoseTargets) -> list[str]:
 def write_frames(
     path: Path,
     problem: PoseEstimation,
-    measured: LoadCycle | JointCycle,
+    measured: Cycle,
     result: PoseResult,
     verdict: Verification,
     on_elements: Array,
@@ -182,7 +181,7 @@ def write_frames(
 def draw(
     path: Path,
     problem: PoseEstimation,
-    measured: LoadCycle | JointCycle,
+    measured: Cycle,
     result: PoseResult,
     on_elements: Array,
 ) -> None:

@@ -15,7 +15,7 @@ from casadi_contact.scenes.columns import TextColumns, check_reach, check_rising
 from casadi_contact.scenes.opensim import ColumnMap, Table, mapped_curves, read_opensim_table
 from casadi_contact.scenes.walking import reference_cycle
 
-# How the rotations stand in the measured cycles' files (`casadi_contact.scenes.load_cycle`).
+# How the rotations stand in the measured cycles' files (`casadi_contact.scenes.cycle`).
 ROTATION_MAPS = (ColumnMap("flexion_rz_rad", "rz", unit="rad"), ColumnMap("rotation_ry_rad", "ry", unit="rad"))
 PARAMETER_COLUMNS = ("max_isometric_force_N", "optimal_fibre_length_m", "tendon_slack_length_m", "pennation_rad")
 
@@ -153,6 +153,7 @@ def example_walk(frames: int = 101) -> MuscleWalk:
     length = length0 - arm·rz, velocities from lengths.
     """
     cycle, slack_over_fibre = reference_cycle(frames), 2.0
+    rz = cycle.pose["rz"]
     share = (cycle.time_s - cycle.time_s[0]) / (cycle.time_s[-1] - cycle.time_s[0])
     stance = 1.0 / (1.0 + np.exp((share - 0.62) / 0.02))
     early, late = _bump(share, 0.17, 0.11), _bump(share, 0.47, 0.11)
@@ -167,12 +168,12 @@ def example_walk(frames: int = 101) -> MuscleWalk:
     names, table = tuple(_MUSCLES), np.array(list(_MUSCLES.values()))
     force, fibre, pennation, adduction, rotation, flexion, *pulls = table.T
     arms = dict(zip(COORDINATES, (*pulls, adduction, rotation, flexion), strict=True))
-    lengths = (slack_over_fibre + np.cos(pennation)) * fibre - np.outer(cycle.rz - cycle.rz.mean(), flexion)
+    lengths = (slack_over_fibre + np.cos(pennation)) * fibre - np.outer(rz - rz.mean(), flexion)
     return MuscleWalk(
         "built-in walk",
         cycle.time_s,
-        cycle.rz,
-        cycle.ry,
+        rz,
+        cycle.pose["ry"],
         loads,
         {name: np.tile(arm, (frames, 1)) for name, arm in arms.items()},
         lengths,

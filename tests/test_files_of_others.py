@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from casadi_contact.geometry.mesh import load_mesh
-from casadi_contact.scenes.load_cycle import read_cycle
+from casadi_contact.scenes.cycle import read_cycle
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.pose_file import read_poses
 from casadi_contact.scenes.shapes.mesh_bodies import patch_mesh
@@ -54,7 +54,7 @@ def divided(scene, patch, **files):
 
 
 CASES = {
-    "csv_comment_line": lambda folder: read_cycle(folder / "cycle.csv").fy_med[0] == -600.0,
+    "csv_comment_line": lambda folder: read_cycle(folder / "cycle.csv").loads["Fy_med"][0] == -600.0,
     "mot_angles_are_in_degrees": table("poses.mot", [1.0, 2.0, -3.0]),
     "mot_unused_column_twice": table("poses.mot", [10.0, 20.0, -30.0]),
     **dict.fromkeys(("obj_indented_faces", "obj_tab_after_v", "obj_upper_case_keys"), ball("ball.obj")),

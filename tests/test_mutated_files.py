@@ -10,7 +10,7 @@ from casadi_contact.core.files.containers import read_npz, write_npz
 from casadi_contact.geometry.mesh import load_mesh
 from casadi_contact.samples.samples import read_samples, write_samples
 from casadi_contact.samples.table import read_sample_table
-from casadi_contact.scenes.load_cycle import read_cycle, write_cycle
+from casadi_contact.scenes.cycle import read_cycle, write_cycle
 from casadi_contact.scenes.opensim import poses_table, read_opensim_table, write_table
 from casadi_contact.scenes.pose_file import read_poses, write_poses
 from casadi_contact.scenes.walking import reference_cycle

@@ -15,13 +15,11 @@ from casadi_contact.core.files.writing import writable_folder, write_text
 from casadi_contact.core.terminal import progress_bars
 from casadi_contact.geometry.mesh import MM_PER_UNIT
 from casadi_contact.pictures.contact_picture import draw_contact
-from casadi_contact.scenes.joint_cycle import joint_cycle_from_curves, write_joint_cycle
-from casadi_contact.scenes.load_cycle import cycle_from_curves, write_cycle
+from casadi_contact.scenes.cycle import cycle_from_curves, write_cycle
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.opensim import SIDES, TIME, ColumnMap, femur_in_insert, mapped_curves, read_opensim_table
 from casadi_contact.scenes.pose_file import poses_from_curves, write_poses
 from casadi_contact.scenes.shapes.checks import scene_name
-from casadi_contact.scenes.walking import has_gait
 from casadi_contact.workflow import samples as sampling
 from casadi_contact.workflow.project import Project
 from casadi_contact.workflow.proposal.cuts import CutSettings, cut_scene, find_cuts
@@ -146,10 +144,8 @@ def cycle(
         path = out or Path("poses.csv" if are_poses else "cycle.csv")
         if are_poses:
             write_poses(curves[TIME], poses_from_curves(curves), path)
-        elif own is None or has_gait(own):
-            write_cycle(cycle_from_curves(path.stem, curves), path)
         else:
-            write_joint_cycle(joint_cycle_from_curves(path.stem, curves, own), path)
+            write_cycle(cycle_from_curves(path.stem, curves, own), path)
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from None
     count = len(curves[TIME])

@@ -21,7 +21,7 @@ import numpy as np
 from casadi_contact.core.conventions import Array
 from casadi_contact.optimisation.knee import COORDINATES, coordinate_unit, is_translation
 from casadi_contact.scenes.columns import check_rising
-from casadi_contact.scenes.load_cycle import OverTime
+from casadi_contact.scenes.cycle import OverTime
 
 MAX_FIBRE_SPEED_PER_S = 10.0  # optimal lengths per second
 LONGEST_FIBRE = 1.2  # of optimal length, in level walking: beyond it passive force sets in, here 7 % of the greatest

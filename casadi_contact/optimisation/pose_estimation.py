@@ -35,8 +35,7 @@ from casadi_contact.optimisation.contact_frames import ContactFrames
 from casadi_contact.optimisation.ipopt import FrameOutcome, IpoptOutcome, frame_outcomes, least_squares_options
 from casadi_contact.optimisation.pose_targets import PoseTargets
 from casadi_contact.optimisation.starts import pose_bounds, pose_steps, settle_in_range, touching
-from casadi_contact.scenes.joint_cycle import JointCycle
-from casadi_contact.scenes.load_cycle import LoadCycle
+from casadi_contact.scenes.cycle import Cycle
 
 
 @dataclass(frozen=True)
@@ -104,9 +103,9 @@ class PoseEstimation:
         self.residuals = ca.Function("residuals", [q], [r])
 
     @classmethod
-    def of_cycle(cls, model: SymbolicContact, cycle: LoadCycle | JointCycle, **settings: Any) -> PoseEstimation:
+    def of_cycle(cls, model: SymbolicContact, cycle: Cycle, **settings: Any) -> PoseEstimation:
         """The problem of a cycle's targets and measured pose; settings: smoothness."""
-        return cls(model, cycle.estimation_targets(), cycle.measured_pose(), **settings)
+        return cls(model, cycle.estimation_targets(), cycle.pose, **settings)
 
     def _check_determined(self) -> None:
         free, sensitive = self.contact.free, self.model.scene.sensitive_pose

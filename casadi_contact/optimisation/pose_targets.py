@@ -1,8 +1,7 @@
 """What a cycle measures of the contact in every frame, and how far a pose is from it.
 
 Targets go by name: loads of the scene (Fy_med [N], Tx [N·mm]) and centres of pressure (cop_ap, cop_ml, cop_x ... [mm]).
-They come from ``cycle.estimation_targets()``. The columns of a cycle's CSV file stand in one place each: of a knee in
-`casadi_contact.scenes.load_cycle.COLUMNS`, of any other joint by the names of `casadi_contact.scenes.joint_cycle`.
+They come from ``cycle.estimation_targets()`` (`casadi_contact.scenes.cycle`).
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from casadi_contact.core.conventions import Array
 from casadi_contact.samples.chunk import WrenchModel, part_wrenches
 from casadi_contact.samples.reference import Cycle, reference_poses
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples
-from casadi_contact.scenes.joint_cycle import scene_cycles
+from casadi_contact.scenes.cycle import scene_cycles
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.walking import has_gait, reference_cycles
 
@@ -104,7 +104,7 @@ def cycle_poses(surrogate: ContactModel, samples: Samples, count: int = 3) -> Ar
     scene, known = samples.scene, samples.poses[samples.role != TEST]
     cycles: list[Cycle] = [*reference_cycles(count, seed=5)] if has_gait(scene) else []
     cycles += scene_cycles(scene, seed=5)[:count] if scene.motion else []
-    free = [name for name in scene.pose_space.free_names if cycles and name not in cycles[0].measured_pose()]
+    free = [name for name in scene.pose_space.free_names if cycles and name not in cycles[0].pose]
     if not free or not set(cycles[0].targets()) <= set(surrogate.load_names):
         return np.empty((0, 6))
     start = scene.pose_space.project(np.median(known, axis=0)[None])[0]

@@ -18,10 +18,7 @@ from casadi_contact.core.conventions import POSE_NAMES, Array, Progress, pose_in
 from casadi_contact.core.quantities import quantity
 from casadi_contact.samples.domains import Envelopes
 from casadi_contact.samples.settings import SamplePoint, SamplingSettings
-from casadi_contact.scenes.joint_cycle import JointCycle, driving_loads
-from casadi_contact.scenes.load_cycle import LoadCycle
-
-Cycle = LoadCycle | JointCycle
+from casadi_contact.scenes.cycle import Cycle, driving_loads
 
 
 @dataclass(frozen=True)
@@ -137,7 +134,7 @@ def reference_poses(
     (every_cycle: False leaves its frames where they ended).
     """
     curves, scene = _on_frames(cycles, frames), model.scene
-    given, targets = list(cycles[0].measured_pose()), list(cycles[0].targets())
+    given, targets = list(cycles[0].pose), list(cycles[0].targets())
     free = tuple(name for name in scene.pose_space.free_names if name not in given)
     loads, columns = {name: curves[name].ravel() for name in targets}, [pose_index(name) for name in given]
     begin = np.asarray(scene.start_pose if start is None else start)
@@ -197,9 +194,9 @@ def _on_frames(cycles: Sequence[Cycle], frames: int) -> dict[str, Array]:
     for no cycles, and for such that have different ones."""
     if not cycles:
         raise ValueError("no cycles given, expected at least one for the reference motion")
-    curves: dict[str, list[Array]] = {name: [] for name in {**cycles[0].measured_pose(), **cycles[0].targets()}}
+    curves: dict[str, list[Array]] = {name: [] for name in {**cycles[0].pose, **cycles[0].targets()}}
     for cycle in cycles:
-        known = {**cycle.measured_pose(), **cycle.targets()}
+        known = {**cycle.pose, **cycle.targets()}
         if set(known) != set(curves):
             raise ValueError(f"cycle {cycle.name} has {', '.join(known)}, expected {', '.join(curves)} as the first")
         time_s = np.asarray(cycle.time_s, dtype=float)

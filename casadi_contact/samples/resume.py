@@ -91,7 +91,7 @@ def motion_origin(
     digest = hashlib.sha256()
     for cycle in cycles:
         digest.update(cycle.name.encode())
-        for name, curve in {"time_s": cycle.time_s, **cycle.measured_pose(), **cycle.targets()}.items():
+        for name, curve in {"time_s": cycle.time_s, **cycle.pose, **cycle.targets()}.items():
             digest.update(name.encode())
             digest.update(np.asarray(curve, dtype=float).tobytes())
     of_settings = {"frames": settings.frames, "inputs": list(settings.sample_point(scene).inputs)}

@@ -11,23 +11,15 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping, Sequence
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from casadi_contact.core.conventions import POSE_NAMES, Array
-from casadi_contact.scenes.columns import TextColumns
-from casadi_contact.scenes.joint_cycle import (
-    JointCycle,
-    column_names,
-    driving_loads,
-    harmonic_curve,
-    read_joint_cycle,
-    scene_cycles,
-)
-from casadi_contact.scenes.load_cycle import COLUMNS, CONDYLE_MM, KNEE_POSE_COLUMNS, LoadCycle, read_cycle
+from casadi_contact.core.conventions import Array
+from casadi_contact.scenes.cycle import CONDYLE_MM, Cycle, driving_loads, harmonic_curve, read_cycle, scene_cycles
 from casadi_contact.scenes.scene import Scene
 
 CURVES = ("rz", "ry", "log_fy_med", "log_fy_lat", "cop_ap_mm", "cop_shift_mm")
@@ -45,32 +37,28 @@ def _random_curve(figures: Mapping[str, Any], name: str, frames: int, rng: np.ra
     return harmonic_curve(coefficients, np.linspace(0.0, 1.0, frames))
 
 
-def reference_cycle(frames: int = 101) -> LoadCycle:
+def reference_cycle(frames: int = 101) -> Cycle:
     """The mean cycle of the built-in reference motion."""
     return _cycle(walking_description(), "reference", frames, None)
 
 
-def reference_cycles(count: int = 14, frames: int = 101, seed: int = 2015) -> list[LoadCycle]:
+def reference_cycles(count: int = 14, frames: int = 101, seed: int = 2015) -> list[Cycle]:
     """`count` cycles of the built-in reference motion (the paper's envelopes come from 14), the same for a seed."""
     figures, rng = walking_description(), np.random.default_rng(seed)
     return [_cycle(figures, f"reference {k + 1}", frames, rng) for k in range(count)]
 
 
-def _cycle(figures: Mapping[str, Any], name: str, frames: int, rng: np.random.Generator | None) -> LoadCycle:
+def _cycle(figures: Mapping[str, Any], name: str, frames: int, rng: np.random.Generator | None) -> Cycle:
     curves = {key: _random_curve(figures, key, frames, rng) for key in CURVES}
     mean, deviation = figures["duration_s"]
     duration = mean + (rng.standard_normal() * deviation if rng is not None else 0.0)
     fy_med, fy_lat = -np.exp(curves["log_fy_med"]), -np.exp(curves["log_fy_lat"])
-    return LoadCycle(
-        name=name,
-        time_s=np.linspace(0.0, duration, frames),
-        rz=curves["rz"],
-        ry=curves["ry"],
-        fy_med=fy_med,
-        fy_lat=fy_lat,
-        cop_ap_mm=curves["cop_ap_mm"],
-        cop_ml_mm=curves["cop_shift_mm"] + CONDYLE_MM * (fy_med - fy_lat) / (fy_med + fy_lat),
-    )
+    centres = {
+        "cop_ap": curves["cop_ap_mm"],
+        "cop_ml": curves["cop_shift_mm"] + CONDYLE_MM * (fy_med - fy_lat) / (fy_med + fy_lat),
+    }
+    pose, forces = {"ry": curves["ry"], "rz": curves["rz"]}, {"Fy_med": fy_med, "Fy_lat": fy_lat}
+    return Cycle(name, np.linspace(0.0, duration, frames), pose, forces, centres)
 
 
 def has_gait(scene: Scene) -> bool:
@@ -78,22 +66,8 @@ def has_gait(scene: Scene) -> bool:
     return not scene.motion and {"Fy_med", "Fy_lat"} <= set(driving_loads(scene))
 
 
-def reference_motion_cycles(scene: Scene, cycle_files: Sequence[Path]) -> list[LoadCycle | JointCycle]:
-    """The cycles in the files, or the built-in ones: the scene's own [motion], for a knee without one its walking. A
-    knee's file may have the columns of any joint instead of a knee's own. Raises ValueError as the readers do, and for
-    pose parameters beside a knee's own columns, which have no place for them."""
-    if has_gait(scene):
-        return [_knee_cycle(path, scene) for path in cycle_files] or [*reference_cycles()]
-    return [read_joint_cycle(path, scene) for path in cycle_files] or [*scene_cycles(scene)]
-
-
-def _knee_cycle(path: Path, scene: Scene) -> LoadCycle | JointCycle:
-    header, of_any_joint = TextColumns.read(path, "cycle file").header, column_names(()).values()
-    if KNEE_POSE_COLUMNS.isdisjoint(header) and not set(of_any_joint).isdisjoint(header):
-        return read_joint_cycle(path, scene)
-    if beside := [column for column in header if (column.rpartition("_")[0] or column) in POSE_NAMES]:
-        raise ValueError(
-            f"{path} has {', '.join(beside)} beside a knee's own columns: leave them out, or "
-            f"rename {COLUMNS['rz']} and {COLUMNS['ry']} to rz_rad and ry_rad"
-        )
-    return read_cycle(path)
+def reference_motion_cycles(scene: Scene, cycle_files: Sequence[Path]) -> list[Cycle]:
+    """The cycles in the files, or the built-in ones: the scene's own [motion], for a knee without one its walking.
+    Raises ValueError as the readers do."""
+    built_in = reference_cycles if has_gait(scene) else partial(scene_cycles, scene)
+    return [read_cycle(path, scene) for path in cycle_files] or built_in()

@@ -26,8 +26,7 @@ from casadi_contact.core.workers import one_thread
 from casadi_contact.optimisation.pose_estimation import PoseEstimation
 from casadi_contact.pictures.charts import draw_speed_accuracy, save
 from casadi_contact.samples.samples import load_errors
-from casadi_contact.scenes.joint_cycle import JointCycle
-from casadi_contact.scenes.load_cycle import LoadCycle
+from casadi_contact.scenes.cycle import Cycle
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.walking import reference_motion_cycles
@@ -40,7 +39,7 @@ from casadi_contact.workflow.project import shipped_surrogates
 NAME = "solve_time"
 
 
-def measured_front(scene: Scene, cycle: LoadCycle | JointCycle, repeats: int = 3) -> Front:
+def measured_front(scene: Scene, cycle: Cycle, repeats: int = 3) -> Front:
     """Time of the whole solution [µs a frame], start and settling included, and RMS errors of the loads there.
 
     Models: the scene's coarse and fine elements (their Hessians are differences of the Jacobian), foundations from
@@ -84,7 +83,7 @@ def _candidates(scene: Scene) -> Iterator[Candidate]:
         yield from surrogate_candidates(name, surrogate)
 
 
-def _point(candidate: Candidate, cycle: LoadCycle | JointCycle, truth: ElasticFoundation) -> Point:
+def _point(candidate: Candidate, cycle: Cycle, truth: ElasticFoundation) -> Point:
     """A model's errors at the poses that it finds."""
     point = replace(candidate.point, training_seconds=0.0, parameters=0, remark="")
     if candidate.model is None:
@@ -102,7 +101,7 @@ def _symbolic(candidate: Candidate) -> SymbolicContact:
     return symbolic(cast(ContactModel, candidate.model))
 
 
-def _seconds_a_frame(model: SymbolicContact, cycle: LoadCycle | JointCycle) -> float:
+def _seconds_a_frame(model: SymbolicContact, cycle: Cycle) -> float:
     began = time.perf_counter()
     PoseEstimation.of_cycle(model, cycle).solve()
     return (time.perf_counter() - began) / len(cycle.time_s)

@@ -8,7 +8,7 @@ from casadi_contact.contact.approach import advance_to_contact
 from casadi_contact.contact.settle import NOT_FINITE
 from casadi_contact.core.conventions import LEVER_MM, pose_index
 from casadi_contact.samples.reference import reference_poses
-from casadi_contact.scenes.joint_cycle import JointCycle
+from casadi_contact.scenes.cycle import Cycle
 from casadi_contact.scenes.loading import scene_from_text
 from tests.support import two_spheres
 from tests.support.ready_poses import AT_ZERO, LOCKED, SLOPE, at, held_ball, walking
@@ -229,7 +229,7 @@ def test_bad_requests_are_refused(ball, find, free, targets, said):
 def test_a_reference_motion_is_one_that_the_joint_can_make(ball):
     """Where tx is found from loads, and against what was measured of rx."""
     pose = {"rz": np.zeros(3), "rx": np.full(3, 0.2)}
-    cycle = JointCycle("run", np.arange(3.0), pose, {"Fy": np.full(3, -300.0), "Fx": np.array([-20.0, 0.0, 20.0])})
+    cycle = Cycle("run", np.arange(3.0), pose, {"Fy": np.full(3, -300.0), "Fx": np.array([-20.0, 0.0, 20.0])})
     poses, report = reference_poses(ball, [cycle], frames=5)
     assert report.converged.all(), report
     is_held(poses[0])

@@ -16,7 +16,7 @@ from casadi_contact.core.files.writing import write_text
 from casadi_contact.networks.training.fit import fit
 from casadi_contact.pictures import charts, page
 from casadi_contact.samples.samples import read_samples, write_samples
-from casadi_contact.scenes.load_cycle import write_cycle
+from casadi_contact.scenes.cycle import write_cycle
 from casadi_contact.scenes.opensim import poses_table, write_table
 from casadi_contact.scenes.pose_file import write_poses
 from casadi_contact.scenes.walking import reference_cycle

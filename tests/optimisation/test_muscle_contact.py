@@ -16,7 +16,7 @@ from casadi_contact.optimisation.knee import (
     in_newtons,
 )
 from casadi_contact.optimisation.muscle_contact import MuscleContact, MuscleSettings, ankle_moment
-from casadi_contact.scenes.load_cycle import read_cycle
+from casadi_contact.scenes.cycle import read_cycle
 from problems.walks import example_walk, read_walk
 from tests.support.shared_data import shared_file
 
@@ -165,7 +165,7 @@ def test_measured_cycles_are_predicted_without_their_contact_forces(knee, name, 
     result = problem.solve()
     assert result.solved.all()
     measured = read_cycle(shared_file(f"data/jw/{name}_loads.csv"))
-    forces = [np.interp(problem.walk.time_s, measured.time_s, -curve) for curve in (measured.fy_med, measured.fy_lat)]
+    forces = [np.interp(problem.walk.time_s, measured.time_s, -curve) for curve in measured.loads.values()]
     errors = np.sqrt(np.mean((compression(result) - np.column_stack(forces)) ** 2, axis=0))
     if expected:
         np.testing.assert_allclose(errors, expected, atol=1.0)

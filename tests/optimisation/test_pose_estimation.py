@@ -16,8 +16,7 @@ from casadi_contact.optimisation.ipopt import FrameOutcome
 from casadi_contact.optimisation.pose_estimation import PoseEstimation
 from casadi_contact.optimisation.pose_targets import PoseTargets
 from casadi_contact.optimisation.reference import reference_model
-from casadi_contact.scenes.joint_cycle import JointCycle, scene_cycles
-from casadi_contact.scenes.load_cycle import read_cycle
+from casadi_contact.scenes.cycle import Cycle, read_cycle, scene_cycles
 from casadi_contact.scenes.walking import reference_cycle
 from problems.pose_continuation import continue_on
 from problems.pose_estimation import check_targets
@@ -34,7 +33,7 @@ def solved(knee):
 
 def few_frames(cycle, every=20):
     curves = [{name: curve[::every] for name, curve in part.items()} for part in (cycle.pose, cycle.loads)]
-    return JointCycle(cycle.name, cycle.time_s[::every], *curves)
+    return Cycle(cycle.name, cycle.time_s[::every], *curves)
 
 
 def test_the_reference_cycle_is_solved_in_few_iterations(solved):
@@ -157,11 +156,11 @@ def test_frames_beyond_the_learned_range_go_on_with_the_reference_model(knee):
     """A swing phase whose centre of pressure moves 29 mm behind: the surrogate has not learned tx so far."""
     frames, cycle = np.arange(66, 93, 3), reference_cycle()
     share = np.sin(np.linspace(0.0, np.pi, len(frames)))
-    lighter = 1.0 - share * (1.0 + 120.0 / (cycle.fy_med + cycle.fy_lat)[frames])
-    kept = {key: getattr(cycle, key)[frames] for key in ("time_s", "rz", "ry", "cop_ml_mm")}
-    behind = (1.0 - share) * cycle.cop_ap_mm[frames] + share * 29.0
-    forces = {key: lighter * getattr(cycle, key)[frames] for key in ("fy_med", "fy_lat")}
-    problem = PoseEstimation.of_cycle(knee, replace(cycle, **kept, cop_ap_mm=behind, **forces))
+    lighter = 1.0 - share * (1.0 + 120.0 / sum(cycle.loads.values())[frames])
+    targets = {name: lighter * force[frames] for name, force in cycle.loads.items()}
+    targets |= {name: centre[frames] for name, centre in cycle.centres.items()}
+    targets["cop_ap"] = (1.0 - share) * targets["cop_ap"] + share * 29.0
+    problem = PoseEstimation(knee, targets, {name: angle[frames] for name, angle in cycle.pose.items()})
     elements = cc.ElasticFoundation(knee.scene, knee.scene.grids["settle"])
     result = continue_on(problem, problem.solve(), elements)
     on = result.on_reference
@@ -199,13 +198,14 @@ def test_loads_that_are_not_targets_may_press_and_a_torque_tells_that_something_
 @pytest.mark.parametrize(
     ("changed", "word"),
     [
-        (lambda c: replace(c, fy_med=1e-3 * c.fy_med, fy_lat=1e-3 * c.fy_lat), "kN"),
-        (lambda c: replace(c, cop_ml_mm=c.cop_ml_mm + 12.0), "origin"),
+        (lambda c: {name: 1e-3 * force for name, force in c.loads.items()}, "kN"),
+        (lambda c: {"cop_ml": c.centres["cop_ml"] + 12.0}, "origin"),
     ],
 )
 def test_wrong_units_and_signs_are_warned_of(knee, changed, word):
-    assert not check_targets(PoseTargets.of(knee.scene, reference_cycle().estimation_targets()))
-    (warning,) = check_targets(PoseTargets.of(knee.scene, changed(reference_cycle()).estimation_targets()))
+    cycle = reference_cycle()
+    assert not check_targets(PoseTargets.of(knee.scene, cycle.estimation_targets()))
+    (warning,) = check_targets(PoseTargets.of(knee.scene, cycle.estimation_targets() | changed(cycle)))
     assert word in warning
 
 

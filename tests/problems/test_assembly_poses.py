@@ -32,7 +32,7 @@ def test_the_femur_carries_what_was_measured_and_the_patella_is_in_equilibrium()
 
     knee, cycle = cc.load_assembly("knee_with_patella", contact), reference_cycle()
     loads = {name: curve[FRAMES] for name, curve in cycle.estimation_targets().items()}
-    pose = {"femur": {"ry": cycle.ry[FRAMES], "rz": cycle.rz[FRAMES]}}
+    pose = {"femur": {name: curve[FRAMES] for name, curve in cycle.pose.items()}}
     given = AssemblyCycle(cycle.time_s[FRAMES], pose, "tibiofemoral", loads, {"quadriceps": TENSION_N})
     found = assembly_poses.solve(knee, given)
     assert found.solved.all()

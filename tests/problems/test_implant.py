@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.scenes.load_cycle import write_cycle
+from casadi_contact.scenes.cycle import write_cycle
 from casadi_contact.scenes.walking import reference_cycle
 from problems import implant
 from tests.support import meshes

@@ -5,7 +5,7 @@ import json
 
 import pytest
 
-from casadi_contact.scenes.load_cycle import write_cycle
+from casadi_contact.scenes.cycle import write_cycle
 from casadi_contact.scenes.walking import reference_cycle
 from problems import muscle_contact, pose_estimation, static_equilibrium
 from problems.walks import example_walk
@@ -39,8 +39,9 @@ def test_pose_estimation_of_the_default_cycle(run, tmp_path):
 
 def test_pose_estimation_reads_a_cycle_and_reports_a_frame_that_no_pose_carries(run, tmp_path):
     cycle = reference_cycle(frames=7)
-    cycle.cop_ml_mm[3] = 60.0
-    cycle.fy_med[5] = cycle.fy_lat[5] = 0.0
+    cycle.centres["cop_ml"][3] = 60.0
+    for force in cycle.loads.values():
+        force[5] = 0.0
     write_cycle(cycle, tmp_path / "walk.csv")
     status, said, rows = run(pose_estimation, cycle=tmp_path / "walk.csv")
     assert status == 3

@@ -25,7 +25,7 @@ def model():
 @needs_compiler
 def test_a_convex_tibia_has_poses_without_shear_and_they_do_not_leap(model):
     walk = reference_cycle()
-    ry, rz = walk.ry[:10], walk.rz[:10]
+    ry, rz = (walk.pose[name][:10] for name in ("ry", "rz"))
     poses = shear_free_poses(model, ry, rz)
     by_name = dict(zip(model.load_names, model(poses).T, strict=True))
     for name, wanted in (("Fy_med", -500.0), ("Fy_lat", -500.0), ("Fx", 0.0), ("Fz", 0.0)):

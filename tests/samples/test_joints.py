@@ -12,7 +12,7 @@ from casadi_contact.samples.domains import left_out
 from casadi_contact.samples.draw import draw_samples
 from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.settings import SamplingSettings
-from casadi_contact.scenes.joint_cycle import scene_cycles
+from casadi_contact.scenes.cycle import scene_cycles
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
 

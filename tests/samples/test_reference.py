@@ -10,12 +10,12 @@ from casadi_contact.core.conventions import rotation
 from casadi_contact.samples.domains import plan_domains
 from casadi_contact.samples.reference import reference_motion, reference_poses
 from casadi_contact.samples.settings import SamplingSettings
-from casadi_contact.scenes.joint_cycle import JointCycle
+from casadi_contact.scenes.cycle import Cycle, read_cycle
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
 from tests.support import two_dips
 from tests.support.shared_data import shared_file
-from tests.support.two_spheres import Cycle, TwoSpheres, cycles, knee
+from tests.support.two_spheres import TwoSpheres, cycles, knee
 
 MODEL = TwoSpheres(knee())
 
@@ -33,7 +33,7 @@ def test_cycles_are_resampled_on_their_own_time():
     stretched = replace(cycle, time_s=cycle.time_s**2 + 3.0)
     poses, _ = reference_poses(MODEL, [stretched], frames=41)
     percent = np.linspace(0.0, 1.0, 41)
-    np.testing.assert_allclose(poses[0, :, 5], np.interp(percent, cycle.time_s**2, cycle.rz), atol=1e-12)
+    np.testing.assert_allclose(poses[0, :, 5], np.interp(percent, cycle.time_s**2, cycle.pose["rz"]), atol=1e-12)
 
 
 def test_a_frame_that_pulls_is_interpolated_and_reported():
@@ -95,7 +95,8 @@ def test_a_single_cycle_is_sampled_about_by_widths_that_are_said():
 def test_a_pose_that_no_cycle_moves_is_sampled_about_as_well():
     """Both spheres are pressed alike in all cycles, so that none of them moves tz."""
     made, _ = cycles(MODEL, count=2)
-    still = [replace(cycle, ry=0.0 * cycle.ry, loads={**cycle.loads, "Tx": 0.0 * cycle.ry}) for cycle in made]
+    zero = 0.0 * made[0].time_s
+    still = [replace(c, pose={**c.pose, "ry": zero}, loads={**c.loads, "Tx": zero}) for c in made]
     for cycle in still:
         cycle.loads["Fy_lat"] = cycle.loads["Fy_med"]
     motion, report = reference_motion(MODEL, still, SamplingSettings(frames=21))
@@ -106,13 +107,7 @@ def test_a_pose_that_no_cycle_moves_is_sampled_about_as_well():
 
 
 def test_measured_cycles_have_a_pose_in_every_frame():
-    measured = []
-    for file in (shared_file(f"data/jw/og{number}_loads.csv") for number in (1, 2, 3, 4)):
-        t = np.genfromtxt(file, delimiter=",", names=True)
-        fy = t["Fy_med_N"] + t["Fy_lat_N"]
-        loads = {"Fy_med": t["Fy_med_N"], "Fy_lat": t["Fy_lat_N"]}
-        loads |= {"Tx": -t["cop_ml_mm"] * fy, "Tz": t["cop_ap_mm"] * fy}
-        measured.append(Cycle(file.stem, t["time_s"], t["rotation_ry_rad"], t["flexion_rz_rad"], loads))
+    measured = [read_cycle(shared_file(f"data/jw/og{number}_loads.csv")) for number in (1, 2, 3, 4)]
     _, report = reference_poses(ElasticFoundation(knee(), (80, 40)), measured)
     assert report.converged.all(), str(report)
 
@@ -132,7 +127,7 @@ def test_a_body_whose_origin_lies_far_from_its_joint_is_found_in_its_socket_howe
     turned = {"rx": 0.0 * time_s, "ry": 0.2 * time_s, "rz": -0.8 - 0.4 * time_s}
     wanted = {"Fx": 0.0 * time_s, "Fy": -300.0 + 0.0 * time_s, "Fz": 0.0 * time_s}
     model = ElasticFoundation(load_scene(tmp_path / "scene.toml"))
-    poses, report = reference_poses(model, [JointCycle("turned", time_s, turned, wanted)], frames=5)
+    poses, report = reference_poses(model, [Cycle("turned", time_s, turned, wanted)], frames=5)
     assert report.converged.all()
     centres = poses[0, :, :3] + rotation(poses[0, :, 3:]) @ arm
     np.testing.assert_allclose(centres[:, [0, 2]], 0.0, atol=0.05)
@@ -148,7 +143,7 @@ def test_frames_that_settle_in_another_place_than_their_neighbours_are_followed_
     alone, report = settle(model, begin, ("tx", "ty"), loads, tolerance=1e-3, trust_region=False)
     assert report.converged.all()
     assert leaps(alone).any()
-    cycle = JointCycle("dips", np.arange(float(count)), still, loads)
+    cycle = Cycle("dips", np.arange(float(count)), still, loads)
     (poses,), found = reference_poses(model, [cycle], frames=count, start=begin[0])
     assert found.converged.all()
     assert not leaps(poses).any()

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 
 from casadi_contact.cli.scene_commands import cycle
 from casadi_contact.core.conventions import POSE_NAMES, rotation
-from casadi_contact.scenes.joint_cycle import read_joint_cycle
-from casadi_contact.scenes.load_cycle import read_cycle
+from casadi_contact.scenes.cycle import read_cycle
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.opensim import (
     ColumnMap,
@@ -162,22 +161,24 @@ def test_the_command_writes_the_cycle_that_a_file_holds(tmp_path):
     walk = reference_cycle()
     columns = {
         "time": walk.time_s,
-        "knee_angle_r": np.degrees(-walk.rz),
-        "knee_rot_r": np.degrees(-walk.ry),
-        "tibia_Fy_m": walk.fy_med,
-        "tibia_Fy_l": walk.fy_lat,
-        "cop_x": 1e-3 * walk.cop_ap_mm,
-        "tibia_Tx": -1e-3 * walk.cop_ml_mm * (walk.fy_med + walk.fy_lat),
+        "knee_angle_r": np.degrees(-walk.pose["rz"]),
+        "knee_rot_r": np.degrees(-walk.pose["ry"]),
+        "tibia_Fy_m": walk.loads["Fy_med"],
+        "tibia_Fy_l": walk.loads["Fy_lat"],
+        "cop_x": 1e-3 * walk.centres["cop_ap"],
+        "tibia_Tx": 1e-3 * walk.targets()["Tx"],
     }
     table = Table("walk", columns, in_degrees=True)
     maps = ("knee_angle_r=-rz:deg", "knee_rot_r=-ry", "tibia_Fy_m=Fy_med:N", "tibia_Fy_l=Fy_lat", "cop_x=cop_ap:m")
     back = read_cycle(written(tmp_path, table, *maps, "tibia_Tx=Tx:Nm"))
-    for key in ("time_s", "rz", "ry", "fy_med", "fy_lat", "cop_ap_mm", "cop_ml_mm"):
-        np.testing.assert_allclose(getattr(back, key), getattr(walk, key), rtol=1e-12, atol=1e-12)
+    given = {**walk.pose, **walk.targets(), "cop_ap": walk.centres["cop_ap"]}
+    for name, curve in {**back.pose, **back.loads, **back.centres}.items():
+        np.testing.assert_allclose(curve, given[name], rtol=1e-12, atol=1e-12)
+    assert (len(back.pose), list(back.loads), list(back.centres)) == (2, ["Tx", "Fy_med", "Fy_lat"], ["cop_ap"])
 
 
-@pytest.mark.parametrize(("names", "said"), [(("F=Fy_med", "ty=ty"), "load cycle"), (("knee=rz", "ty=ty"), "poses")])
-def test_a_mixture_that_is_neither_poses_nor_a_load_cycle_is_refused(tmp_path, names, said):
+@pytest.mark.parametrize(("names", "said"), [(("F=Fy_med", "ty=gap_med"), "gap_med"), (("knee=rz", "ty=ty"), "poses")])
+def test_a_mixture_that_is_neither_poses_nor_a_cycle_is_refused(tmp_path, names, said):
     with pytest.raises(ValueError, match=said):
         written(tmp_path, TABLE, *names)
     assert not (tmp_path / "out.csv").exists()
@@ -186,7 +187,7 @@ def test_a_mixture_that_is_neither_poses_nor_a_load_cycle_is_refused(tmp_path, n
 def test_a_cycle_of_another_joint_is_that_of_its_scene(tmp_path):
     columns = {"time": np.arange(3.0), "flexion": np.array([10.0, 20.0, 30.0]), "force": np.array([0.1, 0.9, 0.4])}
     path = written(tmp_path, Table("walk", columns, in_degrees=True), "flexion=-rz", "force=Fy:kN", scene="hip")
-    back = read_joint_cycle(path, load_scene("hip"))
+    back = read_cycle(path, load_scene("hip"))
     np.testing.assert_allclose(back.pose["rz"], -np.radians([10.0, 20.0, 30.0]), rtol=1e-15)
     np.testing.assert_allclose(back.loads["Fy"], [100.0, 900.0, 400.0], rtol=1e-15)
 
@@ -240,7 +241,9 @@ def test_states_of_a_moco_knee_become_poses_by_the_command_and_with_loads_a_cycl
     np.testing.assert_allclose(read_poses(tmp_path / "out.csv"), femur_in_insert(STATES), rtol=1e-12)
     cycle(tmp_path / "walk.mot", [*MAPS, *(f"{name}={name}" for name in loads)], tmp_path / "out.csv", None, "right")
     walk = read_cycle(tmp_path / "out.csv")
-    np.testing.assert_allclose(np.column_stack([walk.ry, walk.rz]), femur_in_insert(STATES)[:, 4:], rtol=1e-12)
+    np.testing.assert_allclose(
+        np.column_stack([walk.pose["ry"], walk.pose["rz"]]), femur_in_insert(STATES)[:, 4:], rtol=1e-12
+    )
 
 
 def test_ligaments_of_jam_s_knee_are_as_long_as_it_stored():

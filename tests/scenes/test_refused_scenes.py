@@ -4,7 +4,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.samples.settings import SamplingSettings
-from casadi_contact.scenes.joint_cycle import scene_cycles
+from casadi_contact.scenes.cycle import scene_cycles
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.checks import LONGEST_NAME, MOST_ELEMENTS
 from tests.support.meshes import mesh_scene_text

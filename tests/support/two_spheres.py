@@ -5,7 +5,6 @@ A sphere of radius r with its centre at c = t + R(q)·a carries N = k·max(r - c
 
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -15,6 +14,7 @@ from casadi_contact.core.conventions import angular_velocity_map, as_poses, rota
 from casadi_contact.samples.draw import draw_samples
 from casadi_contact.samples.reference import ReferenceMotion, reference_motion
 from casadi_contact.samples.settings import SamplingSettings
+from casadi_contact.scenes.cycle import Cycle
 from casadi_contact.scenes.loading import load_scene
 
 RADIUS_MM = 27.0
@@ -59,21 +59,6 @@ def models(scene, settings):
     return TwoSpheres(scene), TwoSpheres(scene)
 
 
-@dataclass(frozen=True)
-class Cycle:
-    name: str
-    time_s: np.ndarray
-    ry: np.ndarray
-    rz: np.ndarray
-    loads: dict
-
-    def measured_pose(self):
-        return {"ry": self.ry, "rz": self.rz}
-
-    def targets(self):
-        return self.loads
-
-
 def cycles(model, count=3):
     """Cycles made from known poses (count, 21, 6): loads are the model's own at those poses."""
     t = np.linspace(0.0, 1.0, 21)
@@ -88,7 +73,7 @@ def cycles(model, count=3):
         p[:, 5] = -0.6 + 0.5 * np.cos(2 * np.pi * t) + 0.05 * k
         loads = dict(zip(model.load_names, model(p).T, strict=True))
         wanted = {name: loads[name] for name in ("Fy_med", "Fy_lat", "Tx", "Tz")}
-        made.append(Cycle(f"cycle {k}", t * (1.0 + 0.1 * k), p[:, 4], p[:, 5], wanted))
+        made.append(Cycle(f"cycle {k}", t * (1.0 + 0.1 * k), {"ry": p[:, 4], "rz": p[:, 5]}, wanted))
     return made, poses
 
 

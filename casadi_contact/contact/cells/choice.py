@@ -17,7 +17,7 @@ from casadi_contact.contact.cells.quadrature import Quadrature
 from casadi_contact.contact.convergence import Errors, NotGoodEnoughError, forces_tried, not_good_enough, remedy
 from casadi_contact.contact.elements.foundation import SHARP_SHARE, ElasticFoundation, grid_text, share_at_sharp_edges
 from casadi_contact.core.conventions import POSE_NAMES, Array, load_selection, rotation
-from casadi_contact.scenes.joint_cycle import scene_cycles
+from casadi_contact.scenes.cycle import scene_cycles
 from casadi_contact.scenes.scene import Scene
 
 

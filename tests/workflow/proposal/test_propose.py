@@ -13,7 +13,7 @@ from casadi_contact.cli.main import app
 from casadi_contact.samples.chunk import plan_chunks
 from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.settings import SamplingSettings
-from casadi_contact.scenes.joint_cycle import scene_cycles
+from casadi_contact.scenes.cycle import scene_cycles
 from casadi_contact.scenes.shapes.mesh_bodies import body_mesh, shell_thickness
 from casadi_contact.workflow.proposal import propose as proposing
 from casadi_contact.workflow.proposal.propose import thin_spacing

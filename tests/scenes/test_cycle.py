@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
-from casadi_contact.scenes.joint_cycle import JointCycle, read_joint_cycle, scene_cycles, write_joint_cycle
+from casadi_contact.scenes.cycle import Cycle, read_cycle, scene_cycles, write_cycle
 from casadi_contact.scenes.loading import scene_from_text
 from casadi_contact.scenes.scene import Scene
 
@@ -50,27 +50,27 @@ def test_a_motion_does_not_depend_on_the_loads_that_are_learned(name, tmp_path):
         assert list(cycle.loads) == list(as_whole.loads)
         for load, curve in cycle.loads.items():
             np.testing.assert_array_equal(curve, as_whole.loads[load])
-    write_joint_cycle(cycle, tmp_path / "cycle.csv")
-    assert set(read_joint_cycle(tmp_path / "cycle.csv", fewer).loads) == set(cycle.loads)
+    write_cycle(cycle, tmp_path / "cycle.csv")
+    assert set(read_cycle(tmp_path / "cycle.csv", fewer).loads) == set(cycle.loads)
 
 
 def test_a_cycle_comes_back_from_its_file(tmp_path):
     scene, path = cc.load_scene("hip"), tmp_path / "walk.csv"
     cycle = scene_cycles(scene)[0]
-    write_joint_cycle(cycle, path)
+    write_cycle(cycle, path)
     assert path.read_text().startswith("time_s,")
-    again = read_joint_cycle(path, scene)
+    again = read_cycle(path, scene)
     assert again.name == "walk"
     for name, curve in {**cycle.pose, **cycle.loads}.items():
         np.testing.assert_array_equal({**again.pose, **again.loads}[name], curve)
     path.write_text("time_s,rz_rad\n0.0,0.1\n1.0,0.2\n")
     with pytest.raises(ValueError, match="no load"):
-        read_joint_cycle(path, scene)
+        read_cycle(path, scene)
 
 
 def test_columns_are_converted_by_the_unit_in_their_name(tmp_path):
     (tmp_path / "cycle.csv").write_text("time_s,rz_deg,tx_m,Fy_kN,Tx_Nm\n0,90,0.002,0.9,5\n1,90,0.002,0.9,5\n")
-    cycle = read_joint_cycle(tmp_path / "cycle.csv", cc.load_scene("hip"))
+    cycle = read_cycle(tmp_path / "cycle.csv", cc.load_scene("hip"))
     assert cycle.pose["rz"][0] == pytest.approx(np.pi / 2)
     assert (cycle.pose["tx"][0], cycle.loads["Fy"][0]) == pytest.approx((2.0, 900.0))
 
@@ -79,7 +79,7 @@ def test_columns_are_converted_by_the_unit_in_their_name(tmp_path):
 def test_angles_in_degrees_and_names_without_a_known_unit_are_refused(tmp_path, header):
     (tmp_path / "cycle.csv").write_text(f"time_s,Fx_N,{header}\n0.0,900,30\n0.1,900,30\n")
     with pytest.raises(ValueError, match=r"radians|unit"):
-        read_joint_cycle(tmp_path / "cycle.csv", cc.load_scene("hip"))
+        read_cycle(tmp_path / "cycle.csv", cc.load_scene("hip"))
 
 
 @pytest.mark.parametrize(
@@ -94,4 +94,4 @@ def test_angles_in_degrees_and_names_without_a_known_unit_are_refused(tmp_path, 
 )
 def test_curves_that_are_no_cycle_are_refused_by_name(time_s, pose, loads, said):
     with pytest.raises(ValueError, match=said):
-        JointCycle("walk", time_s, pose, loads)
+        Cycle("walk", time_s, pose, loads)
