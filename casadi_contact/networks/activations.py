@@ -16,8 +16,8 @@ from typing import Any
 class Activation:
     """A smooth, odd or not, strictly increasing σ.
 
-    derivatives(xp, z, order): (σ, σ', σ'')[: order + 1] elementwise, with xp the module (numpy, torch or casadi) that
-    z belongs to; all three give the same formulas. slope_from_value(xp, a): σ' where σ = a, so that training keeps
+    derivatives(xp, z, order): (σ, σ')[: order + 1] elementwise, with xp the module (numpy, torch or casadi) that z
+    belongs to; all three give the same formulas. slope_from_value(xp, a): σ' where σ = a, so that training keeps
     no z. c: statements of C that set value, slope and curvature from z; c_type: of all four, ``double``, or, faster,
     ``Vector``, a register of neurons: for statements of arithmetic and of the helpers of ``core.h`` for it.
     """
@@ -30,20 +30,12 @@ class Activation:
 
 def _algebraic(xp: Any, z: Any, order: int) -> tuple[Any, ...]:
     r = 1.0 / xp.sqrt(1.0 + z * z)
-    a = z * r
-    if order == 0:
-        return (a,)
-    r2 = r * r
-    slope = r2 * r
-    return (a, slope) if order == 1 else (a, slope, -3.0 * (a * r2 * r2))  # σ'' = -3 z (1 + z²)^(-5/2)
+    return (z * r, r * r * r) if order else (z * r,)
 
 
 def _tanh(xp: Any, z: Any, order: int) -> tuple[Any, ...]:
     a = xp.tanh(z)
-    if order == 0:
-        return (a,)
-    slope = 1.0 - a * a
-    return (a, slope) if order == 1 else (a, slope, -2.0 * (a * slope))
+    return (a, 1.0 - a * a) if order else (a,)
 
 
 def _algebraic_slope(xp: Any, a: Any) -> Any:

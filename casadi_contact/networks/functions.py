@@ -1,17 +1,15 @@
-"""CasADi functions of contact models: loads and root loads of a pose, with their own first and second derivatives."""
+"""CasADi functions of contact models: loads and root loads of a pose, and their second derivatives."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.core.conventions import Array, check_loads, whole_number
-from casadi_contact.networks.names import check_name
 
 
 def checked_batch(batch: int | None) -> int | None:
@@ -117,66 +115,6 @@ class ContactFunctions(ABC):
     ) -> ca.Function:
         """casadi.Function pose (6) -> loads (L), roots (P): both for the price of the loads; as `function`."""
         return self._made(name, loads, ("loads", "roots"), compiled, batch, parameters)
-
-
-def _empty(name: str, like: ca.MX) -> ca.MX:
-    """CasADi hands a Jacobian also the outputs it belongs to; they are not needed here, so they hold no entries."""
-    return ca.MX.sym(name, ca.Sparsity(*like.shape))
-
-
-def _attached(jacobian: ca.Function) -> dict[str, Any]:
-    """Options that make CasADi use a Jacobian for every derivative; never inlined, so that it stays attached."""
-    return {"custom_jacobian": jacobian, "jac_penalty": 0, "never_inline": True}
-
-
-_NO_SEEDS = {"enable_forward": False, "enable_reverse": False}  # not through the graph either
-
-
-def function_with_derivatives(name: str, pose: ca.MX, outputs: Mapping[str, tuple[ca.MX, ca.MX, ca.MX]]) -> ca.Function:
-    """Function pose (6) -> outputs that carries its Jacobian, which in turn carries its own.
-
-    outputs gives by name value (m), Jacobian (m x 6) and second derivatives (m x 36, see `Output`), best as three
-    graphs that share nothing that is not needed. Every derivative CasADi asks for, forward or reverse, through
-    ``map`` and in nlpsol, is then a product with one of them: no seeds are pushed through the networks.
-    """
-    check_name(name)
-    outs: list[Any] = [_empty(f"out_{key}", value) for key, (value, _, _) in outputs.items()]
-    jac_outs: list[Any] = [_empty(f"out_jac_{key}", jacobian) for key, (_, jacobian, _) in outputs.items()]
-    out_names = [f"out_{key}" for key in outputs]
-    jac_names = [f"jac_{key}_pose" for key in outputs]
-
-    # Jacobian of the Jacobian: a row for each entry of its stacked columns. With (m x 36) stacked by columns of
-    # 6 x 6 blocks, that is a relabelling. It does not depend on the empty outputs.
-    seconds, second_names = [], []
-    for jac_name, (_, jacobian, second) in zip(jac_names, outputs.values(), strict=True):
-        seconds.append(ca.reshape(second, jacobian.numel(), 6))
-        second_names.append(f"jac_{jac_name}_pose")
-        for out, out_name in zip(outs, out_names, strict=True):
-            seconds.append(ca.MX(jacobian.numel(), out.numel()))
-            second_names.append(f"jac_{jac_name}_{out_name}")
-    second_function = ca.Function(
-        f"jac_jac_{name}",
-        [pose, *outs, *jac_outs],
-        seconds,
-        ["pose", *out_names, *(f"out_{jac_name}" for jac_name in jac_names)],
-        second_names,
-    )
-    jacobian_function = ca.Function(
-        f"jac_{name}",
-        [pose, *outs],
-        [jacobian for _, jacobian, _ in outputs.values()],
-        ["pose", *out_names],
-        jac_names,
-        _attached(second_function) | _NO_SEEDS,
-    )
-    values: list[Any] = [value for value, _, _ in outputs.values()]
-    options = _attached(jacobian_function)
-    graph = ca.Function(name, [pose], values, ["pose"], list(outputs), options | _NO_SEEDS)
-
-    # `Function.factory` differentiates a function's own graph, under that function's options: with the networks in it,
-    # or without seeds, that would be slow or fail. This one's graph is a call, which has the Jacobian.
-    given = ca.MX.sym("pose", 6)
-    return ca.Function(name, [given], graph.call([given]), ["pose"], list(outputs), options)
 
 
 def as_weights(weights: ArrayLike, count: int, loads: Sequence[str]) -> Array:

@@ -34,7 +34,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.networks.graph import network_values
+from casadi_contact.networks.graph import network_value
 from casadi_contact.networks.network import Network
 
 SURELY_VALID, VALID, SURELY_INVALID = 0.9, 0.5, 0.1  # validities
@@ -140,12 +140,12 @@ class Confidence:
         squares = ca.DM((self.centres**2).sum(axis=1) / (2.0 * h2))
         distance = 0.5 * ca.sumsqr(z) / h2 - ca.logsumexp(ca.mtimes(ca.DM(self.centres), z) / h2 - squares)
         x = ca.vertcat(clipped[[int(c) for c in self.columns]], roots)
-        y = [each.value for each in network_values(self.network, x, outputs=range(self.network.outputs))]
+        y = network_value(self.network, x)
         u = ca.logsumexp(ca.vertcat(self.sharpness * (distance - self.edge), y[0]))
         outside = growth_outside(ca.fmax(u + SURE, 0.0))
         return {
             "validity": _validity(ca, u),
-            "expected_error": ca.exp(ca.vertcat(*y[1:])) + outside * ca.DM(self.growth),
+            "expected_error": ca.exp(y[1:]) + outside * ca.DM(self.growth),
         }
 
 

@@ -11,10 +11,10 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.symbolic import SymbolicContact
-from casadi_contact.networks.functions import checked_batch, function_with_derivatives
-from casadi_contact.networks.graph import Expressions, nan_if_not_finite
+from casadi_contact.networks.functions import checked_batch
+from casadi_contact.networks.graph import nan_if_not_finite
 from casadi_contact.networks.kernel.source import ExportedModel, Kernel
-from casadi_contact.networks.names import c_name
+from casadi_contact.networks.names import c_name, check_name
 from casadi_contact.networks.network import Network
 from casadi_contact.surrogate.confidence import Confidence
 from casadi_contact.surrogate.kernel import SurrogateArrays, compiled_arrays, confidence_kernel
@@ -31,7 +31,7 @@ _BY_VALIDITY = "double validity;\n  confidence_guarded_value(pose, 0, &validity)
 class SurrogateFunctions(SymbolicContact):
     """What a structure gives as CasADi expressions and as C, made into functions that optimisation can use.
 
-    Derivatives are exact and explicit; only the networks that the loads need are in a function.
+    Derivatives are exact; only the networks that the loads need are in a function.
     """
 
     structure: ClassVar[str]
@@ -52,8 +52,8 @@ class SurrogateFunctions(SymbolicContact):
         return self.confidence
 
     @abstractmethod
-    def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
-        """Loads (L) and root loads of a pose (6) in CasADi, with derivatives up to order 0, 1 or 2."""
+    def _expressions(self, pose: ca.MX, loads: Sequence[str]) -> tuple[ca.MX, ca.MX]:
+        """Signed root load of every patch (P) and the named loads (L) of a pose (6) in CasADi."""
 
     @abstractmethod
     def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
@@ -99,18 +99,10 @@ class SurrogateFunctions(SymbolicContact):
         if compiled and (kernel := self._compiled_kernel(loads or self.load_names, roots="roots" in outputs)):
             return kernel.function(name, outputs, batch or 1)
         pose = ca.MX.sym("pose", 6)
-        function = function_with_derivatives(name, pose, self._outputs(pose, loads, outputs))
+        values = dict(zip(("roots", "loads"), self._expressions(pose, loads), strict=True))
+        given = [nan_if_not_finite(pose, values[key]) for key in outputs]
+        function = ca.Function(check_name(name), [pose], given, ["pose"], list(outputs), {"never_inline": True})
         return function if batch is None else function.map(batch)
-
-    def _outputs(
-        self, pose: ca.MX, loads: Sequence[str], outputs: Sequence[str]
-    ) -> dict[str, tuple[ca.MX, ca.MX, ca.MX]]:
-        """Value, Jacobian and second derivatives of "loads" and "roots", each as a graph of its own."""
-        values, slopes, bends = (nan_if_not_finite(pose, self._expressions(pose, loads, order)) for order in range(3))
-        return {
-            key: (getattr(values, key).value, getattr(slopes, key).jacobian, getattr(bends, key).second)
-            for key in outputs
-        }
 
     def _compiled_kernel(self, loads: Sequence[str], *, roots: bool = True) -> SurrogateArrays | None:
         """The loads' kernel, compiled once; of all loads there is one that gives root loads and confidence as well."""

@@ -21,7 +21,7 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.networks.graph import Expressions, NetworkValue, network_values, stack
+from casadi_contact.networks.graph import network_value
 from casadi_contact.networks.kernel.networks import Bundle
 from casadi_contact.networks.kernel.source import Kernel, c_text, table
 from casadi_contact.networks.network import Regression
@@ -178,29 +178,14 @@ class TwoStageSurrogate(Surrogate):
         slope = (0.5 * u * u + e2) / q**1.25
         return u / q**0.25, (-slope / self.scene.reference_load)[: len(d_raw), :, None] * d_raw
 
-    def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
-        """With u = (pose, f) and U = du/dpose: dF = g·U, d²F = Uᵀ·H·U + Σ_f g_f·d²f."""
+    def _expressions(self, pose: ca.MX, loads: Sequence[str]) -> tuple[ca.MX, ca.MX]:
         first = [name for name in self.scene.sensitive_loads if name in self.networks]
-        raw = {name: network_values(self.networks[name], pose, order)[0] for name in first}
-        clamped = {name: _clamp(force) for name, force in raw.items()}
-        u = ca.vertcat(pose, *(force.value for force in clamped.values()))
-        tangent = None
-        if order > 0:
-            tangent = ca.vertcat(ca.MX(ca.DM.eye(6)), *(force.gradient for force in clamped.values()))
-        values = []
-        for name in loads:
-            if name in clamped:
-                values.append(clamped[name])
-                continue
-            (load,) = network_values(self.networks[name], u, order, tangent)
-            if order > 1:
-                hessian = load.hessian
-                for slope, force in zip(ca.vertsplit(load.input_gradient.T[6:]), clamped.values(), strict=True):
-                    hessian += slope * force.hessian
-                load = NetworkValue(load.value, load.gradient, hessian)
-            values.append(load)
-        roots = [_root(force, self.scene.reference_load, self._rounding, order) for force in raw.values()]
-        return Expressions(roots=stack(roots, order), loads=stack(values, order))
+        raw = {name: network_value(self.networks[name], pose) for name in first}
+        clamped = {name: ca.fmin(force, 0) for name, force in raw.items()}
+        u = ca.vertcat(pose, *clamped.values())
+        values = [clamped[name] if name in clamped else network_value(self.networks[name], u) for name in loads]
+        n = ca.vertcat(*raw.values()) / -self.scene.reference_load
+        return n / ca.sqrt(ca.sqrt(n * n + self._rounding)), ca.vertcat(*values)
 
     def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
         needed = {*self.networks_for(self.scene, loads), *(self._root_networks() if roots else ())}
@@ -217,22 +202,3 @@ class TwoStageSurrogate(Surrogate):
         ]
         bundles = [Bundle("first", 6, first), Bundle("second", 6 + len(first), second)]
         return Kernel(bundles, "\n".join([*definitions, "", c_text("two_stage.h", __package__)]))
-
-
-def _clamp(force: NetworkValue) -> NetworkValue:
-    """min(f, 0), zero in every order where the network would pull."""
-    pressed = force.value < 0
-    return NetworkValue(ca.fmin(force.value, 0), pressed * force.gradient, pressed * force.hessian)
-
-
-def _root(force: NetworkValue, reference_load: float, e2: float, order: int) -> NetworkValue:
-    """s = n/(n² + e²)^(1/4), n = -f/N0: sign(n)·√|n| with the infinite slope at zero rounded off."""
-    n = force.value / -reference_load
-    q = n * n + e2
-    fourth = ca.sqrt(ca.sqrt(q))
-    slope = (0.5 * (n * n) + e2) / (q * fourth) / -reference_load
-    curvature = (-0.25 * (n * n) - 1.5 * e2) * n / (q * q * fourth) / reference_load**2
-    hessian = slope * force.hessian
-    if order > 1:
-        hessian += ca.mtimes((curvature * force.gradient).T, force.gradient)
-    return NetworkValue(n / fourth, slope * force.gradient, hessian)

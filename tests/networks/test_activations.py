@@ -20,7 +20,7 @@ torch = pytest.importorskip("torch", reason="its autograd is the oracle")
 def _arctan(xp, z, order):
     slope = 1.0 / (1.0 + (0.5 * math.pi) ** 2 * z * z)
     value = (2.0 / math.pi) * (xp.atan if hasattr(xp, "atan") else xp.arctan)(0.5 * math.pi * z)
-    return (value, slope, -2.0 * (0.5 * math.pi) ** 2 * z * slope * slope)[: order + 1]
+    return (value, slope)[: order + 1]
 
 
 ARCTAN = Activation(
@@ -43,12 +43,11 @@ def name(request, monkeypatch):
 
 
 def autograd(function, z):
-    """Value and two derivatives of an elementwise function in torch."""
+    """Value and derivative of an elementwise function in torch."""
     z = torch.tensor(z, dtype=torch.float64, requires_grad=True)
     value = function(z)
-    (slope,) = torch.autograd.grad(value.sum(), z, create_graph=True)
-    (curvature,) = torch.autograd.grad(slope.sum(), z)
-    return value.detach().numpy(), slope.detach().numpy(), curvature.numpy()
+    (slope,) = torch.autograd.grad(value.sum(), z)
+    return value.detach().numpy(), slope.numpy()
 
 
 def test_the_record_s_formulas_are_each_other_s_derivatives(name):
@@ -56,13 +55,11 @@ def test_the_record_s_formulas_are_each_other_s_derivatives(name):
     record = activation_of(name)
     want = autograd(lambda x: record.derivatives(torch, x, 0)[0], z)
     symbol = ca.MX.sym("z", len(z))
-    in_casadi = ca.Function("sigma", [symbol], list(record.derivatives(ca, symbol, 2)))(z)
-    for got, also, oracle in zip(record.derivatives(np, z, 2), in_casadi, want, strict=True):
+    in_casadi = ca.Function("sigma", [symbol], list(record.derivatives(ca, symbol, 1)))(z)
+    for got, also, oracle in zip(record.derivatives(np, z, 1), in_casadi, want, strict=True):
         np.testing.assert_allclose(got, oracle, rtol=1e-11, atol=1e-13)
         np.testing.assert_allclose(also.full().ravel(), oracle, rtol=1e-11, atol=1e-13)
     np.testing.assert_allclose(record.slope_from_value(np, want[0]), want[1], rtol=1e-9, atol=1e-12)
-    for order in range(3):
-        assert len(record.derivatives(np, z, order)) == order + 1
     textbook = {"algebraic": z / np.hypot(1.0, z), "tanh": np.tanh(z)}
     if name in textbook:
         np.testing.assert_allclose(want[0], textbook[name], rtol=1e-14, atol=1e-15)

@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from casadi_contact.networks.graph import Output
 from casadi_contact.surrogate.patch.formulas import union_roots
 from casadi_contact.surrogate.patch.surrogate import patch_roots
 
@@ -45,7 +44,7 @@ def test_slopes_are_those_of_finite_differences_and_of_casadi(s):
     root, slope = together(s)
     np.testing.assert_allclose(slope[0], difference, atol=2e-5)
     symbols = ca.MX.sym("s", len(s))
-    patch = union_roots(Output(symbols), [0, len(s)]).value
+    patch = union_roots(symbols, [0, len(s)])
     f = ca.Function("f", [symbols], [patch, ca.jacobian(patch, symbols)])
     np.testing.assert_allclose(float(f(s)[0]), root[0], rtol=1e-12)
     np.testing.assert_allclose(f(s)[1].full(), slope, atol=1e-12)
@@ -67,5 +66,5 @@ def test_patches_of_one_part_keep_their_roots_and_parts_count_for_their_own_patc
     np.testing.assert_array_equal(slope[0, [0, 2]], ds[0, [0, 3]])
     assert root[0, 1] == pytest.approx(0.5)
     np.testing.assert_allclose(slope[0, 1], ds[0, 2], rtol=1e-12)
-    exact = union_roots(Output(ca.MX(ca.DM(s.T))), [0, 1, 3, 4]).value
+    exact = union_roots(ca.MX(ca.DM(s.T)), [0, 1, 3, 4])
     np.testing.assert_allclose(np.asarray(ca.evalf(exact)).ravel(), root[0], rtol=1e-12)

@@ -1,6 +1,11 @@
 """C functions that evaluate networks: value, gradient, weighted Hessian.
 
-The formulas are those of `networks.graph`. Networks of one input share the loops of each layer, so that their
+With z_l = W_l a_{l-1} + b_l, a_l = σ(z_l) and r_l = dy/da_l:
+
+    r_{l-1} = W_lᵀ (r_l ∘ σ'(z_l)),   Z_l = dz_l/dx = W_l diag(σ'(z_{l-1})) Z_{l-1},
+    d²y/dx² = Σ_l Z_lᵀ diag(r_l ∘ σ''(z_l)) Z_l
+
+Networks of one input share the loops of each layer, so that their
 short chains of sums overlap in the processor.
 """
 

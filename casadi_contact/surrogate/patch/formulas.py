@@ -1,4 +1,4 @@
-"""The formulas of a patch surrogate (docs/method.md) as CasADi expressions, both derivatives written out, and in C.
+"""The formulas of a patch surrogate (docs/method.md) as CasADi expressions, and in C with both derivatives:
 
     N = N0·max(s, 0)²,  dN = 2·N0·max(s, 0)·ds,  d²N = 2·N0·([s > 0]·dsᵀds + max(s, 0)·d²s)
     W_k = N·ρ_k,        dW_k = ρ_k·dN + N·dρ_k,  d²W_k = ρ_k·d²N + dNᵀdρ_k + dρ_kᵀdN + N·d²ρ_k
@@ -18,7 +18,7 @@ import numpy as np
 
 from casadi_contact.core.conventions import Array
 from casadi_contact.networks.frames import rotation
-from casadi_contact.networks.graph import Expressions, NetworkValue, Output, network_values
+from casadi_contact.networks.graph import network_value
 from casadi_contact.networks.kernel.network_functions import family_functions
 from casadi_contact.networks.kernel.networks import Bundle
 from casadi_contact.networks.kernel.source import Kernel, c_text, table
@@ -33,105 +33,39 @@ LEAST_ROOT = 1e-9  # a part that just touches counts as this far off, so that no
 
 
 def patch_expressions(
-    parts: Sequence[PartNetworks],
-    selection: Array,
-    reference_load: float,
-    space: PoseSpace,
-    pose: ca.MX,
-    order: int,
-) -> Expressions:
-    """Root loads of the parts, and loads = Σ S·wrench, with derivatives up to order 0, 1 or 2.
+    parts: Sequence[PartNetworks], selection: Array, reference_load: float, space: PoseSpace, pose: ca.MX
+) -> tuple[ca.MX, ca.MX]:
+    """Root loads of the parts, and loads = Σ S·wrench.
 
     selection S has shape (L, parts, 6); ratios that S does not touch are left out of the graph.
     """
-    roots, loads = [], []
+    roots, loads = [], ca.MX.zeros(len(selection))
     for p, part in enumerate(parts):
-        x, *slopes = _local_pose(part.anchor_mm, space, order).call([pose])
-        (s,) = network_values(part.root, x, order)
-        roots.append(_in_pose([s], slopes))
+        x = _local_pose(part.anchor_mm, space)(pose)
+        s = network_value(part.root, x)
+        roots.append(s)
         used = [k for k in range(6) if selection[:, p, k].any()]
         if not used:
             continue
-        normal, ratios = _normal(s, reference_load, order), {}
-        if part.ratios is not None and (of := [k for k in part.columns if k in used]):
-            outputs = [part.columns.index(k) for k in of]
-            ratios = dict(zip(of, network_values(part.ratios, x, order, outputs=outputs), strict=True))
-        wrench = [_times(normal, ratios[k], order) if k in ratios else _signed(normal, part.sign) for k in used]
-        pick = ca.MX(ca.sparsify(ca.DM(selection[:, p, used])))
-        loads.append([ca.mtimes(pick, each) for each in _in_pose(wrench, slopes)])
-    return Expressions(
-        roots=Output(*(ca.vertcat(*each) for each in zip(*roots, strict=True))),
-        loads=Output(*(sum(each[1:], each[0]) for each in zip(*loads, strict=True))) if loads else Output(ca.MX(0, 1)),
-    )
+        normal, ratios = reference_load * ca.fmax(s, 0) ** 2, {}
+        if part.ratios is not None and any(k in used for k in part.columns):
+            ratios = dict(zip(part.columns, ca.vertsplit(network_value(part.ratios, x)), strict=True))
+        shares = ca.vertcat(*(ratios.get(k, float(part.own[k])) for k in used))
+        loads += ca.mtimes(ca.sparsify(ca.DM(selection[:, p, used])), normal * shares)
+    return ca.vertcat(*roots), loads
 
 
-def _local_pose(anchor_mm: Array, space: PoseSpace, order: int) -> ca.Function:
-    """Pose (6) -> local pose x (6) on the space, A = dx/dpose (6 x 6), and, row by row, the stacked columns of
-    d²x_i/dpose² (3 x 36), up to the order."""
+def _local_pose(anchor_mm: Array, space: PoseSpace) -> ca.Function:
+    """Pose (6) -> local pose x (6) on the space."""
     pose = ca.SX.sym("pose", 6)
     on_space = pose if space.unconstrained else ca.mtimes(ca.sparsify(ca.DM(space.matrix)), pose) + ca.DM(space.offset)
     x = ca.vertcat(on_space[:3] + ca.mtimes(rotation(on_space[3:]), ca.sparsify(ca.DM(anchor_mm))), on_space[3:])
-    bends = (ca.reshape(ca.hessian(x[i], pose)[0], 1, 36) for i in range(3))
-    outputs = [x, ca.jacobian(x, pose), ca.vertcat(*bends)]
-    return ca.Function("local_pose", [pose], outputs[: order + 1])
+    return ca.Function("local_pose", [pose], [x])
 
 
-def _in_pose(values: Sequence[NetworkValue], slopes: Sequence[ca.MX]) -> list[ca.MX]:
-    """Stacked values (m), Jacobian J·A (m x 6) and second derivatives Aᵀ·H·A + Σ_i J_i·d²x_i (m x 36) by the pose,
-    from those by the local pose."""
-    parts = [ca.vertcat(*(v.value for v in values))]
-    if slopes:
-        rows = ca.vertcat(*(v.gradient for v in values))
-        parts.append(ca.mtimes(rows, slopes[0]))
-    if len(slopes) > 1:
-        A, bends = slopes
-        halfway = ca.horzcat(*ca.vertsplit(ca.mtimes(ca.vertcat(*(v.hessian for v in values)), A), 6))
-        parts.append(ca.reshape(ca.mtimes(A.T, halfway), 36, len(values)).T + ca.mtimes(rows[:, :3], bends))
-    return parts
-
-
-def _normal(s: NetworkValue, reference_load: float, order: int) -> NetworkValue:
-    """N and its derivatives in the local pose."""
-    contact = ca.fmax(s.value, 0)
-    slope = 2 * reference_load * contact
-    value, gradient, hessian = reference_load * (contact * contact), ca.MX(), ca.MX()
-    if order > 0:
-        gradient = slope * s.gradient
-    if order > 1:
-        touching = (2 * reference_load) * (s.value > 0)
-        hessian = ca.mtimes((touching * s.gradient).T, s.gradient) + slope * s.hessian
-    return NetworkValue(value, gradient, hessian)
-
-
-def _times(normal: NetworkValue, ratio: NetworkValue, order: int) -> NetworkValue:
-    """N·ρ and its derivatives in the local pose."""
-    value, gradient, hessian = normal.value * ratio.value, ca.MX(), ca.MX()
-    if order > 0:
-        gradient = ratio.value * normal.gradient + normal.value * ratio.gradient
-    if order > 1:
-        mixed = ca.mtimes(normal.gradient.T, ratio.gradient)
-        hessian = ratio.value * normal.hessian + mixed + mixed.T + normal.value * ratio.hessian
-    return NetworkValue(value, gradient, hessian)
-
-
-def _signed(normal: NetworkValue, sign: float) -> NetworkValue:
-    """±N."""
-    return normal if sign > 0.0 else NetworkValue(-normal.value, -normal.gradient, -normal.hessian)
-
-
-def union_roots(parts: Output, bounds: Sequence[int]) -> Output:
-    """S (P) of patches from the root loads s of their parts, as `patch_roots` has it, with the same derivatives."""
-    s = ca.MX.sym("s", parts.value.numel())
-    S = ca.vertcat(*(s[a] if b - a == 1 else _union_root(ca.vertsplit(s[a:b])) for a, b in pairwise(bounds)))
-    bends = [ca.hessian(each, s)[0] for each in ca.vertsplit(S)]
-    value, slopes, *bends = ca.Function("unions", [s], [S, ca.jacobian(S, s), *bends]).call([parts.value])
-    if parts.jacobian.is_empty():
-        return Output(value)
-    jacobian = ca.mtimes(slopes, parts.jacobian)
-    if parts.second.is_empty():
-        return Output(value, jacobian)
-    bent = (ca.vec(ca.mtimes([parts.jacobian.T, bend, parts.jacobian])).T for bend in bends)
-    return Output(value, jacobian, ca.mtimes(slopes, parts.second) + ca.vertcat(*bent))
+def union_roots(s: ca.MX, bounds: Sequence[int]) -> ca.MX:
+    """S (P) of patches from the root loads s of their parts, as `patch_roots` has it."""
+    return ca.vertcat(*(s[a] if b - a == 1 else _union_root(ca.vertsplit(s[a:b])) for a, b in pairwise(bounds)))
 
 
 def _union_root(rows: Sequence[ca.MX]) -> ca.MX:

@@ -15,7 +15,6 @@ wrench is the sum over its parts. Its root load is the smooth union of theirs (`
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -23,7 +22,6 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.core.conventions import WRENCH_NAMES, Array, angular_velocity_map, batched, local_poses, rotation
-from casadi_contact.networks.graph import Expressions
 from casadi_contact.networks.kernel.source import Kernel
 from casadi_contact.networks.network import Network, Regression
 from casadi_contact.scenes.scene import Scene
@@ -168,13 +166,13 @@ class PatchSurrogate(Surrogate):
     def _root_bounds(self) -> Sequence[int]:
         return [*self.scene.first_parts, len(self.parts)]
 
-    def _expressions(self, pose: ca.MX, loads: Sequence[str], order: int) -> Expressions:
+    def _expressions(self, pose: ca.MX, loads: Sequence[str]) -> tuple[ca.MX, ca.MX]:
         known = self._with_roots
         parts, selection = [self.parts[p] for p in known], self._selection(loads)[:, known]
-        expressions = patch_expressions(parts, selection, self.scene.reference_load, self.scene.pose_space, pose, order)
+        roots, values = patch_expressions(parts, selection, self.scene.reference_load, self.scene.pose_space, pose)
         if len(parts) == len(self.patch_names) or len(parts) < len(self.parts):
-            return expressions
-        return replace(expressions, roots=union_roots(expressions.roots, self._root_bounds))
+            return roots, values
+        return union_roots(roots, self._root_bounds), values
 
     def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
         selection = self._selection(loads)

@@ -5,9 +5,10 @@ F_l = net_l(pose),   s_p = -F_p/N0   (signed normal load: without the root, whic
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 
-from casadi_contact.networks.graph import Expressions, Output, network_values, stack
+from casadi_contact.networks.graph import network_value
 from casadi_contact.networks.kernel.networks import Bundle
 from casadi_contact.networks.kernel.source import Kernel, c_text
 from casadi_contact.surrogate.base import Surrogate
@@ -40,12 +41,12 @@ class DirectSurrogate(Surrogate):
     def _root_networks(self):
         return list(self.scene.sensitive_loads)
 
-    def _expressions(self, pose, loads, order):
-        def outputs(names):
-            return stack([network_values(self.networks[name], pose, order)[0] for name in names], order)
-
-        forces, n0 = outputs(self._root_networks()), self.scene.reference_load
-        return Expressions(Output(-forces.value / n0, -forces.jacobian / n0, -forces.second / n0), outputs(loads))
+    def _expressions(self, pose, loads):
+        roots, values = (
+            ca.vertcat(*(network_value(self.networks[name], pose) for name in names))
+            for names in (self._root_networks(), loads)
+        )
+        return -roots / self.scene.reference_load, values
 
     def _kernel(self, loads, *, roots):
         forces = self._root_networks()
