@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.core.conventions import Array, check_loads, whole_number
+from casadi_contact.networks.names import check_name
 
 
 def checked_batch(batch: int | None) -> int | None:
