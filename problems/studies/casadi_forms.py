@@ -41,8 +41,8 @@ SLOW = ("PyTorch callback",)
 def graph(surrogate: Surrogate, name: str, loads: Sequence[str], *, scalars: bool = False) -> ca.Function:
     """pose -> loads, roots as MX, or (scalars) as SX: the formula alone, which CasADi differentiates."""
     pose = ca.MX.sym("pose", 6)
-    found = surrogate._expressions(pose, loads, 0)
-    function = ca.Function(name, [pose], [found.loads.value, found.roots.value])
+    roots, values = surrogate._expressions(pose, loads)
+    function = ca.Function(name, [pose], [values, roots])
     return function.expand() if scalars else function
 
 
