@@ -37,7 +37,7 @@ from problems.studies.numbers import (
     table,
     with_numbers,
 )
-from problems.studies.stability.methods import FAILURES, Line
+from problems.studies.stability import FAILURES, Line
 
 _INTRO = (
     "This page is written from result files (`docs/results/data`) by a command, as are [charts](charts.md) of other "
@@ -55,9 +55,10 @@ _PER_STEP = "IPOPT, a frame and iteration [µs]"
 _ROWS = {
     1: [
         "Starts 0.5 to 20 mm out of contact, or 0.5 to 5 mm too deep, settle under the loads the method has there. "
-        "Root loads lead back into contact; loads that are clamped at zero (`two_stage`, peers) do not."
+        "Root loads lead back into contact, a surrogate's as far as its networks have learned; loads that are clamped at "
+        "zero (`two_stage`, peers) do not."
     ],
-    2: ["A moment lifts one side off and lands it again: jumps of pose and derivatives."],
+    2: ["The first pose is raised until its lateral side carries nothing: load and derivatives on both sides of that."],
     3: ["Poses to three times the learned range: pulling, and contact where surfaces are 3 mm apart."],
 }
 
@@ -252,9 +253,9 @@ def _stability_section(content: Mapping[str, Any]) -> list[str]:
     methods = list(dict.fromkeys(method for line in lines for method in line.values))
     quick = " --quick" if content["settings"].get("quick") == "yes" else ""
     parts = [
-        "Each method is tried on the same hard cases: shipped surrogates, the foundation, elements (EF) with Jacobians "
-        "by differences and with the analytic one, and three peers that are fitted to 400 poses of the motion. A dash: "
-        f"the quantity makes no sense for the method. Command: `python -m problems.studies.stability {scene}{quick}`.",
+        "Each method is tried on the same hard cases: shipped surrogates, the foundation, elements (EF), and two peers "
+        "that are fitted to 400 poses of the motion. A dash: the quantity makes no sense for the method. Command: "
+        f"`python -m problems.studies.stability {scene}{quick}`.",
         machine(content["machine"]),
     ]
     for row in sorted({line.row for line in lines}):
