@@ -3,8 +3,7 @@
     min ½ Σ |r_k(q_k)|² + ½ smoothness·Σ |q_{k+1} - q_k|²    over all frames k, q_k in the learned range
 
 r are the misfits of the measured loads and centres of pressure, measured pose parameters are locked
-(`casadi_contact.optimisation.pose_estimation`). Frames that the surrogate leaves unsolved go on with the scene's
-elements, on which all frames are verified.
+(`casadi_contact.optimisation.pose_estimation`). All frames are verified on the scene's elements.
 
 Input columns (`casadi_contact.scenes.cycle.read_cycle`): time_s and any of the joint's pose parameters, loads and
 centres of pressure with their units (rz_rad, Fy_med_N, cop_x_mm). Output columns: `write_frames`.
@@ -25,13 +24,12 @@ from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.pose_estimation import PoseEstimation, PoseResult
 from casadi_contact.optimisation.pose_targets import PoseTargets
 from casadi_contact.optimisation.reference import reference_model
-from casadi_contact.optimisation.verification import Verification, verify
+from casadi_contact.optimisation.verification import Verification, beside_leaps, verify
 from casadi_contact.pictures.page import FAILED, FOUNDATION, SURROGATE, TARGET, frame, new_page, save_page
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.cycle import Cycle
 from casadi_contact.scenes.opensim import poses_table, write_table
 from problems.contact_source import load_contact, load_cycle
-from problems.pose_continuation import continue_on, motion_of
 from problems.summary import write_summary
 
 
@@ -58,20 +56,14 @@ def estimate(model: SymbolicContact, measured: Cycle, out: Path, smoothness: flo
     for warning in check_targets(problem.targets):
         print(f"{measured.name}: {warning}")
     result, reference = problem.solve(), reference_model(model)
-    if not isinstance(reference, str):  # else it says why there is none
-        result = continue_on(problem, result, reference)
     names = problem.targets.load_names
-    leaps = np.zeros(problem.frames, dtype=bool)
-    if (motion := motion_of(problem)) is not None:  # a frame beside a leap is not verified
-        steps = motion.leaping(result.poses, result.solved)
-        leaps = np.append(steps, False) | np.append(False, steps)
+    leaps = beside_leaps(result.poses, result.solved)[:, problem.contact.columns].any(axis=1)
     verdict = verify(
         model,
         result.poses,
         reference,
         result.solved,
         names,
-        on_model=result.on_reference,
         without_load=~problem.targets.loaded,
         leaps=leaps,
     )

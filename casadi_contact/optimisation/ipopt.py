@@ -16,7 +16,6 @@ class FrameOutcome(Enum):
     """What became of one frame (or row) of a problem."""
 
     SOLVED = "solved"
-    ON_REFERENCE = "solved on the reference contact model"
     OVERLOADED = "solved only by reserves beyond their size"
     NO_LOAD = "no load"
     NOT_SOLVED = "not solved"

@@ -16,7 +16,6 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from casadi_contact.contact.continuity import Motion
 from casadi_contact.contact.settle import settle
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import LEVER_MM, POSE_NAMES, Array
@@ -80,10 +79,9 @@ def shear_free_poses(model: SymbolicContact, ry: Array, rz: Array) -> Array:
     """Poses (n, 6) at given rotations (n,), (n,) [rad] where vertical forces of 500 N on both sides cause no shear,
     Fx = Fz = 0. That fixes the pose parameters that nothing else does.
 
-    Frames that find none settle from a neighbour's pose. A convex tibia has several such poses: where neighbouring
-    frames lead to others, the shortest motion is taken (`Motion.without_leaps`). Where there is none the femur stands
-    where shear is least, with a RuntimeWarning. Raises ValueError where rotations lie outside what the surrogate
-    learned, the least shear exceeds 50 N, or the scene locks or ties pose parameters.
+    Frames that find none settle from a neighbour's pose. Where there is none the femur stands where shear is least,
+    with a RuntimeWarning. Raises ValueError where rotations lie outside what the surrogate learned, the least shear
+    exceeds 50 N, or the scene locks or ties pose parameters.
     """
     model.scene.pose_space.check_unconstrained("a pose without shear")
     low, high = pose_bounds(model)
@@ -102,11 +100,6 @@ def shear_free_poses(model: SymbolicContact, ry: Array, rz: Array) -> Array:
             tried, left = _without_shear(model, np.append(poses[frame, :4], poses[beside, 4:])[None])
             if left[0] < shear[beside]:
                 poses[beside], shear[beside] = tried[0], left[0]
-    everyone = np.ones(len(poses), dtype=bool)
-    targets = {name: np.full(len(poses), load) for name, load in _targets(model).items()}
-    motion = Motion(model, FREE, targets, np.full(len(poses), 0.1), everyone, low, high)
-    poses = motion.without_leaps(poses, shear == 0.0)
-    poses, shear = _without_shear(model, poses)
     for rows, limit in (
         (np.isinf(shear), f"more than {0.1 * PRESSED_N:g} N"),
         (shear > 0.0, f"up to {shear.max():.2g} N"),

@@ -42,7 +42,7 @@ from casadi_contact.scenes.cycle import Cycle
 class PoseResult:
     """Poses (n, 6), loads there (n, L) of the targets' ``load_names``, errors (n, targets) from the targets.
 
-    outcome (n,): `FrameOutcome`; ON_REFERENCE frames stand, with their loads, on another contact model.
+    outcome (n,): `FrameOutcome`.
     """
 
     poses: Array
@@ -54,13 +54,8 @@ class PoseResult:
 
     @property
     def solved(self) -> np.ndarray:
-        """True (n,) where the targets are met, on either model."""
-        return np.asarray((self.outcome == FrameOutcome.SOLVED) | self.on_reference)
-
-    @property
-    def on_reference(self) -> np.ndarray:
-        """True (n,) for frames that stand on the reference contact model."""
-        return np.asarray(self.outcome == FrameOutcome.ON_REFERENCE)
+        """True (n,) where the targets are met."""
+        return np.asarray(self.outcome == FrameOutcome.SOLVED)
 
 
 class PoseEstimation:

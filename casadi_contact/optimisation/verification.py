@@ -26,7 +26,7 @@ from casadi_contact.scenes.tolerance import Tolerance
 UNCOUNTED = 0.05  # of a frame's load, where the model counts none or at edges: with more it is not verified
 VERIFIED, DIFFERS, UNSOLVED, UNCHECKED = "solved and verified", "solved, differs", "not solved", "solved, not checked"
 OUTSIDE = "outside the learned region"
-ON_MODEL, LEAPS, NOT_ASKED = "solved on the contact model", "solved, its pose leaps", "no load"
+LEAPS, NOT_ASKED = "solved, its pose leaps", "no load"
 
 _Rows = np.ndarray | int
 _Doubt = tuple[np.ndarray, str, str, Callable[[_Rows], str]]
@@ -40,9 +40,9 @@ class Verification:
     solved (n,): as the solver says; errors (n, L): surrogate minus model [N, N·mm] of load_names, infinite where the
     model gave no number, NaN where there was no model to ask; tolerance: the scene's; model: its name, or why there is
     none; outside (n,): frames out of the learned region; uncounted (n,): share of the load that lies where no model of
-    the scene counts any; off_finer (n, L): what the model differs by from a finer one; on_model (n,): frames that were
-    solved on the model itself; without_load (n,): frames that bear none, which count for nothing; leaps (n,): frames
-    whose pose lies apart from a neighbour's.
+    the scene counts any; off_finer (n, L): what the model differs by from a finer one;
+    without_load (n,): frames that bear none, which count for nothing; leaps (n,): frames whose pose leaps from a
+    neighbour's (`beside_leaps`).
     """
 
     load_names: tuple[str, ...]
@@ -56,7 +56,6 @@ class Verification:
     at_edge: Array
     allowed: Array
     off_finer: Array
-    on_model: np.ndarray
     without_load: np.ndarray
     leaps: np.ndarray
 
@@ -107,7 +106,7 @@ class Verification:
     def words(self) -> list[str]:
         """The verdict of each frame (n,), with the load that differs most against what is allowed."""
         unchecked = np.full(len(self.poses), not self.checked)
-        cases = {NOT_ASKED: self.without_load, UNSOLVED: ~self.solved, UNCHECKED: unchecked, ON_MODEL: self.on_model}
+        cases = {NOT_ASKED: self.without_load, UNSOLVED: ~self.solved, UNCHECKED: unchecked}
         words = np.select(list(cases.values()), list(cases), VERIFIED).tolist()
         for rows, _, of_frame, size in self._doubts():
             for frame in np.flatnonzero(rows).tolist():
@@ -130,9 +129,7 @@ class Verification:
         others = f", {idle} bear no load" if idle else ""
         if not self.checked:
             return f"{solved} of {count} solved{others}, not checked: {self.model}"
-        verified, alone = int(self.verified.sum()), int((self.verified & self.on_model).sum())
-        own = f", {alone} of them on it alone" if alone else ""
-        parts = [f"{verified} of {count} solved and verified on {self.model}{own}{others}"]
+        parts = [f"{int(self.verified.sum())} of {count} solved and verified on {self.model}{others}"]
         if count > solved:
             parts.append(f"{count - solved} not solved ({_numbers(~self.solved & loaded)})")
         parts += [f"{rows.sum()} {of_rows.format(size(rows))}" for rows, of_rows, _, size in self._doubts()]
@@ -233,7 +230,6 @@ def verify(
     solved: ArrayLike = True,
     loads: Sequence[str] | None = None,
     *,
-    on_model: ArrayLike = False,
     without_load: ArrayLike = False,
     leaps: ArrayLike = False,
 ) -> Verification:
@@ -241,7 +237,7 @@ def verify(
 
     model: the `reference_model` if left out; of any other the own error should be well below the scene's
     tolerances; where it is a reason in words, frames are not checked. solved: which frames (n,) the solver did not give
-    up. loads: those that the problem uses, all if left out. on_model, without_load, leaps: as in `Verification`.
+    up. loads: those that the problem uses, all if left out. without_load, leaps: as in `Verification`.
     Raises ValueError for bad or no poses, for a model without the loads, and for truths of another number of poses.
     """
     poses, names = as_poses(poses), surrogate.check_loads(loads)
@@ -249,7 +245,7 @@ def verify(
         raise ValueError("no poses to verify, expected (n, 6) with n >= 1")
     if model is None:
         model = reference_model(surrogate)
-    given = {"solved": solved, "on_model": on_model, "without_load": without_load, "leaps": leaps}
+    given = {"solved": solved, "without_load": without_load, "leaps": leaps}
     rows = {key: _truths(key, value, len(poses)) for key, value in given.items()}
     scene, shape = surrogate.scene, (len(poses), len(names))
     forces = of_kind(surrogate.load_names, FORCE)
@@ -263,7 +259,7 @@ def verify(
     else:
         errors = surrogate(poses, names) - loads_on(model, poses, names)
         errors[~np.isfinite(errors)] = np.inf
-        errors[rows["on_model"]], name = 0.0, getattr(model, "label", type(model).__name__)
+        name = getattr(model, "label", type(model).__name__)
         if isinstance(model, ElasticFoundation):
             uncounted, at_edge = unmodelled_fraction(model, poses), share_at_edges(model, poses)
             ended = rows["solved"]
@@ -281,6 +277,42 @@ def verify(
         off_finer=finer,
         **rows,
     )
+
+
+def beside_leaps(
+    poses: Array,
+    solved: ArrayLike = True,
+    *,
+    least_mm: float = 2.0,
+    least_deg: float = 3.0,
+    times: float = 4.0,
+    beside: int = 2,
+) -> np.ndarray:
+    """True (n, 6) where a pose parameter of poses (n, 6) leaps from one solved (n,) frame to a neighbour: several poses
+    may carry the same loads, and each frame may have found its own.
+
+    A leap is a step of more than least_mm or least_deg that is also more than `times` the median of the steps beside it
+    (so many before and behind). Where the next step leads back, that is compared with what is left of both, and the
+    median of all.
+    """
+    moves = np.diff(poses, axis=0)
+    steps = np.abs(moves)
+    padded = np.pad(steps, ((beside, beside), (0, 0)), constant_values=np.nan)
+    count = len(steps)
+    others = np.stack([padded[at : at + count] for at in range(2 * beside + 1) if at != beside])
+    alone = np.isnan(others).all(axis=0)  # two frames: no step is usual
+    usual = np.nanmedian(np.where(alone, np.inf, others), axis=0)
+    least = np.array([least_mm] * 3 + [np.radians(least_deg)] * 3)
+    left = np.abs(moves[1:] + moves[:-1])  # of one step and the next
+    back = np.full_like(steps, np.inf)
+    back[:-1] = left
+    back[1:] = np.minimum(back[1:], left)
+    back = np.maximum(back, np.median(steps, axis=0)) if count else back
+    found = np.zeros(poses.shape, dtype=bool)
+    known = np.broadcast_to(solved, len(poses))[:, None]
+    found[1:] = (steps > least) & (steps > times * np.minimum(usual, back)) & known[1:] & known[:-1]
+    found[:-1] |= found[1:]
+    return found
 
 
 def _truths(key: str, value: ArrayLike, count: int) -> np.ndarray:

@@ -10,7 +10,6 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from casadi_contact.contact.approach import advance_to_contact, rotate_about_anchors
-from casadi_contact.contact.continuity import Motion
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.model_checks import check_contact_model, sensitive_directions
 from casadi_contact.contact.settle import settle
@@ -124,8 +123,7 @@ def reference_poses(
     Cycles are resampled to `frames` frames on the percentage of the cycle. All frames are settled at once, starting in
     first contact from the scene's start pose (or from `start` (6,), needed for a model without gaps). Frames that fail
     start again: interpolated between converged frames; from the start pose rotated about the patches' anchors; and
-    from the nearest converged frame, with a trust region. Frames that converged to another equilibrium than their
-    neighbours are followed from these (`Motion.without_leaps`).
+    from the nearest converged frame, with a trust region.
 
     Locked and tied pose parameters are the scene's, whatever a cycle measures. progress(done, all): frames settled.
 
@@ -170,11 +168,6 @@ def reference_poses(
             f"{len(loads)} loads ({', '.join(loads)}): {reason[lost[0], 0]}. Mend the loads, or free more in [pose]"
         )
     poses = _between(poses, converged)
-    for k, poses_of_cycle in enumerate(poses):
-        of_cycle = {name: curves[name][k] for name in targets}
-        pressed = np.any([curve != 0.0 for curve in of_cycle.values()], axis=0)  # else any pose out of contact would do
-        motion = Motion(model, free, of_cycle, np.full(frames, tolerance_n), np.asarray(pressed))
-        poses[k] = motion.without_leaps(poses_of_cycle, converged[k] & motion.usable)
     return poses, ReferenceReport(tuple(cycle.name for cycle in cycles), converged, reason)
 
 

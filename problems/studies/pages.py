@@ -55,8 +55,8 @@ _PER_STEP = "IPOPT, a frame and iteration [µs]"
 _ROWS = {
     1: [
         "Starts 0.5 to 20 mm out of contact, or 0.5 to 5 mm too deep, settle under the loads the method has there. "
-        "Root loads lead back into contact, a surrogate's as far as its networks have learned; loads that are clamped at "
-        "zero (`two_stage`, peers) do not."
+        "Root loads lead back into contact, a surrogate's as far as its networks have learned; loads that are clamped "
+        "at zero (`two_stage`, peers) do not."
     ],
     2: ["The first pose is raised until its lateral side carries nothing: load and derivatives on both sides of that."],
     3: ["Poses to three times the learned range: pulling, and contact where surfaces are 3 mm apart."],

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from casadi_contact.contact.continuity import leaps
+from casadi_contact.optimisation.verification import beside_leaps
 
 
 def walking(frames):
@@ -16,11 +16,11 @@ def walking(frames):
 
 @pytest.mark.parametrize("frames", [2, 3, 7, 15, 21, 101, 1001])
 def test_a_smooth_motion_does_not_leap_however_few_frames_it_has(frames):
-    assert not leaps(walking(frames)).any()
+    assert not beside_leaps(walking(frames)).any()
 
 
 def test_a_change_of_branch_and_a_frame_on_another_one_are_found():
     poses = walking(101)
     poses[40:, 2] += 3.4
     poses[70, 3] += np.radians(5.0)
-    assert np.argwhere(leaps(poses)).tolist() == [[39, 2], [69, 3], [70, 3]]
+    assert np.argwhere(beside_leaps(poses)).tolist() == [[39, 2], [40, 2], [69, 3], [70, 3], [71, 3]]

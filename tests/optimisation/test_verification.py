@@ -91,10 +91,10 @@ def test_unsolved_frames_come_first_in_the_exit_code_and_those_without_load_coun
     assert cc.verify(knee, poses, knee, [True, True, False], without_load=[False, False, True]).exit_code == 0
 
 
-def test_frames_that_leap_are_solved_and_not_verified_and_those_on_the_model_itself_are(knee):
-    check = cc.verify(knee, [POSE, POSE], off_by(knee, 10.0), on_model=True, leaps=[False, True])
-    assert check.words == ["solved on the contact model", "solved, its pose leaps"]
-    assert check.line.startswith("1 of 2 solved and verified on Off, 1 of them on it alone; 1 solved, but their pose")
+def test_frames_that_leap_are_solved_and_not_verified(knee):
+    check = cc.verify(knee, [POSE, POSE], knee, leaps=[False, True])
+    assert check.words == ["solved and verified", "solved, its pose leaps"]
+    assert "pose leaps" in check.line
 
 
 def test_a_frame_outside_the_learned_region_fails_though_the_model_agrees(knee):

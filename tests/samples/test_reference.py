@@ -3,9 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from casadi_contact.contact.continuity import Motion, leaps
 from casadi_contact.contact.elements.foundation import ElasticFoundation
-from casadi_contact.contact.settle import settle
 from casadi_contact.core.conventions import rotation
 from casadi_contact.samples.domains import plan_domains
 from casadi_contact.samples.reference import reference_motion, reference_poses
@@ -13,7 +11,6 @@ from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.cycle import Cycle, read_cycle
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
-from tests.support import two_dips
 from tests.support.shared_data import shared_file
 from tests.support.two_spheres import TwoSpheres, cycles, knee
 
@@ -131,22 +128,3 @@ def test_a_body_whose_origin_lies_far_from_its_joint_is_found_in_its_socket_howe
     assert report.converged.all()
     centres = poses[0, :, :3] + rotation(poses[0, :, 3:]) @ arm
     np.testing.assert_allclose(centres[:, [0, 2]], 0.0, atol=0.05)
-
-
-def test_frames_that_settle_in_another_place_than_their_neighbours_are_followed_from_these():
-    """From the flank of a dip a shear to one side leads into it, and one to the other over the ridge."""
-    model, count = two_dips.contact_model(), 41
-    still = dict.fromkeys(("tz", "rx", "ry", "rz"), np.zeros(count))
-    loads = {"Fx": 17.0 * np.sin(np.linspace(0.0, 2.0 * np.pi, count)), "Fy": np.full(count, -200.0)}
-    begin = np.zeros((count, 6))
-    begin[:, :2] = 2.8, two_dips.height(2.8) - 0.2
-    alone, report = settle(model, begin, ("tx", "ty"), loads, tolerance=1e-3, trust_region=False)
-    assert report.converged.all()
-    assert leaps(alone).any()
-    cycle = Cycle("dips", np.arange(float(count)), still, loads)
-    (poses,), found = reference_poses(model, [cycle], frames=count, start=begin[0])
-    assert found.converged.all()
-    assert not leaps(poses).any()
-    np.testing.assert_allclose(model(poses)[:, :2], np.column_stack(list(loads.values())), atol=1e-2)
-    motion = Motion(model, ("tx", "ty"), loads, np.full(count, 1e-3), found.converged[0])
-    assert not motion.unstable(poses).any()
