@@ -49,7 +49,8 @@ _CHARTS = (
     "of several sizes, and peers, methods of others fitted to the same samples. Tables list the models that no "
     "other one beats in both time and error, and the most accurate one of every family. (D1): fitted to samples near "
     "the motion alone. Errors are RMS over forces and over torques on unseen poses of the scene's motion; times are "
-    "medians per pose. Complete tables: `docs/results/data/chart-*.csv`."
+    "medians of the CPU time per pose. In pictures what no other of its family beats has its name, of peers the most "
+    "accurate. Complete tables: `docs/results/data/chart-*.csv`."
 )
 _PER_STEP = "IPOPT, a frame and iteration [µs]"
 _ROWS = {

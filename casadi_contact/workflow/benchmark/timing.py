@@ -1,4 +1,4 @@
-"""Time per evaluation, measured several times in turn so that models are compared within one run."""
+"""CPU time per evaluation, on which other programs tell least, measured several times in turn within one run."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ class Timing:
 
 
 def time_batch(evaluate: Callable[[Array], object], poses: Array) -> float:
-    """Seconds per pose of one call with all poses."""
-    start = time.perf_counter()
+    """CPU seconds per pose of one call with all poses."""
+    start = time.process_time()
     evaluate(poses)
-    return (time.perf_counter() - start) / len(poses)
+    return (time.process_time() - start) / len(poses)
 
 
 def time_single_calls(function: ca.Function, poses: Array, *others: Array) -> float:
-    """Seconds per pose of a CasADi function (pose, *others) -> outputs, called pose by pose through its buffer.
+    """CPU seconds per pose of a CasADi function (pose, *others) -> outputs, called pose by pose through its buffer.
 
     Includes the copy of each pose into the buffer, as a simulation would make it. Other arguments stay as given.
     """
@@ -45,23 +45,23 @@ def time_single_calls(function: ca.Function, poses: Array, *others: Array) -> fl
         buffer.set_arg(i, memoryview(value))  # type: ignore[call-arg, arg-type]
     for i, output in enumerate(outputs):
         buffer.set_res(i, memoryview(output))  # type: ignore[call-arg, arg-type]
-    start = time.perf_counter()
+    start = time.process_time()
     for row in rows:
         view[:] = row
         call()
-    return (time.perf_counter() - start) / len(poses)
+    return (time.process_time() - start) / len(poses)
 
 
 def time_mapped(mapped: ca.Function, poses: Array) -> float:
-    """Seconds per pose of one buffered call of a CasADi function poses (6 x n) -> outputs, for n = len(poses)."""
+    """CPU seconds per pose of one buffered call of a CasADi function poses (6 x n) -> outputs, for n = len(poses)."""
     buffer, call = mapped.buffer()
     columns = np.ascontiguousarray(poses).reshape(-1)  # CasADi stores columns one after the other: pose by pose
     output = np.zeros(mapped.nnz_out(0))
     buffer.set_arg(0, memoryview(columns))  # type: ignore[call-arg, arg-type]
     buffer.set_res(0, memoryview(output))  # type: ignore[call-arg, arg-type]
-    start = time.perf_counter()
+    start = time.process_time()
     call()
-    return (time.perf_counter() - start) / len(poses)
+    return (time.process_time() - start) / len(poses)
 
 
 def compare(measurements: Mapping[Name, Callable[[], float]], repeats: int = 7) -> dict[Name, Timing]:
@@ -77,4 +77,4 @@ def compare(measurements: Mapping[Name, Callable[[], float]], repeats: int = 7) 
 
 
 Stopwatch = Callable[[Array], float]
-"""Poses (n, 6) -> seconds per pose, on one thread."""
+"""Poses (n, 6) -> CPU seconds per pose, on one thread."""

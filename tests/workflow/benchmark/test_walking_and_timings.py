@@ -38,7 +38,7 @@ def test_unseen_walking_is_new_and_lies_inside_the_envelopes_or_d1_of_a_single_c
 
 
 def test_times_are_seconds_per_pose_of_single_calls_and_of_batches(monkeypatch):
-    clock = SimpleNamespace(now=100.0, perf_counter=lambda: clock.now)  # stands still unless somebody moves it on
+    clock = SimpleNamespace(now=100.0, process_time=lambda: clock.now)  # stands still unless somebody moves it on
     monkeypatch.setattr(timing_module, "time", clock)
 
     class Slow(ca.Callback):
