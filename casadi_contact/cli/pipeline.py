@@ -18,7 +18,7 @@ from casadi_contact.core.conventions import Update
 from casadi_contact.core.files.writing import folder_lock, writable_folder, write_text
 from casadi_contact.export.c_source import export_c
 from casadi_contact.export.fmu import export_fmu
-from casadi_contact.pictures.charts import draw_charts
+from casadi_contact.pictures.charts import draw_speed_accuracy, save
 from casadi_contact.pictures.contact_picture import contact_pose
 from casadi_contact.pictures.surrogate_page import surrogate_page
 from casadi_contact.samples.models import DrawnModel, model_name_of, teacher_of
@@ -198,4 +198,4 @@ def chart(
     read_motion(project)  # refuses samples of a table, before an hour of training
     train_sizes(project, update=update, executor=executor)
     path = measure_project(project, peers=peers, tell=tell)
-    return [path, *draw_charts(read_front(path), project.folder)]
+    return [path, *save(draw_speed_accuracy(read_front(path)), project.folder, "speed_accuracy")]

@@ -1,4 +1,4 @@
-"""Charts of the measured speed-accuracy front: styles of families, panels, and one function for each chart."""
+"""The chart of the measured speed-accuracy front: styles of families, panels, labels."""
 
 from __future__ import annotations
 
@@ -102,25 +102,12 @@ Measured: TypeAlias = "tuple[Point, Timing, float]"
 def draw_speed_accuracy(front: Front, title: str = "time per pose against error", measured: str | None = None) -> Any:
     """Time per pose against RMS error, for forces and for torques, as far as the scene has them; measured: on what
     (unseen poses of the scene's motion if left out)."""
-    return _draw(front, title, [("value", "pose", *error) for error in errors_of(front)], measured)
-
-
-def draw_gradient_hessian_time(front: Front) -> Any:
-    """Time of the Jacobian and of the Lagrangian Hessian against the RMS error of the forces, of a scene without these
-    of the torques, on unseen poses of its motion."""
-    first = errors_of(front)[0]
-    drawn = [("jacobian", "Jacobian", *first), ("hessian", "Lagrangian Hessian", *first)]
-    return _draw(front, "time of derivatives of all loads against error", drawn)
-
-
-def _draw(front: Front, title: str, drawn: Sequence[tuple[str, str, Kind, str]], measured: str | None = None) -> Any:
-    """Panels of (what of a `Point` is timed, its name, the kind of load, what a `Point` calls its error); the labels
-    last, when nothing moves any more."""
-    figure, axes = _panels(front, len(drawn), title, measured)
+    errors = errors_of(front)
+    figure, axes = _panels(front, len(errors), title, measured)
     shown = []
-    for axis, (what, name, kind, error) in zip(axes, drawn, strict=True):
-        shown.append(_scatter(axis, front, what, error))
-        axis.set(xlabel=f"time per {name} [µs]", ylabel=f"RMS {kind.name} error [{kind.unit}]")
+    for axis, (kind, error) in zip(axes, errors, strict=True):
+        shown.append(_scatter(axis, front, error))
+        axis.set(xlabel="time per pose [µs]", ylabel=f"RMS {kind.name} error [{kind.unit}]")
     entries = {name: handle for axis in axes for handle, name in zip(*axis.get_legend_handles_labels(), strict=True)}
     figure.legend(list(entries.values()), list(entries), loc="outside right upper", fontsize=8, frameon=False)
     figure.draw_without_rendering()
@@ -137,11 +124,11 @@ def _draw(front: Front, title: str, drawn: Sequence[tuple[str, str, Kind, str]],
     return figure
 
 
-def _scatter(axis: Any, front: Front, what: str, error: str) -> list[Measured]:
+def _scatter(axis: Any, front: Front, error: str) -> list[Measured]:
     """Draw the points (model, timing, error) that have both numbers, with the spread of their times."""
     shown: list[Measured] = []
     for family, style in family_styles([point.family for point in front.points]).items():
-        mine = [(p, getattr(p, what), getattr(p, error)) for p in front.models if p.family == family]
+        mine = [(p, p.value, getattr(p, error)) for p in front.models if p.family == family]
         mine = [(point, timing, rms) for point, timing, rms in mine if timing is not None and rms > 0.0]
         if not mine:
             continue
@@ -166,14 +153,6 @@ def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
             best = points[index][1]
             front.append(index)
     return front
-
-
-CHARTS = {"speed_accuracy": draw_speed_accuracy, "gradient_hessian_time": draw_gradient_hessian_time}
-
-
-def draw_charts(front: Front, folder: Path) -> list[Path]:
-    """Write every chart as .png and .svg into the folder; return their paths."""
-    return [path for name, draw in CHARTS.items() for path in save(draw(front), folder, name)]
 
 
 _SIZE = 7.5  # of the text, in points

@@ -188,9 +188,8 @@ def _vertices(axis: Any, mesh: TriangleMesh, off_um: Array, view: View, largest:
 
 
 _POINTS = 300  # of the plane, each way
-_MARGIN_MM = 6.0  # beyond the elements
+_MARGIN_MM = 4.0  # beyond the elements
 _LEAST_HEIGHT = 0.45  # of the picture over the width of the widest patch: higher up a body may end
-_SHARE_OF_WAY = 0.3  # between neighbouring patches
 _GAP = 4.0  # element sides without an element: the line is broken there
 
 
@@ -224,15 +223,15 @@ def draw_section(
     at = float(across.of(_centre(maps)))
     profiles = [_profile(pressed, at, along, across) for pressed in maps]
     low, high = _window(profiles, along, toward)
-    reaches = _reaches([along.of(profile) for profile in profiles], low[0], high[0])
-    for pressed, profile, reach in zip(maps, profiles, reaches, strict=True):
+    for pressed, profile in zip(maps, profiles, strict=True):
+        right, up = along.of(profile), toward.of(profile)
         # Each patch's own surface, where this patch lies: what two of them enclose between them is no contact.
-        u, v = np.meshgrid(np.linspace(*reach, _POINTS), np.linspace(low[1], high[1], _POINTS))
+        over = np.linspace(right.min() - _MARGIN_MM, right.max() + _MARGIN_MM, _POINTS)
+        u, v = np.meshgrid(over, np.linspace(low[1], high[1], _POINTS))
         points = u[..., None] * along.direction + v[..., None] * toward.direction + at * across.direction
         distance = model.distances(points.reshape(-1, 3), pose, pressed.patch).reshape(u.shape)
         axis.contourf(u, v, distance, levels=[-1e3, 0.0], colors=["tab:blue"], alpha=0.25)
         axis.contour(u, v, distance, levels=[0.0], colors=["tab:blue"], linewidths=1.2)
-        right, up = along.of(profile), toward.of(profile)
         wide = np.hypot(np.diff(right), np.diff(up)) > _GAP * np.sqrt(np.median(pressed.areas_mm2))
         right, up = (np.insert(each, np.flatnonzero(wide) + 1, np.nan) for each in (right, up))
         axis.plot(right, up, color="tab:orange", linewidth=1.5)
@@ -262,19 +261,6 @@ def _profile(pressed: PressureMap, at: float, along: PictureAxis, across: Pictur
     nearest_first = np.lexsort((away[near], step))
     kept = nearest_first[np.unique(step[nearest_first], return_index=True)[1]]
     return pressed.centres_mm[near[kept]]
-
-
-def _reaches(coordinates: Sequence[Array], low: float, high: float) -> list[tuple[float, float]]:
-    """How far to both sides each profile's moving surface is drawn: a share of the way to the next one, or to the
-    ends low and high."""
-    ends = [(float(c.min()), float(c.max())) for c in coordinates]
-    found = []
-    for first, last in ends:
-        before, behind = [b for _, b in ends if b < first], [a for a, _ in ends if a > last]
-        left = first - _SHARE_OF_WAY * (first - max(before)) if before else low
-        right = last + _SHARE_OF_WAY * (min(behind) - last) if behind else high
-        found.append((left, right))
-    return found
 
 
 def _window(profiles: Sequence[Array], along: PictureAxis, toward: PictureAxis) -> tuple[Array, Array]:

@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 import typer
@@ -21,7 +20,7 @@ import typer
 from casadi_contact.core.files.writing import replacing, writable_folder
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.knee import SIDES
-from casadi_contact.pictures.charts import draw_charts
+from casadi_contact.pictures.charts import draw_speed_accuracy
 from casadi_contact.pictures.page import save_page
 from casadi_contact.scenes.loading import ready_scenes
 from casadi_contact.workflow.benchmark.front_file import TIMES, Point, read_front
@@ -280,11 +279,7 @@ def run(
         with replacing(out / name) as beside:
             beside.write_text(text, "utf-8")
     for path in (*data.glob("speed_accuracy.csv"), *sorted(data.glob("chart-*.csv"))):
-        with TemporaryDirectory() as folder:
-            for drawn in draw_charts(read_front(path), Path(folder)):
-                if drawn.name == "speed_accuracy.png":
-                    with replacing(out / f"{path.stem}.png") as beside:
-                        beside.write_bytes(drawn.read_bytes())
+        save_page(draw_speed_accuracy(read_front(path)), out / f"{path.stem}.png")
     if (data / "solve_time.csv").is_file():
         save_page(solve_time.draw(read_front(data / "solve_time.csv")), out / f"{solve_time.NAME}.png")
     if readme is not None:
