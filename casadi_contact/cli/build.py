@@ -152,7 +152,6 @@ def export(
     scene: SceneOrSurrogate,
     preset: PresetName = DEFAULT_PRESET,
     out: Out = None,
-    kernel: Annotated[bool, typer.Option("--kernel", help="the C kernel alone, without the CasADi file")] = False,
     fmu: Annotated[
         bool, typer.Option("--fmu", help="a functional mock-up unit (FMI 3.0) for other simulators, instead of C")
     ] = False,
@@ -164,9 +163,7 @@ def export(
 
     Where nothing has been built in the folder, the shipped surrogates of the scene are exported.
     """
-    if kernel and (fmu or foundation):
-        raise ValueError("got --kernel with --fmu or --foundation, which write no CasADi file: leave it out")
-    _export(Project.open(scene, preset, out), kernel_only=kernel, fmu=fmu, contact_model=foundation)
+    _export(Project.open(scene, preset, out), fmu=fmu, contact_model=foundation)
 
 
 def _sample(
@@ -222,8 +219,8 @@ def _report(project: Project) -> None:
     say(f"report in {path}")
 
 
-def _export(project: Project, *, kernel_only: bool = False, fmu: bool = False, contact_model: bool = False) -> None:
+def _export(project: Project, *, fmu: bool = False, contact_model: bool = False) -> None:
     if not contact_model:
         say_shipped(project, "exporting")
-    for path in pipeline.export(project, kernel_only=kernel_only, fmu=fmu, contact_model=contact_model):
+    for path in pipeline.export(project, fmu=fmu, contact_model=contact_model):
         say(f"exported {path}")

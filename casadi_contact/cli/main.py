@@ -28,8 +28,7 @@ sample my_joint.toml --table samples.csv
 train knee --preset standard
 calibrate knee --preset standard
 evaluate knee --preset standard
-export knee
-export knee --kernel --out results/my_knee
+export knee --out results/my_knee
 export knee --foundation
 export knee --fmu
 chart knee --preset standard
@@ -49,7 +48,7 @@ show my_knee.toml --poses poses.csv
 page knee --out knee.html
 page my_knee.toml --poses poses.csv --surrogate results/my_knee-quick/patch.h5
 """.splitlines()
-_FIRST = ("info knee", "show knee", "export knee --kernel", "build knee --preset standard")
+_FIRST = ("info knee", "show knee", "export knee", "build knee --preset standard")
 
 
 def examples(lines: Iterable[str]) -> str:

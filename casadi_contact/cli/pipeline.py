@@ -131,10 +131,8 @@ def evaluate(project: Project) -> dict[str, dict[str, LoadErrors]]:
 
 
 @exclusive
-def export(
-    project: Project, *, kernel_only: bool = False, fmu: bool = False, contact_model: bool = False
-) -> list[Path]:
-    """Write each surrogate as a ``.casadi`` file and as a C kernel with header and example, or as the kernel alone.
+def export(project: Project, *, fmu: bool = False, contact_model: bool = False) -> list[Path]:
+    """Write each surrogate as a ``.casadi`` file and as a C kernel with header and example.
 
     Where nothing has been built: the scene's shipped surrogates. fmu: a functional mock-up unit of each instead.
     contact_model: `cc.foundation` instead of surrogates, as C or as FMU.
@@ -153,7 +151,7 @@ def export(
         if fmu:
             written.append(export_fmu(model, folder / kind / f"{stem}.fmu", start=pose))
             continue
-        if isinstance(model, Surrogate) and not kernel_only:
+        if isinstance(model, Surrogate):
             path = folder / kind / f"{stem}.casadi"
             file = ca.StringSerializer()  # casadi.Function.load reads what it writes
             file.pack(model.function(compiled=False))

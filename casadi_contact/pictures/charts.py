@@ -41,14 +41,8 @@ def _darker(colour: str) -> str:
     return "#" + "".join(f"{int(0.6 * int(colour[i : i + 2], 16)):02x}" for i in (1, 3, 5))
 
 
-_ERRORS = ((FORCE, "force_rms_n"), (TORQUE, "torque_rms_nmm"))
 _LEGEND_INCHES = 2.35
 _CLOSE = (1.0, 2.0, 3.0, 5.0, 7.0)
-
-
-def errors_of(front: Front) -> list[tuple[Kind, str]]:
-    """The kinds of load that the front's scene has, force before torque, and what a `Point` calls their RMS error."""
-    return [(kind, name) for kind, name in _ERRORS if of_kind(front.loads, kind)]
 
 
 def _panels(front: Front, count: int, title: str, measured: str | None) -> tuple[Any, Any]:
@@ -102,11 +96,11 @@ Measured: TypeAlias = "tuple[Point, Timing, float]"
 def draw_speed_accuracy(front: Front, title: str = "time per pose against error", measured: str | None = None) -> Any:
     """Time per pose against RMS error, for forces and for torques, as far as the scene has them; measured: on what
     (unseen poses of the scene's motion if left out)."""
-    errors = errors_of(front)
-    figure, axes = _panels(front, len(errors), title, measured)
+    kinds = [kind for kind in (FORCE, TORQUE) if of_kind(front.loads, kind)]
+    figure, axes = _panels(front, len(kinds), title, measured)
     shown = []
-    for axis, (kind, error) in zip(axes, errors, strict=True):
-        shown.append(_scatter(axis, front, error))
+    for axis, kind in zip(axes, kinds, strict=True):
+        shown.append(_scatter(axis, front, kind))
         axis.set(xlabel="time per pose [µs]", ylabel=f"RMS {kind.name} error [{kind.unit}]")
     entries = {name: handle for axis in axes for handle, name in zip(*axis.get_legend_handles_labels(), strict=True)}
     figure.legend(list(entries.values()), list(entries), loc="outside right upper", fontsize=8, frameon=False)
@@ -124,12 +118,12 @@ def draw_speed_accuracy(front: Front, title: str = "time per pose against error"
     return figure
 
 
-def _scatter(axis: Any, front: Front, error: str) -> list[Measured]:
+def _scatter(axis: Any, front: Front, kind: Kind) -> list[Measured]:
     """Draw the points (model, timing, error) that have both numbers, with the spread of their times."""
     shown: list[Measured] = []
     for family, style in family_styles([point.family for point in front.points]).items():
-        mine = [(p, p.value, getattr(p, error)) for p in front.models if p.family == family]
-        mine = [(point, timing, rms) for point, timing, rms in mine if timing is not None and rms > 0.0]
+        timed = [(p, p.value, p.rms(kind)) for p in front.models if p.family == family and p.value is not None]
+        mine = [row for row in timed if row[2] > 0.0]
         if not mine:
             continue
         times, errors = [timing.median_us for _, timing, _ in mine], [rms for *_, rms in mine]

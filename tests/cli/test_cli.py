@@ -153,7 +153,7 @@ def test_a_given_surrogate_stands_for_its_scene_and_for_what_was_trained(tmp_pat
     project = Project.open(mine, "quick", tmp_path / "out")
     assert project.scene.digest == cc.load_scene("knee").digest
     assert list(available_surrogates(project)) == ["two_stage"]
-    done = CliRunner().invoke(app, ["export", str(mine), "--kernel", "--out", str(tmp_path / "out")])
+    done = CliRunner().invoke(app, ["export", str(mine), "--out", str(tmp_path / "out")])
     assert done.exit_code == 0, done.output
     assert list((tmp_path / "out" / "export" / "two_stage").glob("*.c"))
 
