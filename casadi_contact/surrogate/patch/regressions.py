@@ -7,6 +7,8 @@ load, those in contact (N > 0) for a ratio, which has no meaning where there is 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -75,7 +77,8 @@ def patch_regressions(samples: Samples) -> list[Regression]:
         target = root_target(normal, gap_mm, scene)
         false_load = np.where(contact, 0.0, scene.reference_load)
         columns = (inputs, target, root_weight(target, scene), validation)
-        regressions.append(Regression(root_name(part.name), *columns, root_tolerance, false_load, domain))
+        root = Regression(root_name(part.name), *columns, root_tolerance, false_load, domain)
+        regressions.append(_with_deeper(root, part.normal.direction, scene))
         if not components[part.name]:
             continue
         used = [WRENCH_NAMES.index(name) for name in components[part.name]]
@@ -96,6 +99,30 @@ def patch_regressions(samples: Samples) -> list[Regression]:
             )
         )
     return regressions
+
+
+def _with_deeper(root: Regression, direction: Array | None, scene: Scene) -> Regression:
+    """The regression of a root load, and every fourth of its training rows in contact pressed on, by gap_slope per mm.
+
+    The added root loads lie above 1.2 of the largest sampled one, as far as others lie below zero. Samples end at the
+    largest load of the plan; a network that turned down beyond would have two poses for each load, and validity, which
+    sees the depth in the root loads alone, could not tell them apart. These rows weigh as little as those far out of
+    contact. None are added where N has no direction, or the pose is locked along it.
+    """
+    free = list(scene.pose_space.free)
+    pressed = np.flatnonzero((root.targets > 0.0) & ~root.validation)[::4]
+    if direction is None or not np.isin(np.flatnonzero(direction), free).all() or not len(pressed):
+        return root
+    largest = root.targets.max()
+    target = 1.2 * largest + max(largest, -root.targets.min()) * np.random.default_rng(0).random(len(pressed))
+    added = root.of_rows(pressed)
+    deeper_mm = (target - added.targets) / scene.gap_slope
+    inputs = added.inputs + deeper_mm[:, None] * np.eye(6)[:3][:, free].T.dot(direction)
+    weights = np.full(len(pressed), _GAP_WEIGHT * root_weight(np.zeros(1), scene))
+    added = replace(added, inputs=inputs, targets=target, weights=weights)
+    names = ("inputs", "targets", "weights", "validation", "false_load", "domain")
+    joined: dict[str, Any] = {name: np.concatenate([getattr(root, name), getattr(added, name)]) for name in names}
+    return replace(root, **joined)
 
 
 def _check_space(poses: Array, scene: Scene) -> None:
