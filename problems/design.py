@@ -24,7 +24,7 @@ import numpy as np
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
-from casadi_contact.contact.pressure_law import layer_modulus
+from casadi_contact.contact.pressure_law import law_of
 from casadi_contact.contact.settle import settle
 from casadi_contact.contact.symbolic import contact_callback
 from casadi_contact.core.conventions import Array
@@ -145,7 +145,8 @@ def design(contact: DishContact, bounds: Array, frames: int) -> tuple[Dish, Dish
     radii, peak, q = 5.0 * opti.variable(2), 5.0 * opti.variable(), opti.variable(4, n)  # mm, MPa
     poses = ca.vertcat(ca.diag(ca.DM(steps)) @ q, ca.DM(locked[:, 4:].T))
     values = ca.reshape(contact.function(n)(ca.vertcat(ca.vec(poses), radii)), -1, n)
-    pressure = layer_modulus(scene.material) / scene.material.thickness * values[L:, :frames]
+    _, modulus, thickness = law_of(scene.material)
+    pressure = modulus / thickness * values[L:, :frames]
     got = values[[scene.load_names.index(name) for name in BALANCED], :]
     opti.minimize(peak / 5.0)
     opti.subject_to((got - ca.DM(loads.T)) / 30.0 == 0.0)

@@ -39,11 +39,14 @@ class CompiledFoundation(SlidingContact, SymbolicContact, PressureOutputs):
     """
 
     lanes = 4  # the most numbers that its C has in a vector
+    varies = False  # whether its layer's thickness may
     resolution: str  # how finely it integrates, in words: "12 rays × 3 points"
     moments_header: str  # the C that defines ``patch_moments`` (see ``c/pressures.h``), after that of `_code`
 
     def __init__(self, scene: Scene, *, compiled: bool = True) -> None:
         super().__init__(scene)
+        if scene.varies and not self.varies:
+            raise ValueError(f"scene {scene.name}: a layer whose thickness varies takes cc.ElasticFoundation")
         self.record: dict[str, Any] = {}
         self._kernels: dict[tuple[tuple[str, ...], str], Path | None] = {}
         self._compiled = compiled and scene.material.law in C_LAWS
@@ -125,6 +128,8 @@ class CompiledFoundation(SlidingContact, SymbolicContact, PressureOutputs):
         return values, twist_to_pose_gradient(by_twist, poses)
 
     def _outputs(self, poses: Array) -> tuple[Array, Array]:
+        if self.scene.varies:  # the largest pressure need not lie where depth is largest
+            raise ValueError(f"{self!r} has no pressures where thickness varies: take cc.ElasticFoundation")
         if self._pressure_library is None:
             return super()._outputs(poses)
         values = np.empty((len(poses), len(self.pressure_names)))
@@ -167,7 +172,9 @@ class CompiledFoundation(SlidingContact, SymbolicContact, PressureOutputs):
         if self.scene.material.law not in C_LAWS:
             raise ValueError(f"the pressure law {self.scene.material.law!r} has no C, expected {' or '.join(C_LAWS)}")
         names = self.check_loads(loads)
-        texts = [self._source(names), c_text("export.h", C_FOLDER), self._pressure_source()]
+        texts = [self._source(names), c_text("export.h", C_FOLDER)]
+        if self.pressure_names:
+            texts.append(self._pressure_source())
         return ExportedModel(
             name=self._export_name(),
             source="\n".join(texts),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from casadi_contact.contact.pressure_law import layer_modulus
+from casadi_contact.contact.pressure_law import law_of
 from casadi_contact.core.conventions import load_selection
 from casadi_contact.networks.kernel.source import c_text, guards
 from casadi_contact.scenes.material import Material
@@ -50,10 +50,9 @@ def law_source(material: Material) -> str:
 
 
 def _law_sizes(material: Material) -> dict[str, float]:
-    return {
-        **{"WIDEST": 8, "WIDTH": 8, "LOGARITHMIC": int(material.law == "log")},
-        **{"MODULUS": layer_modulus(material), "THICKNESS": float(material.thickness)},
-    }
+    _, modulus, thickness = law_of(material)
+    sizes = {"WIDEST": 8, "WIDTH": 8, "LOGARITHMIC": int(material.law == "log")}
+    return {**sizes, "MODULUS": modulus, "THICKNESS": thickness}
 
 
 def definitions(sizes: Mapping[str, float], tables: Mapping[str, Iterable[float]] | None = None) -> list[str]:

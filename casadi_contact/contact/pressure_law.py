@@ -10,6 +10,7 @@ from typing import Any
 
 import numba
 import numpy as np
+from numpy.typing import ArrayLike
 
 from casadi_contact.core.compilation import njit
 from casadi_contact.core.conventions import Array
@@ -23,15 +24,10 @@ def law_number(name: str) -> int:
     return list(LAWS).index(name)
 
 
-def layer_modulus(material: Material) -> float:
-    """K = (1 - ν)E/((1 + ν)(1 - 2ν)) [MPa]: stiffness of a layer that cannot bulge sideways."""
-    nu = material.poissons_ratio
-    return (1.0 - nu) * material.youngs_modulus / ((1.0 + nu) * (1.0 - 2.0 * nu))
-
-
 def law_of(material: Material) -> tuple[int, float, float]:
-    """Number of a material's law, modulus K [MPa] and thickness h [mm]: what compiled laws are called with."""
-    return law_number(material.law), layer_modulus(material), material.thickness
+    """Number of a material's law, modulus K [MPa] and thickness h [mm], that of both layers in series: what compiled
+    laws are called with."""
+    return law_number(material.law), material.modulus, material.thickness + material.in_series
 
 
 def compile_laws(laws: Sequence[PressureLaw], first: int = 0) -> Any:
@@ -52,14 +48,15 @@ def compile_laws(laws: Sequence[PressureLaw], first: int = 0) -> Any:
 pressure = compile_laws(list(LAWS.values()))
 
 
-def pressures(number: int, modulus: float, thickness: float, depths: Array) -> Array:
-    """p [MPa] at depths (...) [mm]; zero where there is none (depth <= 0)."""
+def pressures(number: int, modulus: float, thickness: ArrayLike, depths: Array) -> Array:
+    """p [MPa] at depths (...) [mm]; zero where there is none (depth <= 0). thickness: one, or as many."""
     return pressure_derivatives(number, modulus, thickness, depths)[0]
 
 
-def pressure_derivatives(number: int, modulus: float, thickness: float, depths: Array) -> tuple[Array, Array]:
+def pressure_derivatives(number: int, modulus: float, thickness: ArrayLike, depths: Array) -> tuple[Array, Array]:
     """p [MPa] and dp/dd [MPa/mm] at depths (...) [mm]; zero where there is none."""
-    values, derivatives = _derivatives(number, modulus, thickness, np.ascontiguousarray(depths).ravel())
+    of_each = np.broadcast_to(np.asarray(thickness, dtype=float), depths.shape)
+    values, derivatives = _derivatives(number, modulus, of_each.ravel(), np.ascontiguousarray(depths).ravel())
     return values.reshape(depths.shape), derivatives.reshape(depths.shape)
 
 
@@ -68,5 +65,5 @@ def _derivatives(number, modulus, thickness, depths):
     values, derivatives = np.zeros(len(depths)), np.zeros(len(depths))
     for n in range(len(depths)):
         if depths[n] > 0.0:
-            values[n], derivatives[n], _ = pressure(number, modulus, thickness, depths[n])
+            values[n], derivatives[n], _ = pressure(number, modulus, thickness[n], depths[n])
     return values, derivatives

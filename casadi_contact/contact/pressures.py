@@ -92,7 +92,10 @@ class PressureOutputs(ABC):
 
     @property
     def pressure_names(self) -> tuple[str, ...]:
-        """contact_area_med, mean_pressure_med, ... patch by patch; without the patch where there is but one."""
+        """contact_area_med, mean_pressure_med, ... patch by patch; without the patch where there is but one. None where
+        the layer's thickness varies."""
+        if self.scene.varies:
+            return ()
         single = len(self.patch_names) == 1
         return tuple(m if single else f"{m}_{p}" for p in self.patch_names for m in MEASURES)
 

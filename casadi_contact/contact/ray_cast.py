@@ -34,18 +34,19 @@ class RayCastFoundation(CallableModel):
         for patch in scene.patch_names:
             mesh = patch_mesh(scene.geometry, patch)
             areas = mesh.areas_mm2
-            self._patches.append((mesh.corners_mm.mean(axis=1), mesh.area_vectors_mm2 / areas[:, None], areas))
-        self._law = law_of(scene.material)
+            centres, normals = mesh.corners_mm.mean(axis=1), mesh.area_vectors_mm2 / areas[:, None]
+            law = *law_of(scene.material)[:2], scene.thickness_at(centres, normals)
+            self._patches.append((centres, normals, areas, law))
 
     def __repr__(self) -> str:
-        return f"RayCastFoundation({self.scene.name}, {sum(len(a) for _, _, a in self._patches)} triangles)"
+        return f"RayCastFoundation({self.scene.name}, {sum(len(p[2]) for p in self._patches)} triangles)"
 
     def summary(self, poses: Array) -> PressureSummary:
         """Areas, pressures, centres of pressure and penetrations of each patch at poses (n, 6); the mean counts each
         triangle in contact once, whatever its area, as JAM's does."""
         poses = as_poses(poses)
         pressed = (
-            (n, p, self._patches[p][0], self._patches[p][2], depths, pressures(*self._law, depths))
+            (n, p, self._patches[p][0], self._patches[p][2], depths, pressures(*self._patches[p][3], depths))
             for n, p, depths in self._depths(poses)
         )
         return PressureSummary.of_elements((len(poses), len(self._patches)), pressed, counted_alike=True)
@@ -53,15 +54,15 @@ class RayCastFoundation(CallableModel):
     def _all_wrenches(self, poses: Array) -> Array:
         wrenches = np.zeros((len(poses), len(self._patches), 6))
         for n, p, depths in self._depths(poses):
-            centres, normals, areas = self._patches[p]
-            forces = -(pressures(*self._law, depths) * areas)[:, None] * normals
+            centres, normals, areas, law = self._patches[p]
+            forces = -(pressures(*law, depths) * areas)[:, None] * normals
             wrenches[n, p] = [*forces.sum(axis=0), *np.cross(centres, forces).sum(axis=0)]
         return wrenches
 
     def _depths(self, poses: Array) -> Iterator[tuple[int, int, Array]]:
         """(pose, patch, depth of each triangle [mm]) one after another."""
         for n, (R, t) in enumerate(zip(rotation(poses[:, 3:]), poses[:, :3], strict=True)):
-            for p, (centres, normals, _) in enumerate(self._patches):
+            for p, (centres, normals, *_) in enumerate(self._patches):
                 directions = -normals @ R
                 depth, face = self._caster.first_hits((centres - t) @ R, directions)
                 touching = self._caster.leaves(directions, face) & (depth > 0.0) & (depth < 20.0)

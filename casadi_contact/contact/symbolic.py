@@ -21,7 +21,7 @@ import numpy as np
 
 from casadi_contact.contact.friction import SlidingContact
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.contact.pressure_law import layer_modulus
+from casadi_contact.contact.pressure_law import law_of
 from casadi_contact.core.conventions import (
     POSE_NAMES,
     Array,
@@ -243,6 +243,11 @@ def check_parameters(parameters: Iterable[str], material: Material, *, moving: b
         raise ValueError(f"parameters {', '.join(names)}, expected some of {', '.join(known)}, each once{cure}")
     if "thickness" in names and material.law != "linear":
         raise ValueError(f"thickness is no factor of the loads under the law {material.law!r}, expected the law linear")
+    if material.moving and (material.thickness_map or material.law != "linear") and not set(names) <= set(PLACEMENT):
+        raise ValueError(
+            f"{', '.join(names)}: the fixed layer in series with the moving one is no factor of the loads where its "
+            "thickness varies, or under the law log; expected a placement alone, or one layer"
+        )
     return names
 
 
@@ -300,7 +305,9 @@ def _stiffness_ratio(value: dict[str, ca.MX], material: Material) -> ca.MX:
     E, nu, h = (ca.MX(value.get(name, getattr(material, name))) for name in names)
     modulus = (1.0 - nu) * E / ((1.0 + nu) * (1.0 - 2.0 * nu))
     bounds = {"youngs_modulus": E > 0.0, "poissons_ratio": ca.logic_and(nu > -1.0, nu < 0.5), "thickness": h > 0.0}
-    ratio = modulus / layer_modulus(material) * material.thickness / h
+    _, own, thickness = law_of(material)
+    in_series = thickness - material.thickness  # of the modulus `own`: the moving body's layer
+    ratio = thickness / (h * own / modulus + in_series)
     for name in (name for name in names if name in value):
         ratio = ca.if_else(bounds[name], ratio, np.nan)
     return ratio

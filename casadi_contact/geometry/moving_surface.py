@@ -8,7 +8,7 @@ than its least radius, and so a convex function there, which the elastic foundat
   one arc with R = r_f is a sphere. Arcs follow one another from anterior (-x) to posterior (+x); polar angle φ is
   measured from -y towards +x, so that φ is the flexion at which that point of the condyle faces the insert.
 * cylinder of radius R about the z axis: g = √(x² + y²) - R.
-* half-space y >= 0 (flat punch): g = -y.
+* half-space y >= 0 (flat punch): g = -y; or y <= 0 (the ground): g = y.
 
 The fourth is the distance field of a mesh (`geometry.distance_field`), not convex: culling there relies on its slope.
 """
@@ -62,6 +62,6 @@ def cylinder(radius: float) -> MovingSurface:
     return MovingSurface(CYLINDER, np.array([radius]))
 
 
-def half_space() -> MovingSurface:
-    """All that lies at y >= 0 of the moving frame: a flat punch, larger than any patch."""
-    return MovingSurface(HALF_SPACE, np.zeros(1))
+def half_space(side: float = 1.0) -> MovingSurface:
+    """All that lies at y >= 0 of the moving frame, a flat punch larger than any patch; of the side -1, at y <= 0."""
+    return MovingSurface(HALF_SPACE, np.array([side]))

@@ -43,7 +43,7 @@ def signed_distance(family, parameters, x, y, z):
         return rho - parameters[0], x / rho, y / rho, 0.0
     if family == MESH_FIELD:
         return field_distance(parameters, x, y, z)
-    return -y, 0.0, -1.0, 0.0
+    return -parameters[0] * y, 0.0, -parameters[0], 0.0
 
 
 @njit(inline="always")
@@ -64,8 +64,8 @@ def distance_derivatives(surface: MovingSurface, points: Array) -> tuple[Array, 
         return field_derivatives(surface.parameters, points)
     gradients, hessians = np.zeros((len(points), 3)), np.zeros((len(points), 3, 3))
     if surface.family == HALF_SPACE:
-        gradients[:, 1] = -1.0
-        return -points[:, 1], gradients, hessians
+        gradients[:, 1] = -surface.parameters[0]
+        return gradients[:, 1] * points[:, 1], gradients, hessians
     across, centre, radius = round_body(surface)
     offset = (points - centre) * across
     distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-12)

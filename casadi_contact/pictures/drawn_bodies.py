@@ -209,7 +209,7 @@ def _surface(surface: MovingSurface) -> Triangles:
     if surface.family == HALF_SPACE:
         x, z = np.meshgrid([-_HALF_LENGTH_MM, _HALF_LENGTH_MM], [-_HALF_LENGTH_MM, _HALF_LENGTH_MM], indexing="ij")
         points = np.stack([x, np.zeros((2, 2)), z], -1)
-        return Triangles.of_grid(points, np.broadcast_to([0.0, -1.0, 0.0], (2, 2, 3)))
+        return Triangles.of_grid(points, np.broadcast_to([0.0, -surface.parameters[0], 0.0], (2, 2, 3)))
     raise ValueError(f"the moving surface has the family {surface.family}, which has no picture")
 
 

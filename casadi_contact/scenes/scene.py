@@ -141,6 +141,18 @@ class Scene:
         return self.layer
 
     @property
+    def varies(self) -> bool:
+        """Whether the layer's thickness does."""
+        return self.material.thickness_map is not None or "backing" in self.geometry
+
+    def thickness_at(self, points_mm: Array, normals: Array) -> Array:
+        """Thickness (n,) [mm] of a layer of the material's modulus that is as stiff as both bodies' layers in series,
+        under points (n, 3) of the fixed surface with outward unit normals (n, 3)."""
+        backed = shape_named(self.shape).thickness_at(self.geometry, points_mm, normals)
+        own = self.material.thickness_at(points_mm) if backed is None else backed
+        return np.asarray(own + self.material.in_series)
+
+    @property
     def sensitive_loads(self) -> tuple[str, ...]:
         """The named loads that the normal loads are made of, in patch order."""
         return tuple(name for normal in self.normal_loads for name in normal.loads)

@@ -185,11 +185,11 @@ INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
   }
 }
 #else
-/* All that lies at y >= 0 of the moving frame */
+/* All that lies at SOLID_SIDE y >= 0 of the moving frame */
 INLINE void distance_at(const Lanes q[3], int order, Distance *out) {
   memset(out, 0, sizeof *out);
-  out->g = -q[1];
-  out->slope[1] = all(-1.0);
+  out->g = -SOLID_SIDE * q[1];
+  out->slope[1] = all(-SOLID_SIDE);
   (void)order;
 }
 #endif

@@ -25,7 +25,9 @@ from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.projection import DOWN, LEAST_UPWARD, Lines, ParallelProjection, grid_frame, grid_on_mesh
 from casadi_contact.geometry.surface_distances import field_derivatives
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.shapes.foot import sole_surface
 from casadi_contact.scenes.shapes.mesh_bodies import body_field, body_surface, patch_box, patch_mesh, patch_projection
+from casadi_contact.scenes.shapes.shape import Geometry
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,24 @@ class PlaneChart(Chart):
         return surface_at(lines, np.zeros((len(u), 6)), np.ones(len(u), dtype=bool))
 
 
+class SoleChart(Chart):
+    """A parametric sole over x and, across it, z at the ball of the foot."""
+
+    def __init__(self, geometry: Geometry) -> None:
+        self._sole = sole_surface(geometry)
+        self._half = 0.5 * geometry["ball_width"]
+        self.low = np.array([geometry["heel_x"], -self._half])
+        self.high = np.array([geometry["toe_x"], self._half])
+
+    def surface(self, u: Array, v: Array) -> Surface:
+        """By its derivatives."""
+        c, tangents, second = self._sole(u, v / self._half)
+        scale = np.array([1.0, 1.0 / self._half])
+        down = np.broadcast_to([0.0, -1.0, 0.0], c.shape)
+        known = np.ones(len(u), dtype=bool)
+        return surface_of(c, tangents * scale[:, None], second * np.outer(scale, scale)[..., None], down, known)
+
+
 def surface_at(lines: Lines, jet: Array, known: np.ndarray) -> Surface:
     """The surface at the height h along lines, by h and its derivatives u, v, uu, uv, vv (m, 6)."""
     h, up = jet[:, 0, None, None], lines.ups[:, None]
@@ -86,13 +106,19 @@ def surface_at(lines: Lines, jet: Array, known: np.ndarray) -> Surface:
     tangents = lines.start_gradients + h_a * up + h * lines.up_gradients
     turns = h_a[:, :, None] * lines.up_gradients[:, None]
     second = h_ab * up[:, None] + turns + np.swapaxes(turns, 1, 2) + h[..., None] * lines.up_hessians
+    return surface_of(lines.starts + jet[:, :1] * lines.ups, tangents, second, lines.ups, known)
+
+
+def surface_of(c: Array, tangents: Array, second: Array, outwards: Array, known: np.ndarray) -> Surface:
+    """The surface through points c (m, 3) by their derivatives by u and v (m, 2, 3) and the second ones (m, 2, 2, 3);
+    outwards (m, 3) tells its side."""
     c_u, c_v = tangents[:, 0], tangents[:, 1]
     N = np.cross(c_v, c_u)
     slopes = np.cross(second[:, :, 1], c_u[:, None]) + np.cross(c_v[:, None], second[:, :, 0])
-    length = np.linalg.norm(N, axis=1)[:, None] * np.sign(np.einsum("nk,nk->n", N, lines.ups))[:, None]
+    length = np.linalg.norm(N, axis=1)[:, None] * np.sign(np.einsum("nk,nk->n", N, outwards))[:, None]
     n, turned = N / length, slopes / length[..., None]
     bends = turned - n[:, None] * np.einsum("nk,nak->na", n, turned)[..., None]
-    return Surface(lines.starts + jet[:, :1] * lines.ups, n, tangents, bends, known)
+    return Surface(c, n, tangents, bends, known)
 
 
 def segment_surface(

@@ -27,6 +27,7 @@ class CellChoice:
 
     sizes_mm: tuple[float, ...] = (2.4, 2.0, 1.7, 1.4, 1.2, 1.0, 0.85, 0.7, 0.6, 0.52, 0.45)
     usual_mm: float = 30.0  # length of patches with these sizes; of smaller patches they are smaller in proportion
+    large_mm: float = 90.0  # and of larger ones than this, a sole's, larger in proportion
     sub_point_mm: float = 0.3
     elements: tuple[int, int] = (320, 320)  # of a patch
     half: tuple[int, int] = (160, 160)
@@ -40,13 +41,14 @@ class CellChoice:
     safe: float = 0.3  # of the errors that are allowed: poses that were not tried are up to three times as wrong
 
     def sizes_of(self, scene: Scene) -> tuple[float, ...]:
-        """Sides of cells from large to small, in proportion to the scene's smallest patch where that is a small one."""
+        """Sides of cells from large to small, in proportion to the smallest patch where that is small or large."""
         longest = min(float(np.max(chart.high - chart.low)) for chart in patch_charts(scene))
-        return tuple(size * min(1.0, longest / self.usual_mm) for size in self.sizes_mm)
+        scale = min(1.0, longest / self.usual_mm) * max(1.0, longest / self.large_mm)
+        return tuple(size * scale for size in self.sizes_mm)
 
     def cells(self, u_mm: float, v_mm: float) -> Cells:
-        """Cells with sub-points about `sub_point_mm` apart."""
-        return Cells(u_mm, v_mm, *(max(3, round(size / self.sub_point_mm)) for size in (u_mm, v_mm)))
+        """Cells with sub-points about `sub_point_mm` apart, at most 8 along a side."""
+        return Cells(u_mm, v_mm, *(min(8, max(3, round(size / self.sub_point_mm))) for size in (u_mm, v_mm)))
 
     def ladder(self, scene: Scene) -> list[Cells]:
         """Square cells from large to small, to be shown beside one another."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -30,7 +30,7 @@ class CellFoundation(CompiledFoundation):
     Several spots of contact, of any form, in each patch. Raises ValueError for a scene of no shape of `CELL_SHAPES`.
     """
 
-    lanes, moments_header = 8, "cells_pressures.h"
+    lanes, varies, moments_header = 8, True, "cells_pressures.h"
 
     def __init__(self, scene: Scene, cells: Cells = Cells(1.2, 0.75), *, compiled: bool = True) -> None:  # noqa: B008
         super().__init__(scene, compiled=compiled)
@@ -90,10 +90,23 @@ def cell_patches(
     scene: Scene, cells: Cells, charts: Sequence[Chart] = (), *, fade_share: float = 0.2
 ) -> list[Quadrature]:
     """The scene's patches in cells of this size; charts: its `patch_charts`, if at hand; fade_share: of the scene's
-    boundary load, ∫p dA below which loads fade out."""
+    boundary load, ∫p dA below which loads fade out.
+
+    Where the thickness h varies, p = K·d/h is K·d/h0 times h0/h, which the nodes' areas take on. Raises ValueError for
+    another law than the linear one there.
+    """
     law = law_of(scene.material)
+    if scene.varies and scene.material.law != "linear":
+        raise ValueError(
+            f"scene {scene.name}: cells take a thickness that varies under the law linear alone, "
+            "expected that law, or cc.ElasticFoundation"
+        )
     body = scene.surfaces()[0]  # one body faces every patch
     if body.family == MESH_FIELD:  # as its kernel stores it
         body = MovingSurface(body.family, in_single_precision(body.parameters))
     fade_n = fade_share * scene.boundary_load
-    return [Quadrature(lay_cells(chart, cells), cells, body, law, fade_n) for chart in charts or patch_charts(scene)]
+    patches = [lay_cells(chart, cells) for chart in charts or patch_charts(scene)]
+    if scene.varies:
+        shares = (law[2] / scene.thickness_at(patch.c, patch.n) for patch in patches)
+        patches = [replace(p, loads=p.loads * share[:, None]) for p, share in zip(patches, shares, strict=True)]
+    return [Quadrature(patch, cells, body, law, fade_n) for patch in patches]

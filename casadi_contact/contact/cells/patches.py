@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from casadi_contact.contact.cells.basis import Cells, middles
-from casadi_contact.contact.cells.charts import Chart, MeshChart, PlaneChart
+from casadi_contact.contact.cells.charts import Chart, MeshChart, PlaneChart, SoleChart
 from casadi_contact.core.conventions import Array
 from casadi_contact.scenes.scene import Scene
 
@@ -45,7 +45,7 @@ def lay_lines(
     return Lines(place(lines), place(lines, 1) / cut, place(lines[:-1, None] + middles(parts) / cut).ravel())
 
 
-CELL_SHAPES = ("mesh", "sphere_on_plane", "cylinder_on_plane", "punch_on_plane")
+CELL_SHAPES = ("mesh", "foot_on_ground", "sphere_on_plane", "cylinder_on_plane", "punch_on_plane")
 
 BOXES = 8  # that the kernel tests together
 
@@ -77,6 +77,8 @@ def patch_charts(scene: Scene) -> list[Chart]:
     if scene.shape == "mesh":
         return [MeshChart(scene, patch) for patch in scene.patch_names]
     g = scene.geometry
+    if scene.shape == "foot_on_ground":
+        return [SoleChart(g)]
     if scene.shape == "punch_on_plane":
         return [PlaneChart(g["area"] ** 0.5, g["area"] ** 0.5)]
     if scene.shape in CELL_SHAPES:

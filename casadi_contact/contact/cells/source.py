@@ -191,7 +191,7 @@ def _sizes(patches: Sequence[Quadrature]) -> dict[str, float]:
 def _body(surface: MovingSurface, tables: bytearray, largest_mm: float | None) -> str:
     """What ``cells_body.h`` reads; with tangents for blocks that reach so far from their middles, if that is given."""
     if surface.family == HALF_SPACE:
-        return "#define BODY_FIELD 0\n#define BODY_ROUND 0"
+        return f"#define BODY_FIELD 0\n#define BODY_ROUND 0\n#define SOLID_SIDE {float(surface.parameters[0])!r}"
     if surface.family != MESH_FIELD:
         axes, centre, radius = round_body(surface)
         return (

@@ -32,7 +32,6 @@ from casadi_contact.geometry.elements import BLOCK_SIDE, ElementGrid, scattered_
 from casadi_contact.geometry.moving_surface import SWEPT_ARCS, MovingSurface
 from casadi_contact.geometry.triangle_mesh import beside_creases, creases
 from casadi_contact.networks.kernel.source import c_text
-from casadi_contact.scenes.material import Material
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.checks import grid_size
 from casadi_contact.scenes.shapes.mesh_bodies import body_mesh, field_spacing
@@ -67,27 +66,30 @@ def _boxes(e: ElementGrid) -> Array:
 
 
 class PatchElements(NamedTuple):
-    """Elements, as numba's loops read an `ElementGrid`, and the moving surface that faces them; where there is one, the
-    library in C (``c/elements.h``), and what that gets besides poses.
+    """Elements, as numba's loops read an `ElementGrid`, the moving surface that faces them, and the law's number, K and
+    h (m,) under each; where there is one, the library in C (``c/elements.h``), and what that gets besides poses.
 
-    Both C and numba stay. Numba has every surface and pressure law, and needs no compiler. The C has swept arcs only,
-    with four elements in a vector: 7 against 35 µs a pose of 80×40 elements, which all samples of knees wait for.
+    Both C and numba stay. Numba has every surface and pressure law, and needs no compiler. The C has swept arcs on one
+    thickness only, with four elements in a vector: 7 against 35 µs a pose of 80×40 elements, which all samples of knees
+    wait for.
     """
 
     surface: MovingSurface
     elements: tuple[Array, Array, Array, np.ndarray, Array]
+    law: tuple[int, float, Array]
     library: Path | None = None
     constants: tuple[np.ndarray, ...] = ()
 
     @classmethod
-    def of(cls, surface: MovingSurface, e: ElementGrid, compiled: Material | None, lanes: int = 4) -> PatchElements:
-        """compiled: the material whose law the C has, `lanes` blocks of elements in a vector; None for numba alone."""
-        boxes = _boxes(e)
-        bed = cls(surface, (e.centres_mm, e.normals, e.areas_mm2, e.blocks, boxes))
-        if compiled is None or surface.family != SWEPT_ARCS or compiled.law not in C_LAWS:
+    def of(cls, scene: Scene, surface: MovingSurface, e: ElementGrid, compiled: bool, lanes: int = 4) -> PatchElements:
+        """compiled: whether to take the C where it has the scene's law, `lanes` blocks of elements in a vector."""
+        boxes, material = _boxes(e), scene.material
+        law = *law_of(material)[:2], scene.thickness_at(e.centres_mm, e.normals)
+        bed = cls(surface, (e.centres_mm, e.normals, e.areas_mm2, e.blocks, boxes), law)
+        if not compiled or surface.family != SWEPT_ARCS or material.law not in C_LAWS or scene.varies:
             return bed
         try:
-            library = shared_library("\n".join([law_source(compiled), c_text("elements.h", C_FOLDER)]))
+            library = shared_library("\n".join([law_source(material), c_text("elements.h", C_FOLDER)]))
         except CompilerError:
             return bed  # numba has the same numbers
         none = -len(boxes) % lanes  # blocks without elements: all vectors are full
@@ -96,13 +98,11 @@ class PatchElements(NamedTuple):
         constants = (np.array([len(members)], dtype=np.int64), surface.parameters.copy(), boxes, members)
         return bed._replace(library=library, constants=constants)
 
-    def wrenches(
-        self, law: tuple[int, float, float], rotations: Array, translations: Array, *, derivatives: bool
-    ) -> tuple[Array, Array]:
+    def wrenches(self, rotations: Array, translations: Array, *, derivatives: bool) -> tuple[Array, Array]:
         """Wrenches (n, 6) and, if asked, d wrench / d twist (n, 6, 6)."""
         if self.library is None:
             s = self.surface
-            loop = partial(wrench_many, s.family, s.parameters, self.elements, *law, derivatives)
+            loop = partial(wrench_many, s.family, s.parameters, self.elements, *self.law, derivatives)
             return _of_shares(loop, rotations, translations)
         wrenches = np.empty((len(translations), 6))
         stiffness = np.empty((len(translations), 6, 6)) if derivatives else None
@@ -123,12 +123,11 @@ class ElasticFoundation(SlidingContact):
 
     def __init__(self, scene: Scene, grid: tuple[int, int] | None = None, *, compiled: bool = True) -> None:
         super().__init__(scene)
-        self._law = law_of(scene.material)
         self.grid = scene.grids["fine"] if grid is None else grid_size("grid", grid)
         grids = scene.elements(self.grid)
         self._edges = [e.edge_centres_mm for e in grids]
-        self._material = scene.material if compiled else None
-        self._patches = [PatchElements.of(s, e, self._material) for s, e in zip(scene.surfaces(), grids, strict=True)]
+        self._compiled = compiled
+        self._patches = [PatchElements.of(scene, s, e, compiled) for s, e in zip(scene.surfaces(), grids, strict=True)]
 
     def __repr__(self) -> str:
         return f"ElasticFoundation({self.scene.name}, grid={grid_text(self.grid)})"
@@ -155,7 +154,8 @@ class ElasticFoundation(SlidingContact):
         surface, (centres, normals, areas, *_) = bed.surface, bed.elements
         depths, by_twist = overlap_many(surface.family, surface.parameters, centres, normals, R, t, 0.0)
         on = depths > 0.0
-        p, slope = pressure_derivatives(*self._law, depths[on])
+        number, modulus, thickness = bed.law
+        p, slope = pressure_derivatives(number, modulus, thickness[on], depths[on])
         c, n, area = centres[on], normals[on], areas[on]
         return PressedPoints(c, n, wrench_about_origin(n, c), p * area, (slope * area)[:, None] * by_twist[on])
 
@@ -212,17 +212,17 @@ class ElasticFoundation(SlidingContact):
         """Pressure of every element in one pose (6,), patch by patch."""
         (position,) = as_poses([pose])
         return [
-            PressureMap(patch, elements[0], elements[2], pressures(*self._law, depths))
-            for patch, (elements, depths) in zip(self.patch_names, self._depths(position), strict=True)
+            PressureMap(patch, bed.elements[0], bed.elements[2], pressures(*bed.law, depths))
+            for patch, (bed, depths) in zip(self.patch_names, self._depths(position), strict=True)
         ]
 
     def summary(self, poses: Array) -> PressureSummary:
         """Areas, pressures, centres of pressure and penetrations of each patch at poses (n, 6), over its elements."""
         poses = as_poses(poses)
         found = (
-            (n, p, elements[0], elements[2], depths, pressures(*self._law, depths))
+            (n, p, bed.elements[0], bed.elements[2], depths, pressures(*bed.law, depths))
             for n, pose in enumerate(poses)
-            for p, (elements, depths) in enumerate(self._depths(pose))
+            for p, (bed, depths) in enumerate(self._depths(pose))
         )
         return PressureSummary.of_elements((len(poses), len(self.patch_names)), found)
 
@@ -233,14 +233,12 @@ class ElasticFoundation(SlidingContact):
         points = np.ascontiguousarray(points_mm, dtype=float)
         return point_distances(surface.family, surface.parameters, points, rotation(position[3:]), position[:3].copy())
 
-    def _depths(self, pose: Array) -> Iterator[tuple[tuple[Array, ...], Array]]:
+    def _depths(self, pose: Array) -> Iterator[tuple[PatchElements, Array]]:
         """Elements, and their depths (m,) [mm] in one pose, patch by patch."""
         R, t = rotation(pose[3:]), pose[:3].copy()
-        for surface, elements, *_ in self._patches:
-            yield (
-                elements,
-                np.maximum(overlap_many(surface.family, surface.parameters, *elements[:2], R, t, 0.0)[0], 0.0),
-            )
+        for bed in self._patches:
+            surface = bed.surface.family, bed.surface.parameters
+            yield bed, np.maximum(overlap_many(*surface, *bed.elements[:2], R, t, 0.0)[0], 0.0)
 
     @cached_property
     def _edge_patches(self) -> list[PatchElements]:
@@ -250,7 +248,7 @@ class ElasticFoundation(SlidingContact):
             centres, normals, areas = elements[:3]
             near = cKDTree(edge).query(centres)[0] <= EDGE_MM if len(edge) else np.zeros(len(centres), dtype=bool)
             at_edge = scattered_elements(centres[near], normals[near], areas[near], near[near])
-            beds.append(PatchElements.of(surface, at_edge, None))
+            beds.append(PatchElements.of(self.scene, surface, at_edge, False))
         return beds
 
     @cached_property
@@ -261,14 +259,14 @@ class ElasticFoundation(SlidingContact):
             return self._patches
         grids = self.scene.part_elements(self.grid)
         return [
-            PatchElements.of(self._patches[part.patch].surface, e, self._material)
+            PatchElements.of(self.scene, self._patches[part.patch].surface, e, self._compiled)
             for part, e in zip(parts, grids, strict=True)
         ]
 
     def _evaluate(self, beds: Sequence[PatchElements], poses: Array, *, derivatives: bool) -> tuple[Array, Array]:
         """Wrenches (n, beds, 6) and, if asked, d wrench / d pose (n, beds, 6, 6)."""
         rotations, translations = rotation(poses[:, 3:]), np.ascontiguousarray(poses[:, :3])
-        results = [bed.wrenches(self._law, rotations, translations, derivatives=derivatives) for bed in beds]
+        results = [bed.wrenches(rotations, translations, derivatives=derivatives) for bed in beds]
         wrenches = np.stack([w for w, _ in results], axis=1)
         if not derivatives:
             return wrenches, np.empty(0)

@@ -146,7 +146,7 @@ def _patch_wrench(family, parameters, elements, law, modulus, thickness, R, t, w
                 continue
             nx, ny, nz = normals[e, 0], normals[e, 1], normals[e, 2]
             d, gx, gy, gz = _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, -g)
-            p, dp, _ = pressure(law, modulus, thickness, d)
+            p, dp, _ = pressure(law, modulus, thickness[e], d)
             _set_twist(load_direction, -1.0, nx, ny, nz, cx, cy, cz)
             force = p * areas[e]
             for i in range(6):
@@ -189,7 +189,8 @@ def _patch_gap(family, parameters, elements, R, t, slope):
 
 @njit(nogil=True)
 def wrench_many(family, parameters, elements, law, modulus, thickness, derivatives, rotations, translations):
-    """Wrenches (n, 6) and stiffnesses d wrench / d twist (n, 6, 6) of one patch for n poses."""
+    """Wrenches (n, 6) and stiffnesses d wrench / d twist (n, 6, 6) of one patch for n poses; thickness (m,): under each
+    element."""
     count = len(translations)
     wrenches = np.empty((count, 6))
     stiffnesses = np.empty((count if derivatives else 0, 6, 6))

@@ -123,6 +123,8 @@ class FiniteElements(WrenchLoads):
         reach_mm: float = 0.3,
     ) -> None:
         super().__init__(scene)
+        if scene.varies or scene.material.moving:
+            raise ValueError(f"scene {scene.name}: finite elements take one layer of one thickness")
         nx, nz = [3 * count // 2 for count in scene.grids["coarse"]] if grid is None else grid_size("grid", grid)
         self.grid = nx - (nx - 1) % mesh.order, nz - (nz - 1) % mesh.order  # whole elements
         self.mesh, self.reach_mm = mesh, reach_mm

@@ -13,6 +13,8 @@
     open_edges = "cut"                    # of the fixed mesh; or "rim": the part itself ends there, contact may too
     elements = "grid"                     # rays along `pressing` onto the fixed mesh; or "triangles": its own
     spacing = 0.75                        # of the distance fields' nodes [mm]; or {moving = 0.75, fixed = 0.2}
+    backing = "tibia_bone.stl"            # what the fixed body's layer lies on, in the fixed mesh's units, axes and
+                                          # placement: the layer is as thick as the way to it along the normal
     [geometry.placement.moving]           # where each mesh lies in its body's frame; as in the file if left out
     mirror = "z"                          # first mirrored, then turned as a pose turns, then moved [mm]
     rotation_deg = [0.0, 0.0, 5.0]
@@ -54,10 +56,11 @@ _CHOICES: dict[str, Sequence[str]] = {
     "shell": ("outer", "whole"),
 }
 _SPACINGS_MM = {"low": 1e-3, "high": 1.5}  # finer does not fit into memory, coarser loses a joint's surface
-_DIGESTS = {body: f"{body}_sha256" for body in BODIES}
+_FILES = (*BODIES, "backing")
+_DIGESTS = {file: f"{file}_sha256" for file in _FILES}
 _LISTS = {"pressing": 3, "cup_centre": 3, "start_pose": 6}
 _NEEDED = (*BODIES, "units", "patches")
-_OPTIONAL = (*_CHOICES, "axes", "spacing", "placement", *_LISTS, *_DIGESTS.values())
+_OPTIONAL = (*_CHOICES, "backing", "axes", "spacing", "placement", *_LISTS, *_DIGESTS.values())
 _DEFAULTS: dict[str, Any] = {"axes": list(FILE_AXES), "elements": "grid", "spacing": 0.75, "open_edges": "cut"}
 
 
@@ -106,7 +109,7 @@ class Mesh(Shape):
 
     def check(self, table: object) -> dict[str, Any]:
         values: dict[str, Any] = _DEFAULTS | table_of("geometry", table, _NEEDED, complete=True, optional=_OPTIONAL)
-        for key in sorted({*BODIES, *_DIGESTS.values()} & set(values)):
+        for key in sorted({*_FILES, *_DIGESTS.values()} & set(values)):
             if not isinstance(values[key], str) or not values[key]:
                 raise fail(f"geometry.{key}", values[key], "text")
         for key in sorted(set(_CHOICES) & set(values)):
@@ -180,11 +183,19 @@ class Mesh(Shape):
             elements += [scattered_elements(*of_patch, open_triangles(mesh), z_mm) for z_mm in ranges]
         return elements
 
+    def thickness_at(self, geometry: Geometry, points_mm: Array, normals: Array) -> Array | None:
+        """The way to the backing along the inward normals, where the scene names one."""
+        from casadi_contact.scenes.shapes import mesh_bodies as bodies
+
+        return bodies.backing_depths(geometry, points_mm, normals) if "backing" in geometry else None
+
     def locate_files(self, geometry: Geometry, folder: Path) -> Geometry:
         """Absolute paths of the mesh files (relative ones start at the folder), and the files' digests. Raises
         FileNotFoundError for a missing mesh, ValueError for one that is not the one the scene was made with."""
         located = dict(geometry)
         for body, key in _DIGESTS.items():
+            if body not in geometry:
+                continue
             path = (folder / geometry[body]).resolve()
             digest = file_digest(path)
             if geometry.get(key, digest) != digest:

@@ -54,14 +54,30 @@ def body_field(geometry: Geometry, body: str) -> DistanceField:
 
 
 def field_spacing(geometry: Geometry, body: str) -> float:
-    """The spacing [mm] of the nodes of the body's distance field."""
+    """The spacing [mm] of the nodes of the body's distance field; the backing has that of the fixed body."""
     spacing = geometry["spacing"]
-    return float(spacing[body] if isinstance(spacing, Mapping) else spacing)
+    return float(spacing["fixed" if body == "backing" else body] if isinstance(spacing, Mapping) else spacing)
 
 
 def body_surface(geometry: Geometry, body: str) -> SmoothSurface:
     """The body's smooth surface, in the body's own frame."""
     return _surface(body_mesh(geometry, body))
+
+
+def backing_depths(
+    geometry: Geometry, points_mm: Array, normals: Array, flattest: float = 0.3, least_mm: float = 0.2, rounds: int = 30
+) -> Array:
+    """The way (n,) [mm] from points (n, 3) of the fixed surface along minus their normals (n, 3) to the smooth surface
+    of the backing, at least least_mm: d ← d - g/g', with g its distance. Beyond its rim, where the normal no longer
+    leads to it, g falls by `flattest` at least: the way to what lies nearest, slanted."""
+    field, way = body_field(geometry, "backing"), np.zeros(len(points_mm))
+    for _ in range(rounds):
+        g, slope = field(points_mm - way[:, None] * normals)
+        step = g / np.maximum(np.einsum("nk,nk->n", slope, normals), flattest)
+        way += step
+        if np.abs(step).max(initial=0.0) < 1e-6:
+            break
+    return np.maximum(way, least_mm)
 
 
 def check_shells(geometry: Geometry, most_spacing: float = 0.4) -> None:
@@ -137,7 +153,7 @@ def _source(geometry: Geometry, body: str) -> _Source:
         contact = tuple((tuple(low), tuple(high)) for low, high in boxes)
     elif geometry.get("shell") == "outer":
         about = tuple(map(tuple, patch_anchors(geometry).tolist()))
-    placed: dict[str, Any] = dict(geometry.get("placement", {}).get(body, {}))
+    placed: dict[str, Any] = dict(geometry.get("placement", {}).get("fixed" if body == "backing" else body, {}))
     placed |= {key: tuple(placed[key]) for key in placed if key != "mirror"}
     placement = Placement(**placed)
     return _Source(str(path), digest, geometry["units"], tuple(geometry["axes"]), contact, placement, about)

@@ -98,6 +98,11 @@ class Shape(ABC):
             for z_mm in ranges
         ]
 
+    def thickness_at(self, geometry: Geometry, points_mm: Array, normals: Array) -> Array | None:
+        """Thickness (n,) [mm] of the fixed body's layer under points (n, 3) of its surface with outward unit normals
+        (n, 3); None where the scene's [material] tells it."""
+        return None
+
     def locate_files(self, geometry: Geometry, folder: Path) -> Geometry:
         """The [geometry] of a scene file in `folder` with what it names there; the same where it names no files."""
         return geometry
@@ -115,6 +120,7 @@ _MODULES = {
     "sphere_in_dish": "closed_forms.SphereInDish",
     "cylinder_on_plane": "closed_forms.CylinderOnPlane",
     "punch_on_plane": "closed_forms.PunchOnPlane",
+    "foot_on_ground": "foot.FootOnGround",
     "own_model": "shape.OwnModel",
     "mesh": "mesh.Mesh",
 }
