@@ -8,7 +8,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from casadi_contact.core.conventions import Array
 from casadi_contact.scenes.shapes.checks import fail, number, numbers, table_of
@@ -110,6 +109,8 @@ def _cardinals(places: Array, at: Array) -> Array:
     """Natural cubic splines (n, m) that are 1 at one of the places (m,) and 0 at the others."""
     if len(places) == 1:
         return np.ones((len(at), 1))
+    from scipy.interpolate import CubicSpline  # most scenes have no map, and load without it
+
     return np.asarray(CubicSpline(places, np.eye(len(places)), bc_type="natural")(np.clip(at, places[0], places[-1])))
 
 

@@ -7,7 +7,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.polar.lines import Rays
-from casadi_contact.contact.pressure_law import compile_laws, law_number, layer_modulus, pressure, pressures
+from casadi_contact.contact.pressure_law import compile_laws, law_number, pressure, pressures
 from casadi_contact.scenes.material import LAWS
 from tests.support.agreement import differences
 from tests.support.compiler import needs_compiler
@@ -61,7 +61,7 @@ def test_a_sphere_on_a_plane_has_the_closed_forms_of_an_elastic_foundation(depth
     scene = cc.load_scene("sphere_on_plane")
     model = cc.PolarFoundation(scene, Rays(12, 3), compiled=False)
     got, R = by_name(model, at(30.0 - depth, tx=1.0, tz=-2.0)[0]), 30.0
-    stiffness = layer_modulus(scene.material) / scene.material.thickness
+    stiffness = scene.material.modulus / scene.material.thickness
     area = np.pi * (2.0 * R * depth - depth**2)
     assert got["contact_area"] == pytest.approx(area, rel=1e-4)
     assert got["mean_pressure"] == pytest.approx(np.pi * stiffness * depth**2 * (R - depth / 3.0) / area, rel=1e-4)
@@ -81,7 +81,7 @@ def test_a_ball_deep_in_a_cup_has_the_closed_forms_of_its_cap():
     got = by_name(model, pose)
     assert got["contact_area"] == pytest.approx(2.0 * np.pi * R**2 * (1.0 - edge), rel=1e-12)
     assert got["penetration"] == pytest.approx(length + r - R, rel=1e-9)
-    stiffness = layer_modulus(scene.material) / scene.material.thickness
+    stiffness = scene.material.modulus / scene.material.thickness
     assert got["peak_pressure"] == pytest.approx(stiffness * (length + r - R), rel=1e-9)
     along = np.array([got[f"cop_{axis}"] for axis in "xyz"]) - model.cup.centre
     np.testing.assert_allclose(np.cross(along, b), 0.0, atol=1e-9)

@@ -5,6 +5,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.scenes.opensim import femur_in_insert
+from casadi_contact.scenes.scene import Scene
 from tests.support.meshes import mesh_scene_text
 from tests.support.shared_data import shared_file
 
@@ -88,3 +89,12 @@ def test_on_cartilage_areas_and_pressures_are_within_some_percent_of_jam_s(jam, 
     ):
         assert np.abs(got / want - 1.0).max() < most
     np.testing.assert_allclose(found.centre_mm[:, 0], vectors(stored, "center_of_pressure", 1000.0), atol=0.1)
+
+
+def test_a_layer_on_each_body_is_the_lumped_one_of_that_program(jam):
+    scene, stored = jam
+    half = {"youngs_modulus": 10.0, "poissons_ratio": 0.45, "thickness": 3.0}
+    halves = Scene.from_tables({**scene.tables, "material": {**half, "law": "linear", "moving": half}})
+    few = slice(0, len(stored), 25)
+    wrenches = cc.RayCastFoundation(halves).wrenches(jam_poses(stored)[few])[:, 0]
+    np.testing.assert_allclose(wrenches[:, :3], vectors(stored, "contact_force", 1.0)[few], atol=1e-3)

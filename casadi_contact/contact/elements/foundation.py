@@ -81,12 +81,18 @@ class PatchElements(NamedTuple):
     constants: tuple[np.ndarray, ...] = ()
 
     @classmethod
-    def of(cls, scene: Scene, surface: MovingSurface, e: ElementGrid, compiled: bool, lanes: int = 4) -> PatchElements:
-        """compiled: whether to take the C where it has the scene's law, `lanes` blocks of elements in a vector."""
-        boxes, material = _boxes(e), scene.material
-        law = *law_of(material)[:2], scene.thickness_at(e.centres_mm, e.normals)
+    def of(
+        cls, surface: MovingSurface, e: ElementGrid, scene: Scene | None, *, compiled: bool = False, lanes: int = 4
+    ) -> PatchElements:
+        """scene: None for gaps alone. compiled: whether to take the C where it has the scene's law, `lanes` blocks of
+        elements in a vector."""
+        boxes, law = _boxes(e), (0, np.nan, np.zeros(0))
+        if scene is not None:
+            law = *law_of(scene.material)[:2], scene.thickness_at(e.centres_mm, e.normals)
         bed = cls(surface, (e.centres_mm, e.normals, e.areas_mm2, e.blocks, boxes), law)
-        if not compiled or surface.family != SWEPT_ARCS or material.law not in C_LAWS or scene.varies:
+        if not compiled or scene is None or scene.varies or surface.family != SWEPT_ARCS:
+            return bed
+        if (material := scene.material).law not in C_LAWS:
             return bed
         try:
             library = shared_library("\n".join([law_source(material), c_text("elements.h", C_FOLDER)]))
@@ -127,7 +133,9 @@ class ElasticFoundation(SlidingContact):
         grids = scene.elements(self.grid)
         self._edges = [e.edge_centres_mm for e in grids]
         self._compiled = compiled
-        self._patches = [PatchElements.of(scene, s, e, compiled) for s, e in zip(scene.surfaces(), grids, strict=True)]
+        self._patches = [
+            PatchElements.of(s, e, scene, compiled=compiled) for s, e in zip(scene.surfaces(), grids, strict=True)
+        ]
 
     def __repr__(self) -> str:
         return f"ElasticFoundation({self.scene.name}, grid={grid_text(self.grid)})"
@@ -248,7 +256,7 @@ class ElasticFoundation(SlidingContact):
             centres, normals, areas = elements[:3]
             near = cKDTree(edge).query(centres)[0] <= EDGE_MM if len(edge) else np.zeros(len(centres), dtype=bool)
             at_edge = scattered_elements(centres[near], normals[near], areas[near], near[near])
-            beds.append(PatchElements.of(self.scene, surface, at_edge, False))
+            beds.append(PatchElements.of(surface, at_edge, self.scene))
         return beds
 
     @cached_property
@@ -259,7 +267,7 @@ class ElasticFoundation(SlidingContact):
             return self._patches
         grids = self.scene.part_elements(self.grid)
         return [
-            PatchElements.of(self.scene, self._patches[part.patch].surface, e, self._compiled)
+            PatchElements.of(self._patches[part.patch].surface, e, self.scene, compiled=self._compiled)
             for part, e in zip(parts, grids, strict=True)
         ]
 
