@@ -30,7 +30,7 @@ Cycles = Annotated[
 ]
 MoreCycles = Annotated[list[Path] | None, typer.Argument(help="further cycle files")]
 Table = Annotated[
-    Path | None, typer.Option(help="a table of samples (CSV, HDF5) of any contact model, instead of sampling")
+    Path | None, typer.Option(help="a table of samples (CSV) of any contact model, instead of sampling")
 ]
 ModelName = Annotated[
     str,

@@ -1,6 +1,6 @@
-"""A user's own table of samples, from any contact model or measurement, in CSV or HDF5, and checks of it.
+"""A user's own table of samples, from any contact model or measurement, in CSV, and checks of it.
 
-Columns (HDF5: data sets of one dimension) by name, one row per pose:
+Columns by name, one row per pose:
 
     tx ty tz rx ry rz     pose [mm, rad]
     Fx ... Tz             wrench on the fixed body [N, N·mm]; Fx_med ... for scenes of several patches. Needed are
@@ -14,13 +14,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import h5py
 import numpy as np
 
 from casadi_contact.contact.model import overlaps_without_load
 from casadi_contact.core.conventions import POSE_NAMES, WRENCH_NAMES, Array, load_selection, rotation
-from casadi_contact.core.files.containers import open_hdf5
-from casadi_contact.core.files.reading import existing_file, sha256_of, short
+from casadi_contact.core.files.reading import sha256_of
 from casadi_contact.core.quantities import three_digits
 from casadi_contact.samples.samples import ROLES, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.scenes.columns import check_size, read_columns
@@ -46,8 +44,7 @@ def read_sample_table(path: str | Path, scene: Scene) -> Samples:
         needed[p, range(3) if normal.index is None else [normal.index]] = True
     required = [*POSE_NAMES, *(columns[p][k] for p, k in np.argwhere(needed))]
     optional = [*(name for of_patch in columns for name in of_patch if name not in required), "domain", "role"]
-    hdf5 = path.suffix.lower() in (".h5", ".hdf5")
-    table = _read_hdf5(path, required, optional) if hdf5 else read_columns(path, required=required, optional=optional)
+    table = read_columns(path, required=required, optional=optional)
     count = len(table[POSE_NAMES[0]])
     if count < _LEAST_ROWS:
         raise ValueError(f"{path} has {count} rows, expected at least {_LEAST_ROWS}")
@@ -74,22 +71,6 @@ def read_sample_table(path: str | Path, scene: Scene) -> Samples:
     check_no_pull(samples, str(path))
     check_gaps(samples, str(path))
     return samples
-
-
-def _read_hdf5(path: Path, required: list[str], optional: list[str]) -> dict[str, Array]:
-    with open_hdf5(existing_file(path), foreign=True) as file:
-        if missing := [column for column in required if column not in file]:
-            raise ValueError(f"{path} lacks the columns {', '.join(missing)}; it has {short(', '.join(file))}")
-        found = {name: file[name] for name in (*required, *optional) if name in file}
-        for name, column in found.items():
-            if not isinstance(column, h5py.Dataset) or column.dtype.kind not in "biuf" or column.ndim != 1:
-                raise ValueError(f"{path}: {name} is not a data set of numbers of one dimension")
-        columns = {name: np.asarray(column[()], dtype=float) for name, column in found.items()}
-    count = len(columns[required[0]])
-    for name, column in columns.items():
-        if len(column) != count or not np.isfinite(column).all():
-            raise ValueError(f"{path}: {name} holds {len(column)} numbers, expected {count} finite numbers")
-    return columns
 
 
 def _split(poses: Array) -> np.ndarray:

@@ -13,7 +13,7 @@ The bytes are sealed with a digest (`files.containers`).
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -100,43 +100,11 @@ def read_file(path: str | Path) -> Content:
                 str(file.attrs["structure"]),
                 Scene.from_toml(file["scene"][()].decode()),
                 {name: _read_network(group) for name, group in file["networks"].items()},
-                _known_form(json.loads(file["record"][()].decode())),
+                dict(json.loads(file["record"][()].decode())),
                 _read_confidence(file["confidence"]) if "confidence" in file else None,
             )
         except (TypeError, ValueError, RecursionError) as error:
             raise ValueError(f"{path}: {one_line(error)}") from None
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float)
-
-
-def _is_range(value: Any) -> bool:
-    return isinstance(value, list) and len(value) == 2 and all(map(_is_number, value))
-
-
-def _each(form: Callable[[Any], bool]) -> Callable[[Any], bool]:
-    """Of an object's values."""
-    return lambda value: isinstance(value, dict) and all(map(form, value.values()))
-
-
-_NUMBERS = ("samples", "dropped", "training_errors", "test_samples", "model_errors", "seconds")
-_FORMS: dict[str, Callable[[Any], bool]] = {  # see `surrogate.info`
-    **dict.fromkeys(_NUMBERS, _each(_is_number)),
-    **dict.fromkeys(("pose_range", "load_range"), _each(_is_range)),
-    "valid_share": _is_number,
-    "coverage": _each(_each(_is_number)),
-    "test_errors": _each(_each(lambda value: _each(_is_number)(value) and {"rms", "max"} <= value.keys())),
-    "stop_reasons": _each(lambda value: isinstance(value, str)),
-}
-
-
-def _known_form(record: Any) -> dict[str, Any]:
-    """The record; ValueError where a key that is printed has another form than this library writes."""
-    for key, value in dict(record).items():
-        if not _FORMS.get(key, lambda _: True)(value):
-            raise ValueError(f"record: {key} has another form than this version writes: build the surrogate again")
-    return dict(record)
 
 
 def _read_network(group: h5py.Group) -> Network:

@@ -6,6 +6,7 @@ import warnings
 from importlib import resources
 from pathlib import Path
 
+from casadi_contact.core.files.reading import one_line
 from casadi_contact.scenes.loading import ready_scenes
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.file import read_file
@@ -54,7 +55,11 @@ def _load(path: Path, compiled: bool) -> Surrogate:
         surrogate = kind(content.scene, content.networks, content.record, content.confidence, compiled=compiled)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-    verdict = surrogate.info().fitness
+    info = surrogate.info()
+    try:
+        verdict, _ = info.fitness, str(info)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{path}: its record is not of this version ({one_line(error)}): build it again") from None
     if verdict.errors and not verdict.usable:
         warnings.warn(f"{path}: {verdict}", UserWarning, stacklevel=3)
     return surrogate

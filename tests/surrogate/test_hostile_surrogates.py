@@ -97,4 +97,4 @@ def test_a_record_may_say_more_than_is_known_and_what_is_known_has_its_form(save
     assert "found_by: ['somebody', {'on': [1, None]}]" in str(load_surrogate(saved).info())
     surrogate.record.update(record)
     surrogate.save(saved)
-    refused(saved, f"record: {next(iter(record))} has another form")
+    refused(saved, "its record")

@@ -41,18 +41,17 @@ def new_hdf5(path: Path) -> Iterator[h5py.File]:
 
 
 @contextmanager
-def open_hdf5(path: Path, *, foreign: bool = False) -> Iterator[h5py.File]:
-    """An HDF5 file to read, from memory. foreign: it may come from another program, without a digest.
+def open_hdf5(path: Path) -> Iterator[h5py.File]:
+    """An HDF5 file of this library to read, from memory.
 
     Raises FileNotFoundError, and ValueError in one line for damage, also for any error of the block that reads.
     """
     checked_size(path, MOST_DATA)
     content = path.read_bytes()
-    is_sealed = content.startswith(_MAGIC)
-    if is_sealed and content != sealed(content[BLOCK:]):
-        raise ValueError(f"{path} is damaged (its digest does not match): delete and build it, or copy it again")
-    if not is_sealed and not foreign:
+    if not content.startswith(_MAGIC):
         raise ValueError(f"{path} is damaged, or not a file of casadi_contact: build or draw it again")
+    if content != sealed(content[BLOCK:]):
+        raise ValueError(f"{path} is damaged (its digest does not match): delete and build it, or copy it again")
     try:
         with h5py.File(io.BytesIO(content), "r") as file:
             _check(file)
