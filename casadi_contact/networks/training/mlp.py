@@ -173,16 +173,6 @@ class Mlp:
         self._count(1)
         return self.vjp(self.residuals)
 
-    def weighted_residuals(self, parameters: Array) -> Array:
-        """Residuals as in `network.Regression` at any parameters, without touching the current ones."""
-        layers, parts = split(parameters, self.shapes), []
-        for block in self._blocks:
-            y, rows = self._output(block.run(layers, block.buffers()), layers[-1]), self._rows.of(block.rows)
-            off, excess = rows.residual(y), rows.excess(y)
-            parts.append(np.copysign(np.hypot(off, excess), off))
-        self._count(1)
-        return np.concatenate(parts) if parts else np.empty(0)
-
     # --- products with J at the current parameters
 
     def _derivatives(self, block: Block, layers: list[Array]) -> list[Array]:

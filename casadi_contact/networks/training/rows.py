@@ -31,32 +31,20 @@ class RowLoss:
     weight: Array
     false_load: Array | None
 
-    def of(self, rows: slice) -> RowLoss:
-        """The loss of these rows."""
-        false_load = None if self.false_load is None else self.false_load[rows]
-        return RowLoss(self.target[rows], self.weight[rows], false_load)
-
-    def residual(self, y: Array) -> Array:
-        """r."""
-        return self.weight * (y - self.target)
-
-    def excess(self, y: Array) -> Array:
-        """e."""
-        return 0.0 * y if self.false_load is None else self.false_load * y.clip(min=0.0) ** 2
-
     def squares(self, y: Array) -> Array:
         """r² + e²."""
-        squares = self.residual(y) ** 2
-        return squares if self.false_load is None else squares + self.excess(y) ** 2
+        squares = (self.weight * (y - self.target)) ** 2
+        return squares if self.false_load is None else squares + (self.false_load * y.clip(min=0.0) ** 2) ** 2
 
     def weight_and_residual(self, y: Array) -> tuple[Array, Array]:
         """W and R."""
-        residual = self.residual(y)
+        residual = self.weight * (y - self.target)
         if self.false_load is None:
             return self.weight, residual
-        steepness = 2.0 * self.false_load * y.clip(min=0.0)
+        pressed = y.clip(min=0.0)
+        excess, steepness = self.false_load * pressed**2, 2.0 * self.false_load * pressed
         weight = (self.weight**2 + steepness**2) ** 0.5
-        return weight, (self.weight * residual + steepness * self.excess(y)) / weight.clip(min=np.finfo(float).tiny)
+        return weight, (self.weight * residual + steepness * excess) / weight.clip(min=np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)
@@ -81,9 +69,9 @@ class Block:
     def __init__(self, activation: Activation, inputs: Array, hidden: Sequence[int], rows: slice) -> None:
         self._activation, self.rows = activation, rows
         self._first, self._hidden = np.ascontiguousarray(inputs), hidden
-        self.tried, self.current = self.buffers(), self.buffers()
+        self.tried, self.current = self._buffers(), self._buffers()
 
-    def buffers(self) -> list[Array]:
+    def _buffers(self) -> list[Array]:
         """ã of every layer's input, the constant row of ones set once."""
         buffers = [self._first]
         for neurons in self._hidden:
@@ -92,12 +80,10 @@ class Block:
             buffers.append(buffer)
         return buffers
 
-    def run(self, layers: Sequence[Array], into: list[Array] | None = None) -> Array:
-        """Fill ``into`` (``tried``) with the activations of the hidden layers; returns ã of the output layer."""
-        values = self.tried if into is None else into
-        for layer, before, after in zip(layers[:-1], values[:-1], values[1:], strict=True):
+    def run(self, layers: Sequence[Array]) -> None:
+        """Fill ``tried`` with the activations of the hidden layers."""
+        for layer, before, after in zip(layers[:-1], self.tried[:-1], self.tried[1:], strict=True):
             after[:-1] = self._activation.derivatives(np, layer @ before, 0)[0]
-        return values[-1]
 
     def activation_slope(self, level: int) -> Array:
         """σ' (neurons, rows) of hidden layer ``level``, at the current parameters."""

@@ -52,6 +52,7 @@ class Trainer:
         start: Network | None = None,
     ) -> None:
         self.regression, self.settings, self._given = regression, settings, start
+        self._held_back = regression.of_rows(regression.validation)
         self.history: dict[str, list[Any]] = {name: [] for name in HISTORY}
         self.level = self.attempt = self.began = 0
         self.stop_reason = ""
@@ -147,8 +148,7 @@ class Trainer:
 
     def _count(self) -> None:
         """Count the work of the present network since it was counted last."""
-        now = self._lm.flop + (self._validation_mlp.flop if self._validation_mlp else 0)
-        self.flop, self._counted = self.flop + now - self._counted, now
+        self.flop, self._counted = self.flop + self._lm.flop - self._counted, self._lm.flop
 
     def _phase(self, column: str) -> list[float]:
         """Entries since the present network began."""
@@ -214,19 +214,15 @@ class Trainer:
         self._start(widen(present, hidden, self._seed(self.level)) if same_depth else self._fresh())
 
     def _start(self, network: Network, state: State | None = None) -> None:
-        def mlp(rows: np.ndarray) -> Mlp:
-            kind = Mlp if network.outputs == 1 else SeveralOutputsMlp
-            return kind(network, self.regression.of_rows(rows))
-
+        kind = Mlp if network.outputs == 1 else SeveralOutputsMlp
+        mlp = kind(network, self.regression.of_rows(~self.regression.validation))
         seed = int(np.random.default_rng(self._seed(self.level)).integers(2**31))
-        validation = self.regression.validation
-        self._lm = LevenbergMarquardt(mlp(~validation), flatten(network), seed, state)
-        self._validation_mlp = mlp(validation) if validation.any() else None
+        self._lm = LevenbergMarquardt(mlp, flatten(network), seed, state)
         self._counted = 0 if state is None else self._lm.flop  # what a resumed fit does again was counted before
         self._count()
 
     def _validation_rms(self) -> float:
-        if self._validation_mlp is None:
-            return np.nan
-        residuals = self._validation_mlp.weighted_residuals(self._lm.parameters)
-        return float(np.sqrt(np.sum(residuals**2) / len(residuals)))
+        held, network = self._held_back, unflatten(self._lm.parameters, self._lm.mlp.like)
+        self.flop += 2 * len(held.targets) * network.parameter_count
+        residuals = held.residuals(network)
+        return float(np.sqrt(np.sum(residuals**2) / len(residuals))) if len(residuals) else np.nan
