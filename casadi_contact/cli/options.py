@@ -29,9 +29,7 @@ Cycles = Annotated[
     list[Path] | None, typer.Option(help="cycle files (CSV) of the reference motion; the built-in one if left out")
 ]
 MoreCycles = Annotated[list[Path] | None, typer.Argument(help="further cycle files")]
-Table = Annotated[
-    Path | None, typer.Option(help="a table of samples (CSV) of any contact model, instead of sampling")
-]
+Table = Annotated[Path | None, typer.Option(help="a table of samples (CSV) of any contact model, instead of sampling")]
 ModelName = Annotated[
     str,
     typer.Option(help=f"contact model that samples are evaluated on: {', '.join(MODELS)}"),
