@@ -16,6 +16,7 @@ from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.conventions import Update
 from casadi_contact.core.files.writing import folder_lock, writable_folder, write_text
+from casadi_contact.core.workers import worker_pool
 from casadi_contact.export.c_source import export_c
 from casadi_contact.export.fmu import export_fmu
 from casadi_contact.pictures.charts import draw_speed_accuracy, save
@@ -92,8 +93,10 @@ def calibrate(project: Project, update: Update | None = None) -> list[Path]:
     for structure, surrogate in surrogates.items():
         if model is None and "around" in surrogate.record.get("coverage", {}):
             raise ValueError(f"{structure} was calibrated on a contact model that is not here: build again with it")
-    for structure, surrogate in surrogates.items():
-        calibrated(surrogate, samples, model, update).save(project.surrogate_path(structure))
+    with worker_pool() as workers:
+        for structure, surrogate in surrogates.items():
+            made = calibrated(surrogate, samples, model, update, executor=workers)
+            made.save(project.surrogate_path(structure))
     return [project.surrogate_path(structure) for structure in surrogates]
 
 

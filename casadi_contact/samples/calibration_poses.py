@@ -7,6 +7,8 @@ range, and where the surrogate's own loads lead a solver (self-settled poses), s
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Executor
+from time import perf_counter
 
 import numpy as np
 
@@ -14,10 +16,11 @@ from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.settle import settle
 from casadi_contact.core.conventions import Array
 from casadi_contact.samples.chunk import WrenchModel, part_wrenches
+from casadi_contact.samples.draw import teacher_job
+from casadi_contact.samples.models import model_name_of
 from casadi_contact.samples.reference import Cycle, reference_poses
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.scenes.cycle import scene_cycles
-from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.walking import has_gait, reference_cycles
 
 _MOVES = np.repeat([1.0, np.deg2rad(2.0)], 3)  # mm, rad
@@ -112,15 +115,24 @@ def cycle_poses(surrogate: ContactModel, samples: Samples, count: int = 3) -> Ar
     return poses[report.converged]
 
 
-def label_poses(model: WrenchModel, scene: Scene, poses: Array) -> Samples:
-    """Poses (n, 6) with the model's loads, also where contact runs off its elements; validation and test rows in turn.
+def label_poses(
+    model: WrenchModel, samples: Samples, poses: Array, executor: Executor | None = None, *, slow_s: float = 1e-3
+) -> Samples:
+    """Poses (n, 6) with the loads of the samples' model, also where contact runs off its elements; validation and test
+    rows in turn.
 
-    Loads are NaN where the model gives none, gaps everywhere: they take longer and are not needed.
+    executor: workers, used where a pose of a model of the library takes more than slow_s. Loads are NaN where the model
+    gives none, gaps everywhere: they take longer and are not needed.
     """
-    count, width, at_once = len(poses), len(scene.parts), 1000
-    wrenches = np.zeros((count, width, 6))
-    for first in range(0, count, at_once):
-        wrenches[first : first + at_once] = part_wrenches(model, poses[first : first + at_once], width)
+    count, width, begun = len(poses), len(samples.scene.parts), perf_counter()
+    first, *rest = (poses[k : k + 100] for k in range(0, max(count, 1), 100))
+    found = [part_wrenches(model, first, width)]
+    slow = perf_counter() - begun > slow_s * len(first)
+    if executor is not None and slow and model_name_of(samples) is not None:
+        found.extend(executor.map(teacher_job(samples), rest))
+    else:
+        found.extend(part_wrenches(model, block, width) for block in rest)
+    wrenches = np.concatenate(found)
     wrenches[~np.isfinite(wrenches).all(axis=(1, 2))] = np.nan
     role = np.where(np.arange(count) % 2 == 0, VALIDATION, TEST).astype(np.uint8)
-    return Samples(scene, poses, wrenches, np.full((count, width), np.nan), np.ones(count, dtype=np.uint8), role)
+    return Samples(samples.scene, poses, wrenches, np.full((count, width), np.nan), np.ones(count, np.uint8), role)

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.core.conventions import WRENCH_NAMES, Progress, evenly_spaced_indices
+from casadi_contact.core.conventions import WRENCH_NAMES, Array, Progress, evenly_spaced_indices
 from casadi_contact.core.workers import cancelled_if_left, one_thread, worker_pool
 from casadi_contact.samples.chunk import (
     Chunk,
@@ -38,6 +38,7 @@ from casadi_contact.samples.models import (
     foundations,
     model_name,
     models_identity,
+    settings_of,
 )
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.resume import ChunkFolder, check_same_plan
@@ -178,6 +179,19 @@ def _draw(scene_toml: str, settings_json: str, models: ModelPair, chunk: Chunk) 
     with one_thread():
         settle_model, teacher, settings = _worker_models(scene_toml, settings_json, models)
         return draw_chunk(settle_model, teacher, chunk, settings)
+
+
+def teacher_job(samples: Samples) -> Callable[[Array], Array]:
+    """Part wrenches (n, parts, 6) of poses (n, 6) on the library's model that the samples come from, as a worker finds
+    them: it makes the model once."""
+    settings = json.dumps(settings_of(samples).to_table(), sort_keys=True)
+    return partial(_evaluate, samples.scene.to_toml(), settings, MODELS[samples.provenance["models"]])
+
+
+def _evaluate(scene_toml: str, settings_json: str, models: ModelPair, poses: Array) -> Array:
+    with one_thread():
+        settle_model, teacher, _ = _worker_models(scene_toml, settings_json, models)
+        return part_wrenches(teacher, poses, len(settle_model.scene.parts))
 
 
 def _joined(scene: Scene, drawn: Iterable[DrawnChunk]) -> Samples:

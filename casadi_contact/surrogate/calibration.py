@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -90,12 +91,13 @@ def calibrate(
     model: WrenchModel | None = None,
     update: Update | None = None,
     settings: CalibrationSettings | None = None,
+    executor: Executor | None = None,
 ) -> Surrogate:
     """The surrogate with validity and expected error, and their coverage on test rows in its record.
 
     model: the contact model that the samples come from. It is evaluated around the samples, over their whole range, and
     where the surrogate's own loads lead a solver; without it both hold on poses like the samples only. update: called
-    as (what, done, all, remark) meanwhile.
+    as (what, done, all, remark) meanwhile. executor: workers, where a model of the library is slow.
 
     Raises ValueError for samples of another scene or without training or validation rows, and for a surrogate without
     root loads.
@@ -113,14 +115,14 @@ def calibrate(
     progress = stage_progress(update, f"{surrogate.structure}: other poses")
     others: dict[str, Samples] = {}
     if model is not None:
-        others = _other_poses(surrogate, blank, samples, model, settings, progress)
+        others = _other_poses(surrogate, blank, samples, model, settings, progress, executor)
     rows = _rows(surrogate, validation, [part.select(role=VALIDATION) for part in others.values()], model, settings)
     confidence = _fit(surrogate, blank, rows, settings)
     calibrated = kind(surrogate.scene, surrogate.networks, surrogate.record, confidence)
     test = samples.select(role=TEST)
     unseen = {name: part.select(role=TEST) for name, part in others.items()}
     if model is not None and len(poses := cycle_poses(surrogate, samples)):
-        unseen["cycles"] = label_poses(model, samples.scene, poses)
+        unseen["cycles"] = label_poses(model, samples, poses, executor)
     record = {**surrogate.record, "coverage": coverage_by_group(calibrated, test, unseen)}
     if len(test):
         record["valid_share"] = float(np.mean(calibrated.validity(test.poses) > SURELY_VALID))
@@ -169,6 +171,7 @@ def _other_poses(
     model: WrenchModel,
     settings: CalibrationSettings,
     progress: Progress | None,
+    executor: Executor | None,
 ) -> dict[str, Samples]:
     """Poses around the samples, over their range, self-settled ones and some that became no samples, with the model's
     loads."""
@@ -191,7 +194,7 @@ def _other_poses(
     parts = {}
     for k, (name, part) in enumerate(poses.items(), start=1):
         if len(part):
-            parts[name] = label_poses(model, samples.scene, part)
+            parts[name] = label_poses(model, samples, part, executor)
         if progress is not None:
             progress(k, len(poses))
     return parts

@@ -120,7 +120,8 @@ def train_to_tolerance(
     for path in (this.samples_path, this.motion_path):
         with replacing(project.folder / path.name) as beside:
             shutil.copyfile(path, beside)
-    calibrated = calibrate(surrogate, samples, teacher_of(samples), update)
+    with worker_pool(executor) as workers:
+        calibrated = calibrate(surrogate, samples, teacher_of(samples), update, executor=workers)
     calibrated.save(project.surrogate_path(structure))
     if missed:
         raise ValueError(

@@ -61,7 +61,7 @@ def train(
         with worker_pool(executor) as workers:
             surrogate = fit_surrogate(project, samples, first, update, workers)
             surrogate = _active_rounds(project, samples, surrogate, first, update, workers)
-        calibrate(surrogate, samples, model, update).save(path)
+            calibrate(surrogate, samples, model, update, executor=workers).save(path)
         paths.append(path)
     return paths
 

@@ -1,13 +1,16 @@
 """Calibration on a made-up truth: a known surrogate, known noise in a known region of poses, a rim that it ignores."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 import pytest
 
+from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.samples.calibration_poses import label_poses, perturbed_poses, poses_in_range, self_settled_poses
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.surrogate.calibration import CalibrationSettings, calibrate, spread_centres
 from tests.support.random_surrogates import POSE_CENTRE, POSE_SPREAD, random_surrogate
@@ -188,10 +191,29 @@ def test_poses_are_not_valid_where_the_surrogate_is_wrong(surrogate, model, on_t
     assert np.mean(with_model.validity(on_the_plane.poses) > 0.9) > 0.9
 
 
-def test_errors_of_other_poses_are_covered_where_they_are_valid(surrogate, model, with_model):
+@pytest.mark.parametrize("slow_s", [0.0, 1e3])
+def test_workers_evaluate_poses_of_a_slow_model(samples, slow_s):
+    settings = SamplingSettings(settle_grid=(10, 10), teacher_grid=(20, 20))
+    drawn = replace(samples, provenance={"models": "elements", "settings": settings.to_table()})
+    teacher, asked = ElasticFoundation(SCENE, (20, 20)), []
+
+    class Workers(ThreadPoolExecutor):
+        def map(self, job, blocks):
+            asked.extend(blocks)
+            return super().map(job, asked)
+
+    with Workers(2) as workers:
+        labelled = label_poses(teacher, drawn, samples.poses[:250], workers, slow_s=slow_s)
+    assert len(asked) == (2 if slow_s == 0.0 else 0)
+    np.testing.assert_array_equal(labelled.wrenches, teacher.wrenches(samples.poses[:250]))
+
+
+def test_errors_of_other_poses_are_covered_where_they_are_valid(surrogate, model, with_model, on_the_plane):
     poses = pressed_poses(surrogate, 5)
     poses = poses[model.on_the_plane(poses) & (with_model.validity(poses) > 0.5)]
-    below = np.abs(surrogate(poses) - label_poses(model, SCENE, poses).loads()) <= with_model.expected_error(poses)
+    below = np.abs(surrogate(poses) - label_poses(model, on_the_plane, poses).loads()) <= with_model.expected_error(
+        poses
+    )
     assert below.mean() > 0.92
     assert {"D1", "around", "range", "settled"} <= set(with_model.info().coverage)
 
