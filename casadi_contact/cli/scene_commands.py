@@ -1,4 +1,4 @@
-"""Commands that make scenes and cycles: ``scene``, ``cut``, ``cycle``."""
+"""Commands that make scenes, assemblies and cycles: ``scene``, ``cut``, ``import``, ``cycle``."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from casadi_contact.scenes.opensim import SIDES, TIME, ColumnMap, femur_in_inser
 from casadi_contact.scenes.pose_file import poses_from_curves, write_poses
 from casadi_contact.scenes.shapes.checks import scene_name
 from casadi_contact.workflow import samples as sampling
+from casadi_contact.workflow.opensim_import.importing import import_model
 from casadi_contact.workflow.project import Project
 from casadi_contact.workflow.proposal.cuts import CutSettings, cut_scene, find_cuts
 from casadi_contact.workflow.proposal.joint_geometry import JOINTS
@@ -110,6 +111,34 @@ def cut(
     say(*patches, f"scene in {path}")
     if len(parts.parts) > len(project.scene.parts):
         say("its networks: " + shlex.join(["casadi-contact", "build", str(path), "--preset", "parts", *sampled]))
+
+
+def import_(
+    model: Annotated[Path, typer.Argument(help="an OpenSim or JAM model, .osim")],
+    out: Annotated[Path, typer.Option(help="folder of the assembly")],
+    joint: Annotated[
+        str | None, typer.Option(help="whose first coordinate moves; that of the first contact if left out")
+    ] = None,
+    geometry: Annotated[
+        Path | None, typer.Option(help="folder with the contact meshes; the model's if left out")
+    ] = None,
+    motion: Annotated[
+        Path | None,
+        typer.Option(help=".sto or .mot of states to fit paths about; the joint's passive motion if left out"),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Turn an OpenSim or JAM model into an assembly for cc.load_assembly: one function of all coordinates.
+
+    Needs the extra opensim. What of the model is lost is told, by name.
+    """
+    _check_free("--out", [out / "assembly.toml"], force)
+    with progress_bars(console) as update:
+        say(import_model(model, out, joint=joint, geometry=geometry, motion=motion, progress=update))
+    say(f"assembly in {out}")
+
+
+import_.__name__ = "import"
 
 
 def cycle(

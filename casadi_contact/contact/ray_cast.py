@@ -19,6 +19,8 @@ from casadi_contact.geometry.triangle_mesh import RayCaster
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.mesh_bodies import body_mesh, patch_mesh
 
+DEEPEST_MM = 20.0  # of a ray, as JAM counts it at most
+
 
 class RayCastFoundation(CallableModel):
     """Contact of a mesh scene on its flat triangles, a contact model like any other (derivatives by differences).
@@ -65,5 +67,5 @@ class RayCastFoundation(CallableModel):
             for p, (centres, normals, *_) in enumerate(self._patches):
                 directions = -normals @ R
                 depth, face = self._caster.first_hits((centres - t) @ R, directions)
-                touching = self._caster.leaves(directions, face) & (depth > 0.0) & (depth < 20.0)
+                touching = self._caster.leaves(directions, face) & (depth > 0.0) & (depth < DEEPEST_MM)
                 yield n, p, np.where(touching, depth, 0.0)

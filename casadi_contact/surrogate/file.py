@@ -59,15 +59,16 @@ def write_file(path: str | Path, content: Content) -> None:
         file["record"] = record
         networks = file.create_group("networks", track_order=True)
         for name, network in content.networks.items():
-            _write_network(networks.create_group(name), network)
+            write_network(networks.create_group(name), network)
         if content.confidence is not None:
             group = file.create_group("confidence")
             for name, value in content.confidence.numbers().items():
                 group[name] = np.asarray(value, dtype="<f8")
-            _write_network(group.create_group("network"), content.confidence.network)
+            write_network(group.create_group("network"), content.confidence.network)
 
 
-def _write_network(group: h5py.Group, network: Network) -> None:
+def write_network(group: h5py.Group, network: Network) -> None:
+    """Fill a group with a network's numbers."""
     group.attrs["activation"] = network.activation
     group.attrs["output_scale"] = network.output_scale
     group["input_shift"] = np.asarray(network.input_shift, dtype="<f8")
@@ -99,7 +100,7 @@ def read_file(path: str | Path) -> Content:
             return Content(
                 str(file.attrs["structure"]),
                 Scene.from_toml(file["scene"][()].decode()),
-                {name: _read_network(group) for name, group in file["networks"].items()},
+                {name: read_network(group) for name, group in file["networks"].items()},
                 dict(json.loads(file["record"][()].decode())),
                 _read_confidence(file["confidence"]) if "confidence" in file else None,
             )
@@ -107,7 +108,8 @@ def read_file(path: str | Path) -> Content:
             raise ValueError(f"{path}: {one_line(error)}") from None
 
 
-def _read_network(group: h5py.Group) -> Network:
+def read_network(group: h5py.Group) -> Network:
+    """The network of a group that `write_network` filled; raises ValueError for numbers that are none."""
     layers, scale = sum(key.startswith("weight_") for key in group), group.attrs["output_scale"]
     return Network(
         input_shift=group["input_shift"][()],
@@ -122,4 +124,4 @@ def _read_network(group: h5py.Group) -> Network:
 def _read_confidence(group: h5py.Group) -> Confidence:
     arrays = {field.name: group[field.name][()] for field in fields(Confidence) if field.name != "network"}
     values: dict[str, Any] = {name: array if array.ndim else float(array) for name, array in arrays.items()}
-    return Confidence(**values, network=_read_network(group["network"]))
+    return Confidence(**values, network=read_network(group["network"]))

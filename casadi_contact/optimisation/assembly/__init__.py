@@ -3,7 +3,6 @@ in equilibrium."""
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -16,6 +15,7 @@ from casadi_contact.core.quantities import FORCE, Kind, quantity
 from casadi_contact.networks.frames import placed, relative_pose, rotation
 from casadi_contact.networks.names import check_name
 from casadi_contact.optimisation.assembly.connections import Contact, Ligament, Line, Pull, Spring, finite_vector
+from casadi_contact.optimisation.assembly.settling import pseudo_transient
 from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection
 from casadi_contact.scenes.shapes.checks import identifier
 
@@ -169,11 +169,7 @@ class SettledBodies:
 
 
 class Settling:
-    """Equilibrium of the free pose parameters of bodies (by name), by pseudo-transient continuation.
-
-    Bodies move through a viscous fluid, C·q̇ = Q(q) + applied, with C = 1 N·s/mm (25² N·mm·s for rotations). Implicit
-    Euler steps, (C/Δt - ∂Q/∂q)·Δq = Q + applied, double Δt unless a pose would move farther than 0.5 mm. Small steps
-    follow the motion into a stable equilibrium. Large steps are Newton's (Kelley and Keyes 1998).
+    """Equilibrium of the free pose parameters of bodies (by name), by `settling.pseudo_transient`.
 
     Raises ValueError for bodies that the assembly has not, and unless some parameters are free, each named once.
     """
@@ -206,7 +202,7 @@ class Settling:
         """
         check_above_zero(tolerance=tolerance)
         assembly, rows = self.assembly, self.rows
-        position = as_poses(poses).ravel().copy()
+        position = as_poses(poses).ravel()
         if len(position) != 6 * len(assembly.bodies):
             raise ValueError(f"got {len(position) // 6} poses, expected those of {', '.join(assembly.bodies)}")
         expected = f"0 N or more for each pull ({', '.join(pull.name for pull in assembly.pulls) or 'none'})"
@@ -217,19 +213,12 @@ class Settling:
         for body, force in (applied or {}).items():
             given[6 * self._body(body) :][:6] = finite_vector(f"forces on {body} are", force, 6)
         in_mm = np.tile(POSE_IN_MM, len(assembly.bodies))[rows]
-        step = 1e-4  # s
-        for iteration in itertools.count():
-            left, jacobian = (np.asarray(part) for part in self._evaluate(position, given, pulling))
-            residual = float(np.abs(left.ravel() / in_mm).max())
-            if residual <= tolerance or not np.isfinite(residual) or iteration >= max_iterations:
-                break
-            while True:
-                move = np.linalg.solve(np.diag(in_mm**2 / step) - jacobian, left.ravel())
-                if np.abs(move * in_mm).max() <= 0.5 or step < 1e-12:
-                    break
-                step *= 0.5
-            position[rows] += move
-            step = min(2.0 * step, 1e12)
+
+        def evaluate(at: Array) -> tuple[Array, Array]:
+            left, jacobian = self._evaluate(at, given, pulling)
+            return left.full().ravel(), jacobian.full()
+
+        position, residual = pseudo_transient(evaluate, position, rows, in_mm, tolerance, max_iterations)
         return SettledBodies(position.reshape(-1, 6), residual, residual <= tolerance)
 
     def _body(self, name: str) -> int:

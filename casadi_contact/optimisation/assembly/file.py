@@ -17,31 +17,60 @@ stiffness_n = 2750.0                                 # per unit of strain
 slack_length_mm = 78.0
 [pulls.quadriceps]                                   # bodies and points_mm
 [springs.soft_tissue]                                # body, stiffness and rest (6 each)
+
+Bodies on joints, as `casadi-contact import` writes them (see `jointed`; mm, rad, N, kg, s, and names as in OpenSim):
+
+gravity_m_s2 = [0.0, -9.80665, 0.0]
+paths = "paths.h5"                                   # networks of wraps by path, muscles' curves by name
+[coordinates.knee_flex_r]                            # kind, default, low, high; in OpenSim's order
+[bodies.tibia]                                       # mass_kg, centre_mm, inertia_kgmm2 (xx yy zz xy xz yz)
+[joints.knee_r]                                      # parent, child, parent_frame, child_frame,
+                                                     # rotations and translations: {axis, of, offset, slope} or
+                                                     # {axis, of, knots}, each knot x, y and dy/dx
+[contacts.tf_contact]                                # as above; cells_mm: side of its cells, else they are chosen
+[ligaments.mcl]                                      # as above, of two points or more; toe_strain, damping_s;
+                                                     # wrap = {body, points}: what the network's inputs are
+[muscles.soleus]                                     # bodies, points_mm, wrap, and the fields of `paths.Muscle`
+[coordinate_springs.knee_add_r]                      # of, stiffness, rest, viscosity, in OpenSim's units
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import MISSING, fields
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from casadi_contact.contact.cells.choice import CellChoice
+from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.contact.choice import foundation
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
+from casadi_contact.contact.ray_cast import RayCastFoundation
 from casadi_contact.contact.symbolic import SymbolicContact, symbolic
+from casadi_contact.core.files.containers import new_hdf5, open_hdf5
 from casadi_contact.core.files.reading import toml_tables, toml_text
+from casadi_contact.networks.network import Network
 from casadi_contact.optimisation.assembly import Assembly
 from casadi_contact.optimisation.assembly.connections import Contact, Ligament, Pull, Spring
+from casadi_contact.optimisation.assembly.jointed import CoordinateSpring, JointedAssembly
+from casadi_contact.optimisation.assembly.joints import Axis, Body, Coordinate, Joint
+from casadi_contact.optimisation.assembly.paths import Bundle, Muscle, MuscleCurves, Wrap
 from casadi_contact.optimisation.joint_mechanics import whole_wrench
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.checks import fail, number, plain_values, scene_name, table_of
+from casadi_contact.surrogate.file import read_network, write_network
 
 FORMAT = 1
 _PACKAGE = "casadi_contact.optimisation.assembly"
-_NAMES = ("bodies", "body", "fixed", "moving")
+_NAMES = ("bodies", "body", "fixed", "moving", "kind", "parent", "child", "of", "curves")
+MakeContact = Callable[[Scene], ContactModel]
 _PARTS: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
     "ligaments": (Ligament, ("bodies", "points_mm", "stiffness_n", "slack_length_mm")),
     "pulls": (Pull, ("bodies", "points_mm")),
@@ -55,15 +84,17 @@ def ready_assemblies() -> list[str]:
     return sorted(p.name.removesuffix(".toml") for p in folder.iterdir() if p.name.endswith(".toml"))
 
 
-def load_assembly(name_or_path: str | Path, contact: Callable[[Scene], ContactModel] | None = None) -> Assembly:
-    """Load a ready assembly by name, or an assembly file by its path.
+def load_assembly(name_or_path: str | Path, contact: Callable[[Scene], ContactModel] | None = None) -> Any:
+    """Load a ready assembly by name, or an assembly file by its path or its folder's: an `Assembly` of free bodies, or
+    a `JointedAssembly` where the file has joints.
 
     contact: makes the contact model of a scene, whose loads hold the whole wrench, `symbolic` where it has no CasADi
     functions of its own; `joint_foundation` if left out.
     Raises ValueError for an unknown name, key or value, FileNotFoundError for a missing file.
     """
     path = Path(name_or_path)
-    if str(name_or_path).endswith(".toml"):
+    path = path / "assembly.toml" if (path / "assembly.toml").is_file() else path
+    if path.suffix == ".toml":
         text = toml_text(path, "assembly")
     elif str(name_or_path) in ready_assemblies():
         text = (resources.files(_PACKAGE) / "ready" / f"{name_or_path}.toml").read_text("utf-8")
@@ -71,8 +102,9 @@ def load_assembly(name_or_path: str | Path, contact: Callable[[Scene], ContactMo
         possible = ", ".join(ready_assemblies())
         raise ValueError(f"unknown assembly {str(name_or_path)!r}, expected a .toml file or one of {possible}")
     tables = toml_tables(text, str(name_or_path))
+    read = _jointed if "joints" in tables else _assembly
     try:
-        return _assembly(tables, path.parent, contact or joint_foundation)
+        return read(tables, path.parent, contact)
     except ValueError as error:  # of checks that are a scene's too
         raise ValueError(f"{name_or_path}: {str(error).removeprefix('scene: ')}") from None
 
@@ -85,15 +117,27 @@ def joint_foundation(scene: Scene) -> SymbolicContact:
     return PolarFoundation(scene, rays) if few else model
 
 
-def _assembly(tables: Mapping[str, Any], folder: Path, contact: Callable[[Scene], ContactModel]) -> Assembly:
+def ray_casting(scene: Scene) -> RayCastFoundation:
+    """The scene on all its flat triangles, whichever way they face, as JAM evaluates it: for ``load_assembly(folder,
+    contact=ray_casting)``."""
+    geometry = {key: value for key, value in scene.tables["geometry"].items() if key != "pressing"}
+    return RayCastFoundation(Scene.from_tables({**scene.tables, "geometry": {**geometry, "elements": "triangles"}}))
+
+
+def _tables(tables: Mapping[str, Any], needed: tuple[str, ...], kinds: tuple[str, ...]) -> dict[str, Any]:
+    """The file's keys, checked; kinds: of tables of tables, empty where left out."""
     plain_values("", tables)
-    kinds = ("contacts", *_PARTS)
-    given = table_of("assembly", tables, ("format", "name", "ground", "bodies"), complete=True, optional=kinds)
+    given = table_of("assembly", tables, ("format", "name", "ground", *needed), complete=True, optional=kinds)
     if given["format"] != FORMAT:
         raise fail("format", given["format"], f"{FORMAT} (this version reads assembly format {FORMAT})")
     for kind in ("bodies", *kinds):
         if not isinstance(given.setdefault(kind, {}), Mapping):
             raise fail(kind, given[kind], "a table of tables")
+    return given
+
+
+def _assembly(tables: Mapping[str, Any], folder: Path, contact: MakeContact | None) -> Assembly:
+    given = _tables(tables, ("bodies",), ("contacts", *_PARTS))
     return Assembly(
         name=scene_name(given["name"]),
         ground=str(given["ground"]),
@@ -106,17 +150,89 @@ def _assembly(tables: Mapping[str, Any], folder: Path, contact: Callable[[Scene]
     )
 
 
-def _contact(name: str, table: object, folder: Path, contact: Callable[[Scene], ContactModel]) -> Contact:
+def _jointed(tables: Mapping[str, Any], folder: Path, contact: MakeContact | None) -> JointedAssembly:
+    kinds = ("coordinates", "joints", "contacts", "ligaments", "muscles", "coordinate_springs")
+    given = _tables(tables, ("bodies", "gravity_m_s2", "paths"), kinds)
+    wraps, curves = read_paths(folder / Path(str(given["paths"])).name)
+
+    def each(kind: str, make: type) -> list[Any]:
+        """Objects of a kind of tables, by the fields of their class."""
+        keys = {f.name: f.default is MISSING and f.default_factory is MISSING for f in fields(make)}  # type: ignore[arg-type]
+        needed = tuple(key for key, required in keys.items() if required and key != "name")
+        made = []
+        for name, table in given[kind].items():
+            optional = tuple(key for key in keys if key not in ("name", *needed))
+            values = table_of(f"{kind}.{name}", table, needed, complete=True, optional=optional)
+            for key, value in values.items():
+                if key == "wrap":
+                    over = table_of(f"{kind}.{name}.wrap", value, ("body", "points"), complete=True)
+                    if name not in wraps:
+                        raise ValueError(f"{kind}.{name} wraps, but {given['paths']} holds no network of it")
+                    values[key] = Wrap(str(over["body"]), [int(i) for i in over["points"]], wraps[name])
+                elif key in ("rotations", "translations"):
+                    values[key] = [_axis(f"{kind}.{name}.{key}", axis) for axis in value]
+                elif key not in _NAMES:
+                    values[key] = _numbers(f"{kind}.{name}.{key}", value)
+            made.append(make(**({"name": name} if "name" in keys else {}), **values))
+        return made
+
+    return JointedAssembly(
+        name=scene_name(given["name"]),
+        ground=str(given["ground"]),
+        gravity_m_s2=np.array(_numbers("gravity_m_s2", given["gravity_m_s2"])),
+        coordinate_table=dict(zip(given["coordinates"], each("coordinates", Coordinate), strict=True)),
+        bodies=dict(zip(given["bodies"], each("bodies", Body), strict=True)),
+        joints=each("joints", Joint),
+        contacts=[_contact(name, table, folder, contact) for name, table in given["contacts"].items()],
+        ligaments=each("ligaments", Bundle),
+        muscles=each("muscles", Muscle),
+        springs=each("coordinate_springs", CoordinateSpring),
+        curves=curves,
+    )
+
+
+def _axis(key: str, table: object) -> Axis:
+    values = table_of(key, table, ("axis",), complete=True, optional=("of", "offset", "slope", "knots"))
+    made: dict[str, Any] = {k: str(v) if k == "of" else _numbers(f"{key}.{k}", v) for k, v in values.items()}
+    return Axis(**made)
+
+
+def write_paths(path: Path, wraps: Mapping[str, Network], curves: Mapping[str, MuscleCurves]) -> None:
+    """The HDF5 file beside an assembly of joints: a network for each path that wraps, and muscles' curves."""
+    with new_hdf5(path) as file:
+        for name, network in wraps.items():
+            write_network(file.create_group(f"wraps/{name}"), network)
+        for name, curve in curves.items():
+            group = file.create_group(f"curves/{name}")
+            for part in fields(MuscleCurves):
+                group[part.name] = np.asarray(getattr(curve, part.name), dtype="<f8")
+
+
+def read_paths(path: Path) -> tuple[dict[str, Network], dict[str, MuscleCurves]]:
+    """What `write_paths` wrote; raises FileNotFoundError, and ValueError for a damaged file."""
+    with open_hdf5(path) as file:
+        wraps = {name: read_network(group) for name, group in file.get("wraps", {}).items()}
+        curves = {
+            name: MuscleCurves(**{part.name: group[part.name][()] for part in fields(MuscleCurves)})
+            for name, group in file.get("curves", {}).items()
+        }
+        return wraps, curves
+
+
+def _contact(name: str, table: object, folder: Path, contact: MakeContact | None) -> Contact:
     key, needed, frames = f"contacts.{name}", ("scene", "fixed", "moving"), ("fixed_frame", "moving_frame")
-    given = table_of(key, table, needed, complete=True, optional=(*frames, "change"))
-    scene, change = str(given.pop("scene")), given.pop("change", {})
+    given = table_of(key, table, needed, complete=True, optional=(*frames, "change", "cells_mm"))
+    scene, change, cells = str(given.pop("scene")), given.pop("change", {}), given.pop("cells_mm", None)
     if not isinstance(change, Mapping):
         raise fail(f"{key}.change", change, "a table of the scene's parameters")
     try:
         found = load_scene(folder / scene if scene.endswith(".toml") else scene, **change)
     except ValueError as error:
         raise ValueError(f"{key}: {error}") from None
-    return Contact(name, symbolic(contact(whole_wrench(found))), **_values(key, given, tuple(given)))
+    if contact is None and cells is not None:
+        contact = partial(CellFoundation, cells=CellChoice().cells(*2 * (number(f"{key}.cells_mm", cells, low=0.1),)))
+    model = (contact or joint_foundation)(whole_wrench(found))
+    return Contact(name, symbolic(model), **_values(key, given, tuple(given)))
 
 
 def _values(key: str, table: object, keys: tuple[str, ...]) -> dict[str, Any]:

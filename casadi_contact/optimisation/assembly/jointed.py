@@ -1,0 +1,261 @@
+"""An assembly of bodies on joints, as `casadi-contact import` writes it of an OpenSim or JAM model: one function from
+coordinates and activations to generalised forces.
+
+    assembly = cc.load_assembly("my_knee")           # names: .coordinates .ligament_names .muscle_names .contact_names
+    f = assembly.function()                          # q, u, udot, activations -> forces
+    forces = f(q, 0.0, 0.0, 0.02)                    # zero where the coordinate is in balance
+    g = assembly.function(["forces", "muscle_lengths", "contact_wrenches"], loaded=["calcn_r"])
+
+At the door all is OpenSim's: coordinates in the model's order and signs, m and rad, their rates, forces in N and N·m.
+With L(q) the lengths of paths, T their tensions, W a contact's wrench, x(q) its pose and X(q) a body's transform:
+
+    forces = - (∂L/∂q)ᵀ·T - (∂x/∂q)ᵀ·Q(x, W) + Σ (∂X/∂q)ᵀ·((G - Ẍ)·J) - k·(q - q0) - c·u + loads
+
+that is ligaments and muscles, contact, gravity and inertia (`joints.Body.second_moments`; ½·tr(Ẋ·J·Ẋᵀ) is the kinetic
+energy, so that this is Lagrange's equation), springs on coordinates, and wrenches given on bodies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from casadi_contact.core.conventions import Array
+from casadi_contact.networks.frames import pose_of
+from casadi_contact.networks.names import check_name
+from casadi_contact.optimisation.assembly.connections import Contact
+from casadi_contact.optimisation.assembly.joints import Body, Chain, Coordinate, Joint, compose, frame, inverse
+from casadi_contact.optimisation.assembly.paths import Bundle, Muscle, MuscleCurves, muscle_forces, tensions
+from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection
+
+
+@dataclass(frozen=True)
+class CoordinateSpring:
+    """-stiffness·(q - rest) - viscosity·u on one coordinate, in OpenSim's units (m, rad, N, N·m)."""
+
+    name: str
+    of: str
+    stiffness: float
+    rest: float
+    viscosity: float
+
+
+OUTPUTS = (
+    *("forces", "of_ligaments", "of_muscles", "of_contacts", "of_gravity", "of_inertia", "of_springs", "of_loads"),
+    *("ligament_lengths", "ligament_tensions", "muscle_lengths", "muscle_forces", "muscle_arms"),
+    *("contact_poses", "contact_wrenches"),
+)
+
+
+@dataclass(frozen=True)
+class JointedAssembly:
+    """Bodies on joints, and what acts on them. Raises ValueError for a joint, path or contact of bodies that are not
+    there, and for a joint or spring of unknown coordinates."""
+
+    name: str
+    ground: str
+    gravity_m_s2: Array
+    coordinate_table: Mapping[str, Coordinate]
+    bodies: Mapping[str, Body]
+    joints: Sequence[Joint]
+    contacts: Sequence[Contact] = ()
+    ligaments: Sequence[Bundle] = ()
+    muscles: Sequence[Muscle] = ()
+    springs: Sequence[CoordinateSpring] = ()
+    curves: Mapping[str, MuscleCurves] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        known = {self.ground, *self.bodies}
+        paths = [*self.ligaments, *self.muscles]
+        of_parts: list[tuple[str, Sequence[str]]] = [(path.name, path.bodies) for path in paths]
+        of_parts += [(contact.name, contact.bodies) for contact in self.contacts]
+        of_parts += [(path.name, [path.wrap.body]) for path in paths if path.wrap is not None]
+        for name, bodies in of_parts:
+            if not set(bodies) <= known:
+                raise ValueError(f"{name} lies on {', '.join(bodies)}, expected bodies of {', '.join(sorted(known))}")
+        axes = [(j.name, a.of) for j in self.joints for a in (*j.rotations, *j.translations) if a.of]
+        for name, of in [*axes, *((spring.name, spring.of) for spring in self.springs)]:
+            if of not in self.coordinate_table:
+                raise ValueError(f"{name} names the coordinate {of}, expected one of {', '.join(self.coordinates)}")
+        _ = self._chain
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the coordinates, in the model's order: the entries of q."""
+        return tuple(self.coordinate_table)
+
+    @property
+    def ligament_names(self) -> tuple[str, ...]:
+        """Names of the ligaments' bundles."""
+        return tuple(ligament.name for ligament in self.ligaments)
+
+    @property
+    def muscle_names(self) -> tuple[str, ...]:
+        """Names of the muscles: the entries of activations."""
+        return tuple(muscle.name for muscle in self.muscles)
+
+    @property
+    def contact_names(self) -> tuple[str, ...]:
+        """Names of the contacts."""
+        return tuple(contact.name for contact in self.contacts)
+
+    @property
+    def default(self) -> Array:
+        """q (n) [m, rad] at rest, as the model says."""
+        return np.array([c.default / c.scale for c in self.coordinate_table.values()])
+
+    def rows(self, names: Iterable[str]) -> list[int]:
+        """Entries of q by coordinates' names; raises ValueError for one that is not there."""
+        names = list(names)
+        if unknown := [name for name in names if name not in self.coordinate_table]:
+            raise ValueError(f"got coordinates {', '.join(unknown)}, expected some of {', '.join(self.coordinates)}")
+        return [self.coordinates.index(name) for name in names]
+
+    def places(self, bodies: Sequence[str], name: str = "places") -> ca.Function:
+        """casadi.Function q -> transforms (3 x 4·bodies) [m] of bodies in the ground."""
+        found = [self._chain.place(body, self.ground) for body in bodies]
+        return ca.Function(name, [self._q], [ca.horzcat(*(ca.horzcat(R, 1e-3 * t) for t, R in found))])
+
+    def function(
+        self,
+        outputs: Sequence[str] = ("forces",),
+        name: str = "assembly_forces",
+        *,
+        loaded: Sequence[str] = (),
+        by_force: bool = False,
+    ) -> ca.Function:
+        """casadi.Function q (n), u (n), udot (n), activations (m) -> the outputs asked for, some of `OUTPUTS`.
+
+        forces (n) [N, N·m]: all that acts on each coordinate, inertia too; of_ligaments ... of_loads: its parts.
+        ligament_lengths, muscle_lengths [m]; ligament_tensions, muscle_forces [N]; muscle_arms (m x n) = -∂L/∂q [m, 1].
+        contact_poses (6 x contacts) [mm, rad]: the moving body in the fixed one, as its scene counts them;
+        contact_wrenches (6 x contacts) [N, N·m]: on the fixed body, the casting mesh, in the scene's frame about its
+        origin.
+        loaded: bodies on which wrenches act, a further input loads (6 x bodies) [N, N·m] in the ground about its
+        origin. by_force: muscles' forces [N] come in place of activations, and tendons play no part.
+        """
+        if unknown := [each for each in outputs if each not in OUTPUTS]:
+            raise ValueError(f"unknown outputs {', '.join(unknown)}, expected some of {', '.join(OUTPUTS)}")
+        n, m = len(self.coordinates), len(self.muscles)
+        q, u, udot = (ca.MX.sym(key, n) for key in ("q", "u", "udot"))
+        drive, loads = ca.MX.sym("forces" if by_force else "activations", m), ca.MX.sym("loads", 6, len(loaded))
+        lengths, rates, strung = self._mechanics["paths"](q, u)
+        k = len(self.ligaments)
+        force = drive if by_force else self._muscle_forces(lengths[k:], rates[k:], drive)
+        pull = self._mechanics["pull"]
+        poses = self._mechanics["poses"](q)
+        wrenches = [self._wrench(contact, poses[:, i]) for i, contact in enumerate(self.contacts)]
+        pressing = ca.horzcat(*wrenches) if wrenches else ca.MX(6, 0)
+        made: dict[str, Any] = {
+            "of_ligaments": -pull(q, ca.vertcat(strung, ca.MX(m, 1))),
+            "of_muscles": -pull(q, ca.vertcat(ca.MX(k, 1), force)),
+            "of_contacts": -self._mechanics["press"](q, pressing),
+            "of_gravity": self._mechanics["gravity"](q),
+            "of_inertia": -self._mechanics["inertia"](q, u, udot),
+            "of_springs": self._springs(q, u),
+            "of_loads": self._applied(loaded)(q, loads) if loaded else ca.MX(n, 1),
+            "ligament_lengths": 1e-3 * lengths[:k],
+            "ligament_tensions": strung,
+            "muscle_lengths": 1e-3 * lengths[k:],
+            "muscle_forces": force,
+            "muscle_arms": -self._mechanics["arms"](q),
+            "contact_poses": poses,
+            "contact_wrenches": ca.mtimes(ca.diag([1.0] * 3 + [1e-3] * 3), pressing),
+        }
+        parts = [made[key] for key in OUTPUTS if key.startswith("of_") and key not in ("of_ligaments", "of_muscles")]
+        made["forces"] = sum(parts, -pull(q, ca.vertcat(strung, force)))
+        given = [q, u, udot, drive, *([loads] if loaded else [])]
+        names = ["q", "u", "udot", "muscle_forces" if by_force else "activations", *(["loads"] if loaded else [])]
+        return ca.Function(check_name(name), given, [made[key] for key in outputs], names, list(outputs))
+
+    @cached_property
+    def _q(self) -> Any:
+        return ca.SX.sym("q", len(self.coordinates))
+
+    @cached_property
+    def _chain(self) -> Chain:
+        scales = [c.scale for c in self.coordinate_table.values()]
+        inside = {
+            name: self._q[i] * scale for i, (name, scale) in enumerate(zip(self.coordinates, scales, strict=True))
+        }
+        return Chain(self.ground, list(self.bodies), self.joints, inside)
+
+    @cached_property
+    def _mechanics(self) -> dict[str, ca.Function]:
+        """All but contact and muscles' curves, as functions of scalars: the sparsest derivatives."""
+        q, n = self._q, len(self.coordinates)
+        u, udot = ca.SX.sym("u", n), ca.SX.sym("udot", n)
+        paths = [*self.ligaments, *self.muscles]
+        length = ca.vertcat(*(path.length(self._chain) for path in paths)) if paths else ca.SX(0, 1)
+        rate = ca.jtimes(length, q, u)
+        strung = tensions(self.ligaments, length[: len(self.ligaments)], rate[: len(self.ligaments)])
+        along = ca.SX.sym("along", len(paths))
+        poses = [self._pose(contact) for contact in self.contacts]
+        pose = ca.horzcat(*poses) if poses else ca.SX(6, 0)
+        wrench = ca.SX.sym("wrench", 6, len(poses))
+        each = [generalised_forces(x, wrench[:, i]) for i, x in enumerate(poses)]
+        acting = ca.vertcat(*each) if each else ca.SX(0, 1)
+        found = [self._chain.place(body, self.ground) for body in self.bodies]
+        X = ca.vertcat(*(ca.vec(ca.horzcat(R, 1e-3 * t)) for t, R in found))
+        state, rates = ca.vertcat(q, u), ca.vertcat(u, udot)
+        acceleration = ca.jtimes(ca.jtimes(X, q, u), state, rates)
+        J = [ca.DM(body.second_moments) for body in self.bodies.values()]
+        kept = ca.vertcat(
+            *(ca.vec(ca.mtimes(ca.reshape(acceleration[12 * b : 12 * b + 12], 3, 4), J[b])) for b in range(len(J)))
+        )
+        g = ca.DM(self.gravity_m_s2)
+        weight = ca.vertcat(*(ca.vec(ca.mtimes(g, moments[3, :])) for moments in J))
+        made = {
+            "paths": ([q, u], [length, rate, strung]),
+            "pull": ([q, along], [1e-3 * ca.jtimes(length, q, along, True)]),
+            "arms": ([q], [1e-3 * ca.jacobian(length[len(self.ligaments) :], q)]),
+            "poses": ([q], [pose]),
+            "press": ([q, wrench], [1e-3 * ca.jtimes(ca.vec(pose), q, acting, True)]),
+            "gravity": ([q], [ca.jtimes(X, q, weight, True)]),
+            "inertia": ([q, u, udot], [ca.jtimes(X, q, kept, True)]),
+        }
+        return {key: ca.Function(f"mechanics_{key}", *parts) for key, parts in made.items()}
+
+    def _pose(self, contact: Contact) -> Any:
+        fixed, moving = (frame(at) for at in (contact.fixed_frame, contact.moving_frame))
+        place = self._chain.place(contact.moving, contact.fixed)
+        return pose_of(*compose(inverse(fixed), compose(place, moving)))
+
+    def _wrench(self, contact: Contact, pose: ca.MX) -> ca.MX:
+        """Total wrench (6) [N, N·mm] on the fixed body, in the scene's frame."""
+        total = ca.sparsify(ca.DM(total_selection(contact.model.load_names, contact.model.patch_names)))
+        return ca.mtimes(total, contact.model.function(name=contact.function_name)(pose))
+
+    @cached_property
+    def _muscle_forces(self) -> ca.Function:
+        m = len(self.muscles)
+        length, rate, activation = (ca.MX.sym(key, m) for key in ("length", "rate", "activation"))
+        given = [length, rate, activation]
+        if not m:
+            return ca.Function("muscles", given, [ca.MX(0, 1)])
+        active, passive = muscle_forces(self.muscles, dict(self.curves))(*given)
+        return ca.Function("muscles", given, [active + passive])
+
+    def _springs(self, q: ca.MX, u: ca.MX) -> Any:
+        forces = ca.MX(len(self.coordinates), 1)
+        for spring in self.springs:
+            i = self.coordinates.index(spring.of)
+            forces[i] += -spring.stiffness * (q[i] - spring.rest) - spring.viscosity * u[i]
+        return forces
+
+    def _applied(self, loaded: Sequence[str]) -> ca.Function:
+        """q, loads (6 x bodies) -> generalised forces: with F and T about the ground's origin, the body's transform
+        X = [R t] takes the force [½·(T - t × F)×·R, F]."""
+        q, loads = self._q, ca.SX.sym("loads", 6, len(loaded))
+        found = [self._chain.place(body, self.ground) for body in loaded]
+        X = ca.vertcat(*(ca.vec(ca.horzcat(R, 1e-3 * t)) for t, R in found))
+        given = []
+        for i, (t, R) in enumerate(found):
+            torque = loads[3:, i] - ca.cross(1e-3 * t, loads[:3, i])
+            given.append(ca.vec(ca.horzcat(0.5 * ca.mtimes(ca.skew(torque), R), loads[:3, i])))
+        return ca.Function("applied", [q, loads], [ca.jtimes(X, q, ca.vertcat(*given), True)])

@@ -1,0 +1,164 @@
+"""Ligaments and muscles along paths: straight from point to point, with what wrapping over a surface adds.
+
+    length = Σ |p_{i+1} - p_i| + excess(points in the frame of the body that carries the surface)
+
+The points move with their bodies, exactly. The excess is a small network, fitted to lengths of the opensim wheel
+(`workflow.opensim_import`); it has three inputs where one point moves against the surface, and exact derivatives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from casadi_contact.core.conventions import Array
+from casadi_contact.networks.activations import activation_of
+from casadi_contact.networks.network import Network
+from casadi_contact.optimisation.assembly.joints import Chain, point_at
+
+
+@dataclass(frozen=True)
+class Wrap:
+    """What wrapping over a surface of a body adds to a path's length [mm]: a network of some of its points, by number,
+    in the body's frame [mm]."""
+
+    body: str
+    points: Sequence[int]
+    network: Network
+
+
+@dataclass(frozen=True)
+class Path:
+    """Points (n, 3) [mm], each of a body."""
+
+    name: str
+    bodies: Sequence[str]
+    points_mm: Array
+    wrap: Wrap | None = None
+
+    def __post_init__(self) -> None:
+        if len(self.bodies) < 2 or np.shape(self.points_mm) != (len(self.bodies), 3):
+            raise ValueError(
+                f"{self.name} has points of shape {np.shape(self.points_mm)} on {len(self.bodies)} bodies, expected "
+                "two points or more, and a body for each"
+            )
+
+    def straight(self, chain: Chain) -> Any:
+        """Length [mm] from point to point."""
+        length: Any = 0.0
+        for i, (first, second) in enumerate(zip(self.bodies[:-1], self.bodies[1:], strict=True)):
+            away = point_at(chain.place(second, first), self.points_mm[i + 1]) - ca.DM(self.points_mm[i])
+            length += ca.sqrt(ca.sumsqr(away) + (1e-18 if first != second else 0.0))  # 1e-9 mm where they coincide
+        return length
+
+    def inputs(self, chain: Chain, body: str, points: Sequence[int]) -> Any:
+        """Some of its points in a body's frame (3·points) [mm]."""
+        return ca.vertcat(*(point_at(chain.place(self.bodies[i], body), self.points_mm[i]) for i in points))
+
+    def length(self, chain: Chain) -> Any:
+        """Length [mm], as an SX expression."""
+        if self.wrap is None:
+            return self.straight(chain)
+        return self.straight(chain) + value_of(self.wrap.network, self.inputs(chain, self.wrap.body, self.wrap.points))
+
+
+def value_of(network: Network, x: Any) -> Any:
+    """A small network's value, number by number."""
+    a, sigma = (x - ca.DM(network.input_shift)) / ca.DM(network.input_scale), activation_of(network.activation)
+    for weight, bias in zip(network.weights[:-1], network.biases[:-1], strict=True):
+        (a,) = sigma.derivatives(ca, ca.mtimes(ca.DM(weight), a) + ca.DM(bias), 0)
+    last = ca.mtimes(ca.DM(network.weights[-1]), a) + ca.DM(network.biases[-1])
+    return network.output_scale * last
+
+
+@dataclass(frozen=True)
+class Bundle(Path):
+    """A ligament's bundle: tension as `connections.Ligament`, plus damping_s·stiffness·(strain rate) while it is taut
+    and lengthens, as OpenSim's Blankevoort1991Ligament."""
+
+    stiffness_n: float = 0.0
+    slack_length_mm: float = 1.0
+    toe_strain: float = 0.03
+    damping_s: float = 0.0
+
+
+def tensions(bundles: Sequence[Bundle], lengths_mm: Any, rates_mm_per_s: Any) -> Any:
+    """Tensions (n) [N] of bundles, zero while slack."""
+    k, slack, toe, damping = (
+        ca.DM([getattr(bundle, name) for bundle in bundles])
+        for name in ("stiffness_n", "slack_length_mm", "toe_strain", "damping_s")
+    )
+    strain, rate = lengths_mm / slack - 1.0, rates_mm_per_s / slack
+    taut = ca.fmax(strain, 0.0)
+    spring = ca.if_else(taut < 2.0 * toe, 0.25 * taut**2 / toe, taut - toe)
+    return k * (spring + damping * ca.if_else(strain > 0.0, ca.fmax(rate, 0.0), 0.0))
+
+
+@dataclass(frozen=True)
+class MuscleCurves:
+    """Curves of normalised fibre length (n,) and speed (m,), sampled at equal steps: active force-length, passive
+    force-length, force-velocity. Between samples they are cubic B-splines."""
+
+    lengths: Array
+    active: Array
+    passive: Array
+    speeds: Array
+    of_speed: Array
+
+    def functions(self) -> tuple[ca.Function, ca.Function, ca.Function]:
+        """active(l), passive(l), of_speed(v), each a casadi.Function of one number."""
+        given = {"active": (self.lengths, self.active), "passive": (self.lengths, self.passive)}
+        given["of_speed"] = (self.speeds, self.of_speed)
+        made = [ca.interpolant(name, "bspline", [x.tolist()], y.tolist()) for name, (x, y) in given.items()]
+        active, passive, speed = made
+        return active, passive, speed
+
+
+@dataclass(frozen=True)
+class Muscle(Path):
+    """A Millard2012EquilibriumMuscle with a rigid tendon: with L the musculotendon's length, w = l0·sin α0 the fibres'
+    thickness, l = √((L - L_t)² + w²)/l0, cos α = (L - L_t)/(l·l0) and v = L̇·cos α/(v_max·l0),
+
+    F = F0·(a·f_l(l)·f_v(v) + f_p(l) + damping·v)·cos α  [N],   0 where the tendon is slack.
+    """
+
+    max_force_n: float = 0.0
+    optimal_fibre_mm: float = 1.0
+    tendon_slack_mm: float = 0.0
+    pennation_rad: float = 0.0
+    max_speed_per_s: float = 10.0
+    damping: float = 0.0
+    curves: str = ""
+
+
+def muscle_forces(
+    muscles: Sequence[Muscle], curves: dict[str, MuscleCurves]
+) -> Callable[[Any, Any, Any], tuple[Any, Any]]:
+    """Function of lengths [mm], rates [mm/s] and activations, each (m) in MX -> active and passive force (m) [N]."""
+    force, optimum, tendon, fastest, damping = (
+        ca.DM([getattr(muscle, name) for muscle in muscles])
+        for name in ("max_force_n", "optimal_fibre_mm", "tendon_slack_mm", "max_speed_per_s", "damping")
+    )
+    width = optimum * ca.sin(ca.DM([muscle.pennation_rad for muscle in muscles]))
+    rows = {name: [i for i, muscle in enumerate(muscles) if muscle.curves == name] for name in curves}
+    functions = {name: curve.functions() for name, curve in curves.items()}
+
+    def evaluated(which: int, x: Any) -> Any:
+        """A curve of every muscle, by groups that share it."""
+        order = [i for own in rows.values() for i in own]
+        parts = [functions[name][which](x[own].T).T for name, own in rows.items() if own]
+        return ca.vertcat(*parts)[np.argsort(order).tolist()]
+
+    def forces(length: Any, rate: Any, activation: Any) -> tuple[Any, Any]:
+        along = ca.fmax(length - tendon, 0.0)
+        fibre = ca.sqrt(along**2 + width**2 + 1e-12)
+        cosine = along / fibre
+        stretch, v = fibre / optimum, rate * cosine / (fastest * optimum)
+        active = force * cosine * activation * evaluated(0, stretch) * ca.fmax(evaluated(2, v), 0.0)
+        return active, force * cosine * (evaluated(1, stretch) + damping * v)
+
+    return forces

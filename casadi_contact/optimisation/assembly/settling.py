@@ -1,0 +1,87 @@
+"""Rest under given loads, by pseudo-transient continuation, of bodies' poses and of coordinates of joints.
+
+Bodies move through a viscous fluid, C·q̇ = Q(q), with C = 1 N·s/mm (25² N·mm·s for rotations). Implicit Euler steps,
+(C/Δt - ∂Q/∂q)·Δq = Q, double Δt unless something would move farther than 0.5 mm (a turn counts at 25 mm). Small steps
+follow the motion into a stable equilibrium. Large steps are Newton's (Kelley and Keyes 1998).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from casadi_contact.core.conventions import LEVER_MM, Array, check_above_zero
+from casadi_contact.optimisation.assembly.jointed import JointedAssembly
+
+
+def pseudo_transient(
+    evaluate: Callable[[Array], tuple[Array, Array]],
+    position: Array,
+    rows: Sequence[int],
+    in_mm: Array,
+    tolerance: float,
+    max_iterations: int,
+) -> tuple[Array, float]:
+    """Position (n,) in which the entries of `rows` are at rest, and the residual [N] left. evaluate: their forces (r,)
+    and derivatives (r, r); in_mm (r,): mm in a unit of each, so that a force over it is in N."""
+    position, step = position.copy(), 1e-4  # s
+    for iteration in itertools.count():
+        left, jacobian = evaluate(position)
+        residual = float(np.abs(left / in_mm).max())
+        if residual <= tolerance or not np.isfinite(residual) or iteration >= max_iterations:
+            return position, residual
+        while True:
+            move = np.linalg.solve(np.diag(in_mm**2 / step) - jacobian, left)
+            if np.abs(move * in_mm).max() <= 0.5 or step < 1e-12:
+                break
+            step *= 0.5
+        position[rows] += move
+        step = min(2.0 * step, 1e12)
+    raise AssertionError
+
+
+@dataclass(frozen=True)
+class SettledCoordinates:
+    """q (n) [m, rad]; residual [N]: the largest force left along a free coordinate, moments over 25 mm."""
+
+    q: Array
+    residual: float
+    converged: bool
+
+
+class CoordinateSettling:
+    """Rest of some coordinates of a `JointedAssembly`, by name; all others are held. Raises ValueError for coordinates
+    that are not there, and for none."""
+
+    def __init__(self, assembly: JointedAssembly, free: Sequence[str]) -> None:
+        self.rows = assembly.rows(free)
+        if not self.rows or len(set(self.rows)) < len(self.rows):
+            raise ValueError(f"free is {', '.join(free) or 'empty'}, expected coordinates, each named once")
+        kinds = [assembly.coordinate_table[name].kind for name in free]
+        self._in_mm = np.array([1000.0 if kind == "translation" else LEVER_MM for kind in kinds])
+        n, m = len(assembly.coordinates), len(assembly.muscles)
+        x, given, activation = ca.MX.sym("x", len(free)), ca.MX.sym("q", n), ca.MX.sym("activations", m)
+        q = ca.MX(given)
+        q[self.rows] = x
+        forces = 1e3 * assembly.function(name="settling")(q, 0.0, 0.0, activation)[self.rows]  # N·mm in a unit
+        self._evaluate = ca.Function("settle", [x, given, activation], [forces, ca.jacobian(forces, x)])
+
+    def __call__(
+        self, q: ArrayLike, activations: ArrayLike = 0.0, *, tolerance: float = 1e-4, max_iterations: int = 300
+    ) -> SettledCoordinates:
+        """Settle from q (n) [m, rad] with activations (m), or one for all muscles. What does not converge is reported,
+        not raised."""
+        check_above_zero(tolerance=tolerance)
+
+        def evaluate(position: Array) -> tuple[Array, Array]:
+            forces, jacobian = self._evaluate(position[self.rows], position, np.asarray(activations))
+            return forces.full().ravel(), jacobian.full()
+
+        start = np.asarray(q, dtype=float).ravel()
+        found, residual = pseudo_transient(evaluate, start, self.rows, self._in_mm, tolerance, max_iterations)
+        return SettledCoordinates(found, residual, residual <= tolerance)

@@ -1,0 +1,229 @@
+"""A model file becomes a folder that `cc.load_assembly` reads.
+
+    my_knee/assembly.toml      bodies, joints, contacts, ligaments, muscles (see `optimisation.assembly.file`)
+    my_knee/NAME.toml          a scene for each contact; meshes stay where they are, scaled ones are copied
+    my_knee/paths.h5           what wrapping adds to lengths, and muscles' curves
+    my_knee/import.txt         what was read, how exact paths are, and what is lost, by name
+
+First the joint moves passively, with paths that do not wrap: its first coordinate goes through its range, the others
+settle. About these states, or those of a given motion, lengths are sampled and wraps fitted.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+from scipy.spatial.transform import Rotation
+
+from casadi_contact.core.conventions import Array, Update
+from casadi_contact.core.files.writing import writable_folder, write_text
+from casadi_contact.optimisation.assembly.file import load_assembly, write_paths
+from casadi_contact.optimisation.assembly.jointed import JointedAssembly
+from casadi_contact.optimisation.assembly.settling import CoordinateSettling
+from casadi_contact.scenes.opensim import TIME, Table, read_opensim_table
+from casadi_contact.workflow.opensim_import.contacts import MeshFile, write_scene
+from casadi_contact.workflow.opensim_import.excess import described, fit_excesses, plain
+from casadi_contact.workflow.opensim_import.model_file import ModelFile, find_mesh, read_model
+from casadi_contact.workflow.opensim_import.process import describe
+from casadi_contact.workflow.opensim_import.tables import assembly_tables, lost_parts, pose_mm
+
+CELLS_MM = 1.4
+PASSIVE = np.linspace(0.0, 1.75, 22)  # rad from rest, either way, within the range of the joint's first coordinate
+ACTIVATION = 0.02
+
+
+@dataclass(frozen=True)
+class Imported:
+    """The folder, and lines that say what it holds and what of the model is lost."""
+
+    folder: Path
+    report: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return "\n".join(self.report)
+
+
+def import_model(
+    model: str | Path,
+    out: str | Path,
+    *,
+    joint: str | None = None,
+    geometry: str | Path | None = None,
+    motion: str | Path | None = None,
+    progress: Update | None = None,
+) -> Imported:
+    """Read an OpenSim or JAM model file and write an assembly.
+
+    joint: whose first coordinate moves while the others of the joints in contact follow; that between the first
+    contact's meshes if left out. geometry: a folder that holds the meshes. motion: a .sto or .mot file of coordinates,
+    whose states take the place of the passive motion. Raises ImportError without the opensim wheel or the extra `mesh`,
+    FileNotFoundError for a missing file, ValueError for a model that cannot be read.
+    """
+    model, out = Path(model), Path(out)
+    source = read_model(model)
+    writable_folder(out)
+    with tempfile.TemporaryDirectory(prefix="casadi_contact_") as temporary:
+        bare = Path(temporary) / "model.osim"
+        write_text(bare, source.rest)
+        said = describe(bare)
+        tables, curves = assembly_tables(said)
+        if progress:
+            progress("model", 1.0, 3.0, "scenes")
+        lost = [*source.unmapped, *lost_parts(said)]
+        tables["contacts"] = {}
+        write_paths(out / "paths.h5", {}, curves)
+        assembly = _written(out, tables)
+        folders = [model.parent, *([Path(geometry)] if geometry else [])]
+        lost += _contacts(source, said, assembly, folders[::-1], out, tables)
+        assembly = _written(out, tables)
+        moving, following = _coordinates(assembly, joint)
+        centres, how = _centres(assembly, moving, following, motion)
+        if progress:
+            progress("model", 2.0, 3.0, "paths")
+        wraps = _wraps(said, tables)
+        excess = fit_excesses(assembly, str(bare), wraps, centres, [*moving, *following], progress)
+    for name, found in excess.items():
+        kind = "ligaments" if name in tables["ligaments"] else "muscles"
+        tables[kind][name]["wrap"] = plain(found)
+    write_paths(out / "paths.h5", {name: found.network for name, found in excess.items()}, curves)
+    _written(out, tables)
+    counts = ", ".join(
+        f"{len(tables[kind])} {kind}" for kind in ("bodies", "coordinates", "contacts", "ligaments", "muscles")
+    )
+    report = [
+        f"{model.name}: {counts}",
+        how,
+        *(described(excess) if excess else []),
+        *(f"lost: {each}" for each in lost),
+    ]
+    write_text(out / "import.txt", "\n".join([*report, ""]))
+    return Imported(out, tuple(report))
+
+
+def _written(out: Path, tables: Mapping[str, Any]) -> JointedAssembly:
+    write_text(out / "assembly.toml", tomli_w.dumps(tables))
+    found = load_assembly(out)
+    assert isinstance(found, JointedAssembly)
+    return found
+
+
+def _contacts(
+    source: ModelFile,
+    said: Mapping[str, Any],
+    assembly: JointedAssembly,
+    folders: list[Path],
+    out: Path,
+    tables: dict[str, Any],
+) -> list[str]:
+    """Write the scenes and the table of contacts; returns what is lost."""
+    lost, files, frames = [], {}, {}
+    for name, mesh in source.meshes.items():
+        if name in {end for contact in source.contacts for end in (contact.target, contact.casting)}:
+            files[name] = MeshFile.of(mesh, find_mesh(mesh.file, folders), out)
+            place = np.eye(4)
+            place[:3] = said["frames"][mesh.frame]["place"]
+            own = np.eye(4)
+            own[:3, :3], own[:3, 3] = Rotation.from_euler("XYZ", mesh.orientation).as_matrix(), mesh.location
+            frames[name] = said["frames"][mesh.frame]["body"], (place @ own)[:3]
+    for contact in source.contacts:
+        if not contact.applied:
+            lost.append(f"{contact.name}: appliesForce is false, so it is left out")
+            continue
+        (fixed, fixed_at), (moving, moving_at) = frames[contact.casting], frames[contact.target]
+        X = np.tile(np.eye(4), (4, 1, 1))
+        at_rest = np.array(assembly.places([fixed, moving])(assembly.default))
+        X[:, :3] = at_rest[:, :4], at_rest[:, 4:], fixed_at, moving_at
+        relative = np.linalg.inv(X[0] @ X[2]) @ X[1] @ X[3]
+        pose = np.array(pose_mm(relative[:3]))
+        lost += [
+            f"{contact.name}: {what}"
+            for what in write_scene(
+                out / f"{contact.name}.toml", contact, source.meshes, files, (relative[:3, :3], pose[:3], pose[3:])
+            )
+        ]
+        table = {"scene": f"{contact.name}.toml", "fixed": fixed, "moving": moving, "cells_mm": CELLS_MM}
+        table |= {"fixed_frame": pose_mm(fixed_at), "moving_frame": pose_mm(moving_at)}
+        tables["contacts"][contact.name] = table
+    return lost
+
+
+def _coordinates(assembly: JointedAssembly, joint: str | None) -> tuple[list[str], list[str]]:
+    """The coordinate that moves the joint, and those that follow: all others between bodies in contact."""
+    joints = {each.name: each for each in assembly.joints}
+    if joint is not None and joint not in joints:
+        raise ValueError(f"joint is {joint!r}, expected one of {', '.join(joints)}")
+    between: dict[str, list[str]] = {}
+    for contact in assembly.contacts:
+        up, down = (assembly._chain.ancestors(body) for body in contact.bodies)
+        for body in [*(b for b in up if b not in down), *(b for b in down if b not in up)]:
+            found = assembly._chain.above(body)
+            between[found.name] = _names_of(found)
+    between = {name: names for name, names in between.items() if names}
+    if joint is not None:
+        between = {joint: _names_of(joints[joint])} | between
+    if not between:
+        return [], []
+    first = joint or next(iter(between))
+    names = [name for each in between.values() for name in each]
+    return between[first][:1], [name for name in dict.fromkeys(names) if name != between[first][0]]
+
+
+def _names_of(joint: Any) -> list[str]:
+    return list(dict.fromkeys(axis.of for axis in (*joint.rotations, *joint.translations) if axis.of))
+
+
+def _wraps(said: Mapping[str, Any], tables: Mapping[str, Any]) -> dict[str, str]:
+    """The body with the surface that a path wraps over, by path."""
+    paths = {
+        name: path for kind in ("ligaments", "muscles") for name, path in said[kind].items() if name in tables[kind]
+    }
+    over = {name: said["wrap_bodies"][path["wraps"][0]] for name, path in paths.items() if path["wraps"]}
+    return over | {name: path["bodies"][0] for name, path in paths.items() if path["moving"] and name not in over}
+
+
+def _centres(
+    assembly: JointedAssembly, moving: Sequence[str], following: Sequence[str], motion: str | Path | None
+) -> tuple[Array, str]:
+    """States (k, n) about which lengths are sampled, and in words where they come from."""
+    if motion is not None:
+        return states_of(
+            assembly, read_opensim_table(motion)
+        ), f"paths are fitted about the states of {Path(motion).name}"
+    if not moving:
+        return assembly.default[None], "paths are fitted about the model's rest"
+    q, c = assembly.default, assembly.coordinate_table[moving[0]]
+    row, way = assembly.rows(moving)[0], 1.0 if c.high - c.default >= c.default - c.low else -1.0
+    if not following or not assembly.contacts:
+        return q[None], "paths are fitted about the model's rest"
+    rest, centres, told = CoordinateSettling(assembly, following), [], 0
+    most = abs((c.high if way > 0.0 else c.low) - c.default)
+    for turn in (turn for turn in PASSIVE if turn <= most):
+        q = q.copy()
+        q[row] = c.default + way * turn
+        found = rest(q, ACTIVATION)
+        if found.converged:
+            q, told = found.q, told + 1
+            centres.append(q)
+    if not centres:
+        return assembly.default[None], f"no state of {moving[0]} settles: paths are fitted about the model's rest"
+    degrees = np.degrees(abs(centres[-1][row] - c.default))
+    return np.array(centres), f"paths are fitted about {told} passive states, {moving[0]} to {degrees:.0f} degrees"
+
+
+def states_of(assembly: JointedAssembly, table: Table) -> Array:
+    """Coordinates (n, c) [m, rad] of an OpenSim table, whose labels are names or paths
+    (/jointset/knee_r/knee_flex_r/value); those that it lacks are at rest."""
+    states = np.tile(assembly.default, (len(table), 1))
+    for label, column in table.columns.items():
+        words = label.split("/")
+        name = words[-2] if len(words) > 1 and words[-1] == "value" else words[-1]
+        if label != TIME and name in assembly.coordinate_table and words[-1] != "speed":
+            turns = assembly.coordinate_table[name].kind == "rotation"
+            states[:, assembly.rows([name])[0]] = np.radians(column) if turns and table.in_degrees else column
+    return states

@@ -1,0 +1,60 @@
+"""The opensim wheel in its own process: ask it about a model file."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from casadi_contact.core.conventions import Array
+from casadi_contact.core.files.containers import read_npz, write_npz
+
+WHEEL = Path(__file__).with_name("wheel.py")
+
+
+def _run(*arguments: str) -> None:
+    """Raises ImportError without the extra `opensim`, ValueError with its last line where the wheel refuses a model."""
+    if find_spec("opensim") is None:
+        raise ImportError("reading a model needs the opensim wheel: pip install casadi_contact[opensim]")
+    with tempfile.TemporaryDirectory(prefix="casadi_contact_") as folder:  # it leaves its log where it runs
+        done = subprocess.run([sys.executable, str(WHEEL), *arguments], cwd=folder, capture_output=True, text=True)
+    if done.returncode:
+        last = (done.stderr or done.stdout).strip().splitlines()[-1:] or [f"it ended with {done.returncode}"]
+        raise ValueError(f"OpenSim cannot read the model: {last[0]}")
+
+
+def describe(model: Path) -> dict[str, Any]:
+    """Bodies, joints, paths and muscles of a model file, in OpenSim's units: see `wheel`."""
+    with tempfile.TemporaryDirectory(prefix="casadi_contact_") as folder:
+        reply = Path(folder) / "reply.json"
+        _run("describe", str(model.resolve()), str(reply))
+        found: dict[str, Any] = json.loads(reply.read_text("utf-8"))
+        return found
+
+
+def measure(
+    model: str | Path,
+    coordinates: Sequence[str],
+    values: Array,
+    paths: Sequence[str],
+    bodies: Sequence[str] = (),
+    *,
+    arms: bool = False,
+) -> dict[str, np.ndarray]:
+    """Lengths (n, p) [m] of paths, the path points they wrap between (n, p, 2), moment arms (n, p, c) if asked for, and
+    transforms (n, b, 3, 4) of bodies in the ground, at coordinates (n, c) [m, rad]."""
+    with tempfile.TemporaryDirectory(prefix="casadi_contact_") as folder:
+        request, reply = Path(folder) / "request.npz", Path(folder) / "reply.npz"
+        named = {"coordinates": coordinates, "paths": paths, "bodies": bodies}
+        write_npz(
+            request, values=values, arms=arms, **{key: np.array(names, dtype=str) for key, names in named.items()}
+        )
+        _run("measure", str(Path(model).resolve()), str(request), str(reply))
+        return read_npz(reply)

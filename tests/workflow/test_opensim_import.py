@@ -1,0 +1,182 @@
+"""A model file becomes an assembly that agrees with the opensim wheel, and with what JAM stored."""
+
+import json
+import subprocess
+import sys
+from importlib.util import find_spec
+
+import casadi as ca
+import numpy as np
+import pytest
+import tomli_w
+
+import casadi_contact as cc
+from casadi_contact.optimisation.assembly.file import ray_casting, write_paths
+from casadi_contact.optimisation.assembly.settling import CoordinateSettling
+from casadi_contact.scenes.opensim import read_opensim_table
+from casadi_contact.workflow.opensim_import.importing import import_model, states_of
+from casadi_contact.workflow.opensim_import.model_file import read_model
+from casadi_contact.workflow.opensim_import.process import describe, measure
+from casadi_contact.workflow.opensim_import.tables import assembly_tables
+from tests.support.compiler import needs_compiler
+from tests.support.shared_data import shared_file
+from tests.support.small_model import RADIUS, random_states, write_small_model
+
+if find_spec("opensim") is None:
+    pytest.skip("needs the extra: pip install casadi_contact[opensim]", allow_module_level=True)
+
+INVERSE_DYNAMICS = """
+import sys, json, opensim
+opensim.Logger.setLevelString("off")
+model = opensim.Model(sys.argv[1]); model.updForceSet().setSize(0); model.setGravity(opensim.Vec3(0.0))
+state, values = model.initSystem(), json.load(sys.stdin)
+q, u = state.updQ(), state.updU()
+for i in range(len(values["q"])): q[i], u[i] = values["q"][i], values["u"][i]
+model.realizeVelocity(state)
+given = opensim.Vector(len(values["udot"]), 0.0)
+for i, value in enumerate(values["udot"]): given.set(i, value)
+found = opensim.InverseDynamicsSolver(model).solve(state, given)
+print(json.dumps([found.get(i) for i in range(found.size())]))
+"""
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """The folder of a small model, and the assembly that it became."""
+    folder = tmp_path_factory.mktemp("small")
+    report = import_model(write_small_model(folder), folder / "out", geometry=folder / "meshes")
+    return folder, cc.load_assembly(folder / "out"), str(report)
+
+
+@pytest.fixture(scope="module")
+def bare(small):
+    """The model without JAM's elements, for the wheel."""
+    path = small[0] / "bare.osim"
+    path.write_text(read_model(small[0] / "small.osim").rest)
+    return path
+
+
+def test_all_parts_are_there_and_what_is_lost_is_named(small):
+    _, assembly, report = small
+    assert assembly.coordinates == ("hip_r", "flex_r", "sink_r")
+    assert (assembly.ligament_names, assembly.muscle_names) == (("lateral", "front"), ("back",))
+    assert assembly.contact_names == ("joint_contact",)
+    assert "lost: floor: HuntCrossleyForce" in report
+    material = assembly.contacts[0].model.scene.material
+    assert (material.youngs_modulus, material.thickness) == (5.0, 4.0)
+
+
+def test_places_lengths_and_moment_arms_are_the_wheel_s(small, bare):
+    _, assembly, _ = small
+    states = random_states(assembly, 20)
+    found = measure(bare, assembly.coordinates, states, ["lateral", "front", "back"], list(assembly.bodies), arms=True)
+    places = np.array(assembly.places(list(assembly.bodies))(states.T)).reshape(3, 20, 2, 4).transpose(1, 2, 0, 3)
+    np.testing.assert_allclose(places, found["places"], atol=1e-9)
+    function = assembly.function(["ligament_lengths", "muscle_lengths", "muscle_arms"])
+    ligaments, muscles, arms = function(states.T, 0.0, 0.0, 0.5)
+    lateral, front = np.asarray(ligaments)
+    np.testing.assert_allclose(lateral, found["lengths"][:, 0], atol=1e-9)
+    np.testing.assert_allclose(np.asarray(muscles)[0], found["lengths"][:, 2], atol=1e-9)
+    np.testing.assert_allclose(np.asarray(arms).reshape(20, 3), found["arms"][:, 2], atol=1e-7)
+    wraps = found["stretches"][:, 1, 0] >= 0
+    assert wraps.any(), "no state in which the path touches the roll"
+    np.testing.assert_allclose(front, found["lengths"][:, 1], atol=1e-4)
+
+
+@needs_compiler
+def test_forces_are_those_of_energy_contact_and_the_wheel_s_inverse_dynamics(small, bare):
+    _, assembly, _ = small
+    (q,), u, udot = random_states(assembly, 1, seed=3), np.array([0.5, -1.0, 0.1]), np.array([3.0, 2.0, -1.0])
+    given = {"q": q.tolist(), "u": u.tolist(), "udot": udot.tolist()}
+    command = [sys.executable, "-c", INVERSE_DYNAMICS, str(bare)]
+    wheel = subprocess.run(
+        command, input=json.dumps(given), capture_output=True, text=True, check=True, cwd=bare.parent
+    )
+    (inertia,) = (np.asarray(assembly.function(["of_inertia"])(q, u, udot, 0.0)).ravel(),)
+    np.testing.assert_allclose(-inertia, json.loads(wheel.stdout), rtol=1e-9)
+    deeper = assembly.default.copy()
+    deeper[2] = -RADIUS + 0.0003
+    wrench = np.asarray(assembly.function(["contact_wrenches"])(deeper, 0.0, 0.0, 0.0)).ravel()
+    K = (1 - 0.45) * 5.0 / ((1 + 0.45) * (1 - 2 * 0.45)) / 4.0
+    np.testing.assert_allclose(wrench[1], -np.pi * K * 1e3 * RADIUS * 0.3**2, rtol=0.03)
+    rays = cc.load_assembly(small[0] / "out", contact=ray_casting).function(["contact_wrenches"])
+    np.testing.assert_allclose(np.asarray(rays(deeper, 0.0, 0.0, 0.0)).ravel()[1], wrench[1], rtol=0.1)
+
+
+@needs_compiler
+def test_derivatives_are_exact_and_no_denser_than_the_joints(small):
+    _, assembly, _ = small
+    q, u, udot, a = (ca.MX.sym(name, size) for name, size in (("q", 3), ("u", 3), ("udot", 3), ("a", 1)))
+    forces = assembly.function()(q, u, udot, a)
+    x = ca.vertcat(q, a)
+    jacobian = ca.Function("jacobian_of", [q, u, udot, a], [ca.jacobian(forces, x)])
+    at = (assembly.default + np.array([0.1, 0.2, 0.0003]), [0.3, -0.4, 0.02], [1.0, 2.0, 0.5], 0.6)
+    function, exact = assembly.function(), np.asarray(jacobian(*at))
+    for k, step in enumerate((1e-6, 1e-6, 1e-8, 1e-6)):
+        away = np.zeros(4)
+        away[k] = step
+        up, down = (function(at[0] + s * away[:3], *at[1:3], at[3] + s * away[3]) for s in (1.0, -1.0))
+        difference = np.asarray(up - down).ravel() / (2.0 * step)
+        np.testing.assert_allclose(exact[:, k], difference, rtol=1e-6, atol=1e-6 * np.abs(exact).max())
+    lengths = assembly.function(["ligament_lengths"])(q, u, udot, a)
+    assert not ca.jacobian(lengths, q).sparsity().has_nz(0, 0), "the hip does not stretch what crosses the knee"
+
+
+@needs_compiler
+def test_the_joint_settles_where_contact_and_ligaments_balance(small):
+    _, assembly, _ = small
+    settled = CoordinateSettling(assembly, ["sink_r"])(assembly.default, 0.3)
+    assert settled.converged
+    forces, wrench = assembly.function(["forces", "contact_wrenches"])(settled.q, 0.0, 0.0, 0.3)
+    assert abs(float(forces[2])) < 1e-3
+    assert float(wrench[1, 0]) < -10.0
+
+
+def test_another_side_without_contact_is_read_alike(tmp_path):
+    model = write_small_model(tmp_path, side="l", contact=False)
+    import_model(model, tmp_path / "out", joint="knee_l")
+    assembly = cc.load_assembly(tmp_path / "out")
+    assert assembly.coordinates == ("hip_l", "flex_l", "sink_l")
+    assert assembly.ligaments[1].wrap is not None
+    with pytest.raises(ValueError, match="knee_l"):
+        import_model(model, tmp_path / "out", joint="knee_r")
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        ("<OpenSimDocument", "<!DOCTYPE a [<!ENTITY b 'c'>]><OpenSimDocument", "entities"),
+        ("OpenSimDocument", "Other", "OpenSimDocument"),
+        ("contactgeometryset/ball", "contactgeometryset/none", "names the mesh none"),
+        ("</Model>", "", "no XML"),
+        ("model-thigh-ball.stl", "other.stl", "--geometry"),
+    ],
+)
+def test_a_bad_model_is_refused_with_the_cure(tmp_path, before, after, message):
+    path = write_small_model(tmp_path)
+    path.write_text(path.read_text().replace(before, after))
+    with pytest.raises((ValueError, FileNotFoundError), match=message):
+        import_model(path, tmp_path / "out", geometry=tmp_path / "meshes")
+
+
+def test_a_knee_of_another_program_has_its_straight_ligaments_and_contact(tmp_path):
+    """Lenhart's knee at JAM's stored states, straight paths and rays: its wraps are fitted by a whole import alone."""
+    model = shared_file("data/jam_knee/lenhart2015.osim")
+    stored = {
+        name: read_opensim_table(model.parent / "passive_flexion" / f"{name}.sto") for name in ("states", "forces")
+    }
+    bare = tmp_path / "bare.osim"
+    bare.write_text(read_model(model).rest)
+    tables, curves = assembly_tables(describe(bare))
+    assert [len(tables[kind]) for kind in ("coordinates", "ligaments", "muscles")] == [52, 76, 44]
+    write_paths(tmp_path / "paths.h5", {}, curves)
+    (tmp_path / "assembly.toml").write_text(tomli_w.dumps(tables))
+    assembly = cc.load_assembly(tmp_path)
+    states = states_of(assembly, stored["states"])[::50]
+    lengths, tensions = assembly.function(["ligament_lengths", "ligament_tensions"])(states.T, 0.0, 0.0, 0.0)
+    straight = [i for i, name in enumerate(assembly.ligament_names) if not name.startswith(("MCL", "PT", "pCAP"))]
+    for i in straight:
+        columns = stored["forces"].columns
+        name = assembly.ligament_names[i]
+        np.testing.assert_allclose(np.asarray(lengths)[i], columns[f"{name}.length"][::50], atol=1e-8)
+        np.testing.assert_allclose(np.asarray(tensions)[i], columns[f"{name}.force_spring"][::50], atol=1e-3)
