@@ -12,13 +12,12 @@ from casadi_contact import __version__
 from casadi_contact.cli.build import build, calibrate, evaluate, export, sample, train
 from casadi_contact.cli.model_commands import chart, choose, info, page, report, show, speed
 from casadi_contact.cli.options import say
-from casadi_contact.cli.scene_commands import cut, cycle, import_, scene
+from casadi_contact.cli.scene_commands import cycle, import_, scene
 from casadi_contact.core.terminal import new_app, run_app
 
 EXAMPLES = """\
 scene femur.stl insert.stl --side right --out my_knee.toml
 scene head.stl cup.stl --joint hip --axes=-x,z,y --material cartilage
-cut my_knee.toml --to my_knee_parts.toml
 import lenhart2015.osim --joint knee_r --geometry Geometry --out my_knee
 build knee
 build knee --preset standard --cycles walk1.csv walk2.csv
@@ -76,7 +75,7 @@ def options(
 
 
 _PROJECT = (build, sample, train, calibrate, evaluate, export, chart, speed, choose)
-for command in (scene, cut, import_, *_PROJECT, info, report, cycle, show, page):
+for command in (scene, import_, *_PROJECT, info, report, cycle, show, page):
     whole_sentence = " ".join((command.__doc__ or "").split("\n\n")[0].split())  # else cut off in the list of commands
     mine = examples(line for line in EXAMPLES if line.split()[0] == command.__name__)
     app.command(epilog=mine, short_help=whole_sentence)(command)

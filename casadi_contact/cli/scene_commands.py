@@ -1,14 +1,13 @@
-"""Commands that make scenes, assemblies and cycles: ``scene``, ``cut``, ``import``, ``cycle``."""
+"""Commands that make scenes, assemblies and cycles: ``scene``, ``import``, ``cycle``."""
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from casadi_contact.cli.options import DEFAULT_PRESET, Cycles, Force, ModelName, Out, PresetName, console, say
+from casadi_contact.cli.options import Force, console, say
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.conventions import POSE_NAMES
 from casadi_contact.core.files.writing import writable_folder, write_text
@@ -20,10 +19,7 @@ from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.opensim import SIDES, TIME, ColumnMap, femur_in_insert, mapped_curves, read_opensim_table
 from casadi_contact.scenes.pose_file import poses_from_curves, write_poses
 from casadi_contact.scenes.shapes.checks import scene_name
-from casadi_contact.workflow import samples as sampling
 from casadi_contact.workflow.opensim_import.importing import import_model
-from casadi_contact.workflow.project import Project
-from casadi_contact.workflow.proposal.cuts import CutSettings, cut_scene, find_cuts
 from casadi_contact.workflow.proposal.joint_geometry import JOINTS
 from casadi_contact.workflow.proposal.propose import propose
 from casadi_contact.workflow.proposal.tables import MATERIALS, scene_text
@@ -79,38 +75,6 @@ def scene(
     write_text(path, scene_text(proposal.scene, remarks, path.parent))
     draw_contact(ElasticFoundation(load_scene(path)), proposal.rest_pose[None], picture)
     say(proposal, f"scene in {path}, picture in {picture}")
-
-
-def cut(
-    scene: Annotated[str, typer.Argument(help="the path of a mesh scene's .toml, its patches whole")],
-    to: Annotated[Path | None, typer.Option(help="file of the cut scene; SCENE_parts.toml if left out")] = None,
-    cycles: Cycles = None,
-    preset: PresetName = DEFAULT_PRESET,
-    model: ModelName = "foundation",
-    worth: Annotated[
-        float, typer.Option(help="share of the error that one more part must remove: less for more parts")
-    ] = CutSettings.worth,
-    out: Out = None,
-    force: Force = False,
-) -> None:
-    """Find where to cut the patches of a mesh scene into parts, from samples of its contact model without training.
-
-    Samples are drawn where the folder holds none.
-    """
-    settings, path = CutSettings(worth=worth), Path(scene)
-    path = _scene_file("--to", path.with_name(f"{path.stem}_parts.toml") if to is None else to)
-    _check_free("--to", [path], force)
-    project = Project.open(scene, preset, out)
-    with progress_bars(console) as update:
-        samples, _ = sampling.sample(project, cycles or [], update, model=model)
-        patches = find_cuts(project.scene, samples, update, settings=settings)
-    parts = cut_scene(project.scene, [each.cuts_mm for each in patches], [each.bounds_mm for each in patches])
-    sampled = [*(word for file in cycles or [] for word in ("--cycles", str(file))), "--model", model]
-    command = project.command("cut", *sampled, "--worth", f"{worth:g}")
-    write_text(path, scene_text(parts, [f"Cut into parts by {command}:", *map(str, patches)], path.parent))
-    say(*patches, f"scene in {path}")
-    if len(parts.parts) > len(project.scene.parts):
-        say("its networks: " + shlex.join(["casadi-contact", "build", str(path), "--preset", "parts", *sampled]))
 
 
 def import_(
