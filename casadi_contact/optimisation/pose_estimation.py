@@ -19,7 +19,6 @@ are scaled by the moves that change the residuals alike, so that IPOPT's regular
 from __future__ import annotations
 
 import time
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -123,7 +122,6 @@ class PoseEstimation:
     def solve(self, start: Array | None = None, max_iterations: int = 300) -> PoseResult:
         """Settle a start (n, 6), by default the middle of the range, and solve with IPOPT.
 
-        Without smoothness, which couples frames, those left unsolved then settle alone from solved neighbours.
         Frames that do not converge are reported, never raised. Frames without load stay where they begin.
         """
         began, loaded = time.perf_counter(), self.targets.loaded
@@ -135,9 +133,6 @@ class PoseEstimation:
         answer = solver(x0=x0, lbx=np.where(fixed, x0, lower), ubx=np.where(fixed, x0, upper))
         ipopt = IpoptOutcome.of(solver)
         result = self.evaluate(self.contact.poses_with(poses, answer["x"]), ipopt)
-        if self.smoothness == 0.0 and result.solved.any() and not result.solved[loaded].all():
-            self._solve_from_neighbours(result.poses, result.solved)
-            result = self.evaluate(result.poses, ipopt)
         return replace(result, seconds=time.perf_counter() - began)
 
     def evaluate(self, poses: Array, ipopt: IpoptOutcome) -> PoseResult:
@@ -149,23 +144,6 @@ class PoseEstimation:
         met = targets.met(errors) & (ipopt.solved or self.smoothness == 0.0)
         outcome = frame_outcomes(met, (~targets.loaded, FrameOutcome.NO_LOAD))
         return PoseResult(poses, loads, errors, outcome, ipopt, 0.0)
-
-    def _solve_from_neighbours(self, poses: Array, solved: np.ndarray) -> None:
-        """Settle loaded frames of poses (n, 6) that are not solved (n,), in place, outwards from those that are. In one
-        problem all frames share step lengths: a few hard ones use up the iterations of all, and leave solved ones
-        short of IPOPT's tolerance."""
-        self.settle_rows(poses, np.flatnonzero(solved))
-        done, waiting, columns = solved.copy(), deque(np.flatnonzero(solved).tolist()), self.contact.columns
-        while waiting:
-            begin = waiting.popleft()
-            for frame in (begin - 1, begin + 1):
-                if not 0 <= frame < self.frames or done[frame] or not self.targets.loaded[frame]:
-                    continue
-                tried = poses.copy()
-                tried[frame, columns] = poses[begin, columns]
-                if not len(self.settle_rows(tried, np.array([frame]))):
-                    poses[frame], done[frame] = tried[frame], True
-                    waiting.append(frame)
 
     def settle_start(self, poses: Array) -> Array:
         """Poses (n, 6) settled frame by frame: the sensitive parameters under the normal loads, inside the learned

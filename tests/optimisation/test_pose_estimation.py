@@ -138,17 +138,6 @@ def test_forces_that_are_parts_of_a_normal_load_settle_from_the_first_touch():
     np.testing.assert_allclose(parts.poses, poses, atol=1e-4)
 
 
-def test_frames_left_unsolved_are_solved_alone_from_their_neighbours(solved, monkeypatch):
-    problem, result = solved
-    monkeypatch.setattr(PoseEstimation, "settle_start", lambda self, poses: poses)
-    start = result.poses.copy()
-    start[40:43, [0, 2]] += [4.0, -3.0]
-    few = problem.solve(start, max_iterations=7)
-    assert few.solved.all()
-    np.testing.assert_allclose(few.poses, result.poses, atol=0.01)
-    assert not problem.solve(problem.contact.start_poses({}), max_iterations=2).solved.any()
-
-
 def test_frames_beyond_the_learned_range_are_said_not_to_be_solved(knee):
     """A swing phase whose centre of pressure moves 29 mm behind: the surrogate has not learned tx so far."""
     frames, cycle = np.arange(66, 93, 3), reference_cycle()
