@@ -138,8 +138,7 @@ class CompiledFoundation(SlidingContact, SymbolicContact, PressureOutputs):
         return values, jacobian
 
     def pressure_function(self, names: Iterable[str] | None = None, name: str = "contact_pressures") -> ca.Function:
-        """casadi.Function pose (6) -> the named outputs (m); Hessians are differences of its exact Jacobian. Raises
-        ValueError for an unknown name."""
+        """`PressureOutputs.pressure_function`, from C where there is a compiler."""
         chosen = self._checked(names)
         if (library := self._pressure_library) is None:
             return super().pressure_function(chosen, name)

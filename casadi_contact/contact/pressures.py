@@ -118,7 +118,11 @@ class PressureOutputs(ABC):
 
     def pressure_function(self, names: Iterable[str] | None = None, name: str = "contact_pressures") -> ca.Function:
         """casadi.Function pose (6) -> the named outputs (m), with its Jacobian; Hessians are differences of it. Raises
-        ValueError for an unknown name."""
+        ValueError for an unknown name.
+
+        Without parameters: a centre out of contact is NaN, which a product with a placement would spread to outputs in
+        contact. Material is a factor K(E, ν)/h of mean and peak alone; a placed fixed body is met at the relative pose.
+        """
         chosen = self._checked(names)
         return contact_callback(name, [("pressures", len(chosen), partial(self.pressures, names=chosen))])
 
