@@ -179,7 +179,6 @@ class CompiledFoundation(SlidingContact, SymbolicContact, PressureOutputs):
             source="\n".join(texts),
             load_names=names,
             patch_names=self.patch_names,
-            has_roots=True,
             calibrated=False,
             made_for="overlap of no more than the thickness of the layer, none from behind",
             reference_load=self.scene.reference_load,

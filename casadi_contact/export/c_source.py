@@ -48,12 +48,9 @@ def wrench_c_source(model: ExportedModel, name: str) -> str:
 
 
 def _casadi_functions(model: ExportedModel, name: str) -> dict[str, dict[str, int]]:
-    """What casadi.external finds in the file: loads, and where there are roots, these alone and with the loads."""
+    """What casadi.external finds in the file: loads, root loads, and both."""
     loads, roots = {"loads": len(model.load_names)}, {"roots": len(model.patch_names)}
-    functions = {name: loads}
-    if model.has_roots:
-        functions |= {f"{name}_root_loads": roots, f"{name}_loads_and_roots": loads | roots}
-    return functions
+    return {name: loads, f"{name}_root_loads": roots, f"{name}_loads_and_roots": loads | roots}
 
 
 def header(model: ExportedModel, name: str) -> str:
@@ -81,7 +78,6 @@ def template_words(model: ExportedModel, name: str) -> dict[str, object]:
         "units": ", ".join(units),
         "patches": ", ".join(patches),
         "reference_load": f"{model.reference_load:g}",
-        "no_roots": "" if model.has_roots else "; NaN: this model lacks their networks",
         "no_confidence": "" if model.calibrated else "; NaN: this model has neither",
         "learned": comment_text(model.made_for),
         "names": _quoted(loads),

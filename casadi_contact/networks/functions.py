@@ -27,10 +27,6 @@ class ContactFunctions(ABC):
         """The loads asked for (None: all); ValueError for one that the model does not give."""
         return check_loads(self.load_names, loads)
 
-    def check_roots(self) -> None:
-        """Raise ValueError where the model cannot give root loads."""
-        return
-
     @abstractmethod
     def _function(
         self, name: str, loads: Sequence[str], outputs: Sequence[str], compiled: bool, batch: int | None
@@ -62,8 +58,6 @@ class ContactFunctions(ABC):
         if velocity:
             function = self._moving(check_name(name), names, compiled, parameters)
             return function if frames is None else function.map(frames)
-        if "roots" in outputs:
-            self.check_roots()
         if not parameters:
             return self._function(name, names if "loads" in outputs else (), outputs, compiled, frames)
         function = self._parametric(name, names, outputs, compiled, parameters)

@@ -32,7 +32,7 @@ class Surrogate(SurrogateFunctions):
 
     networks: by name; record: what trained them (see `casadi_contact.surrogate.info`), plain JSON values; confidence:
     what `validity` and `expected_error` are made of (see `casadi_contact.surrogate.calibration`).
-    ``load_names`` are the scene's loads that the given networks are enough for. compiled: arrays of `BATCH_FROM` poses
+    compiled: arrays of `BATCH_FROM` poses
     or more go through a C kernel (see `casadi_contact.surrogate.kernel`), as `load_surrogate` wants it.
     """
 
@@ -73,9 +73,14 @@ class Surrogate(SurrogateFunctions):
         raise NotImplementedError(f"network {name!r} is the mirror image of none")
 
     @classmethod
+    def required_networks(cls, scene: Scene) -> list[str]:
+        """Names of the networks that a surrogate of the scene must have; all that it can have unless said otherwise."""
+        return list(cls.network_inputs(scene))
+
+    @classmethod
     @abstractmethod
     def networks_for(cls, scene: Scene, loads: Sequence[str]) -> list[str]:
-        """Names of the networks that the loads need; raises ValueError for an unknown load."""
+        """Names of the networks that the scene's loads need."""
 
     def __init__(
         self,
@@ -104,12 +109,12 @@ class Surrogate(SurrogateFunctions):
             size, expected = (len(network.input_shift), network.outputs), (known[name], outputs[name])
             if size != expected:
                 raise ValueError(f"network {name!r} has (inputs, outputs) {size}, expected {expected}")
-        self.load_names = tuple(load for load in scene.load_names if not self._missing([load]))
-        if not self.load_names:
+        if missing := [name for name in self.required_networks(scene) if name not in self.networks]:
             raise ValueError(
-                f"networks {', '.join(networks) or '(none)'} are not enough for any load of scene "
-                f"{scene.name!r}, expected some of {', '.join(known)}"
+                f"a {self.structure} surrogate of scene {scene.name!r} lacks the networks {', '.join(missing)}: "
+                "give all that it is made of"
             )
+        self.load_names = scene.load_names
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.scene.name}, networks: {len(self.networks)})"
@@ -118,7 +123,7 @@ class Surrogate(SurrogateFunctions):
     def __call__(self, poses: Array, loads: Iterable[str] | None = None) -> Array:
         """Loads (n, L) for poses (n, 6), or (L,) for a pose (6,): ``load_names``, or the loads asked for."""
         names = self.check_loads(loads)
-        arrays = self._arrays(poses, names)
+        arrays = self._arrays(poses)
         if arrays is not None:
             return arrays.loads(poses, names)
         return map_in_chunks(lambda block: self._loads(block, names, derivative=False)[0], poses)
@@ -127,7 +132,7 @@ class Surrogate(SurrogateFunctions):
     def jacobian(self, poses: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
         """Loads (n, L) and d loads / d pose (n, L, 6) for poses (n, 6); (L,) and (L, 6) for a pose (6,)."""
         names = self.check_loads(loads)
-        arrays = self._arrays(poses, names)
+        arrays = self._arrays(poses)
         if arrays is not None:
             return arrays.jacobian(poses, names)
         return map_in_chunks(lambda block: self._loads(block, names, derivative=True), poses)
@@ -140,7 +145,7 @@ class Surrogate(SurrogateFunctions):
         """
         names = self.check_loads(loads)
         wanted = as_weights(weights, len(poses), names)
-        arrays = self._arrays(poses, names)
+        arrays = self._arrays(poses)
         if arrays is not None:
             return arrays.hessian(poses, wanted, names)
         if names not in self._hessians:
@@ -153,16 +158,14 @@ class Surrogate(SurrogateFunctions):
 
         (P,) and (P, 6) for a pose (6,).
         """
-        self.check_roots()
         return map_in_chunks(lambda block: self._roots(block, derivative=True), poses)
 
     @batched
     def jacobian_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
         """All that `jacobian` and `root_loads` return; NumPy evaluates the networks once for both."""
-        arrays = self._arrays(poses, self.load_names)
+        arrays = self._arrays(poses)
         if arrays is not None:
             return *arrays.jacobian(poses, self.load_names), *self.root_loads(poses)
-        self.check_roots()
         return map_in_chunks(self._jacobian_and_roots, poses)
 
     @abstractmethod
@@ -177,37 +180,10 @@ class Surrogate(SurrogateFunctions):
         """See `jacobian_and_roots`."""
         return *self._loads(poses, self.load_names, derivative=True), *self._roots(poses, derivative=True)
 
-    def _arrays(self, poses: Array, loads: Sequence[str]) -> SurrogateArrays | None:
-        """The kernel for so many poses; None where they are few, for other loads, and without a compiler."""
-        many = self._compiled and len(poses) >= BATCH_FROM and set(loads) <= set(self.load_names)
+    def _arrays(self, poses: Array) -> SurrogateArrays | None:
+        """The kernel for so many poses; None where they are few, and without a compiler."""
+        many = self._compiled and len(poses) >= BATCH_FROM
         return self._compiled_kernel(self.load_names) if many else None
-
-    def _missing(self, loads: Sequence[str]) -> list[str]:
-        return [name for name in self.networks_for(self.scene, loads) if name not in self.networks]
-
-    def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
-        """The loads asked for (None: all of ``load_names``); ValueError where one is unknown or lacks a network."""
-        if loads is None:
-            return self.load_names
-        if isinstance(loads, str):
-            loads = (loads,)
-        names = tuple(loads)
-        if not names:
-            raise ValueError(f"no loads asked for, expected some of {', '.join(self.load_names)}")
-        for name in names:
-            missing = self._missing([name])
-            if missing:
-                raise ValueError(
-                    f"load {name!r} needs the network {', '.join(missing)} that this surrogate lacks, "
-                    f"it gives {', '.join(self.load_names)}"
-                )
-        return names
-
-    def check_roots(self) -> None:
-        """Raise ValueError where a network of the root loads is missing."""
-        missing = [name for name in self._root_networks() if name not in self.networks]
-        if missing:
-            raise ValueError(f"root loads need the network {', '.join(missing)} that this surrogate lacks")
 
     @property
     def confidence_columns(self) -> Sequence[int]:
@@ -220,13 +196,12 @@ class Surrogate(SurrogateFunctions):
     def confidence_roots(self, poses: Array) -> Array:
         """Signed root loads (n, P) that validity and expected error depend on."""
         roots: Any = self._validity_roots
-        roots.check_roots()
         return map_in_chunks(lambda block: roots._roots(block, derivative=False)[0], poses)
 
     @batched
     def validity(self, poses: Array) -> Array:
         """Validity (n,) of poses (n, 6): 1 well inside the learned region, 0 far outside; see `confidence`."""
-        confidence, arrays = self.require_confidence(), self._arrays(poses, self.load_names)
+        confidence, arrays = self.require_confidence(), self._arrays(poses)
         if arrays is not None:
             return arrays.validity(poses)
         return map_in_chunks(lambda block: confidence.validity(block, self.confidence_roots(block)), poses)
@@ -234,7 +209,7 @@ class Surrogate(SurrogateFunctions):
     @batched
     def expected_error(self, poses: Array) -> Array:
         """Expected error (n, L) [N, N·mm] of ``load_names``: 95 % of unseen errors lie below it; see `confidence`."""
-        confidence, arrays = self.require_confidence(), self._arrays(poses, self.load_names)
+        confidence, arrays = self.require_confidence(), self._arrays(poses)
         if arrays is not None:
             return arrays.expected_error(poses)
         return map_in_chunks(lambda block: confidence.expected_errors(block, self.confidence_roots(block)), poses)

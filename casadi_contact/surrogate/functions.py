@@ -48,7 +48,6 @@ class SurrogateFunctions(SymbolicContact):
                 "this surrogate has no validity and expected error, because it was never calibrated: build it again, "
                 "or run casadi-contact calibrate on its samples"
             )
-        self.check_roots()
         return self.confidence
 
     @abstractmethod
@@ -58,10 +57,6 @@ class SurrogateFunctions(SymbolicContact):
     @abstractmethod
     def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
         """The loads in C, and the root loads if asked for."""
-
-    @abstractmethod
-    def _root_networks(self) -> list[str]:
-        """Names of the networks that root loads need."""
 
     @property
     def _validity_roots(self) -> SurrogateFunctions:
@@ -109,20 +104,16 @@ class SurrogateFunctions(SymbolicContact):
         key = (tuple(loads), roots or tuple(loads) == self.load_names)
         if key not in self._kernels:
             waited_for = f"the kernel of the surrogate {self.scene.name}, some seconds"
-            source, root_count = self._source(*key)
-            self._kernels[key] = compiled_arrays(source, loads, root_count, waited_for)
+            root_count = len(self.patch_names) if key[1] else 0
+            self._kernels[key] = compiled_arrays(self._source(*key), loads, root_count, waited_for)
         return self._kernels[key]
 
-    def _source(self, loads: Sequence[str], roots: bool = True) -> tuple[str, int]:
-        """C of the loads, with roots also of all else that the networks and the calibration are enough for; and the
-        number of root loads that it gives."""
-        count = len(self.patch_names) if roots and all(name in self.networks for name in self._root_networks()) else 0
-        kernel = self._kernel(loads, roots=count > 0)
-        if count and self.confidence is not None:
-            own = self._confidence_roots()
-            beside = confidence_kernel(self.confidence, loads, self.load_names, count, own)
-            return kernel.source(loads=len(loads), roots=count, beside=beside), count
-        return kernel.source(loads=len(loads), roots=count), count
+    def _source(self, loads: Sequence[str], roots: bool = True) -> str:
+        """C of the loads, with roots also of these and of confidence."""
+        count, beside = len(self.patch_names), None
+        if roots and self.confidence is not None:
+            beside = confidence_kernel(self.confidence, loads, self.load_names, count, self._confidence_roots())
+        return self._kernel(loads, roots=roots).source(loads=len(loads), roots=count * roots, beside=beside)
 
     def _confidence_roots(self) -> Kernel | None:
         """A kernel of the root loads that confidence depends on; None where they are the surrogate's own."""
@@ -143,14 +134,12 @@ class SurrogateFunctions(SymbolicContact):
     def exported(self, loads: Iterable[str] | None = None) -> ExportedModel:
         """C of the loads, and of all that the surrogate knows of them."""
         names = self.check_loads(loads)
-        source, roots = self._source(names)
-        calibrated = roots > 0 and self.confidence is not None
+        calibrated = self.confidence is not None
         return ExportedModel(
             self._export_name(),
-            f"{source}\n{_OUTSIDE.format(statement=_BY_VALIDITY if calibrated else _ALWAYS_INSIDE)}",
+            f"{self._source(names)}\n{_OUTSIDE.format(statement=_BY_VALIDITY if calibrated else _ALWAYS_INSIDE)}",
             names,
             self.patch_names,
-            roots > 0,
             calibrated,
             "validity of at least 1/2" if calibrated else "unknown: this surrogate was never calibrated",
             self.scene.reference_load,

@@ -29,16 +29,16 @@ OF_CONFIDENCE, OWN = "confidence_", "own_"  # what names of C functions begin wi
 def confidence_kernel(
     confidence: Confidence, loads: Sequence[str], calibrated_loads: Sequence[str], patches: int, own: Kernel | None
 ) -> Kernel:
-    """C of the expected errors of loads, NaN for one that is none of calibrated_loads, and of validity, beside a kernel
-    that gives root loads; own: another of these alone, where confidence depends on others (its names begin with `OWN`).
+    """C of the expected errors of loads, some of calibrated_loads, and of validity, beside a kernel that gives root
+    loads; own: another of these alone, where confidence depends on others (its names begin with `OWN`).
 
     Raises ValueError for arrays of other shapes than the patches and loads have.
     """
     confidence.check_shapes(patches, len(calibrated_loads))
     inputs = [*confidence.columns.astype(int), *range(6, 6 + patches)]
     network = with_all_inputs(confidence.network, inputs, 6 + patches)
-    known = [calibrated_loads.index(load) if load in calibrated_loads else None for load in loads]
-    outputs = [0, *(0 if k is None else 1 + k for k in known)]
+    known = [calibrated_loads.index(load) for load in loads]
+    outputs = [0, *(1 + k for k in known)]
     network = replace(
         network,
         weights=(*network.weights[:-1], network.weights[-1][outputs]),
@@ -57,7 +57,7 @@ def confidence_kernel(
         "whitening": confidence.whitening / confidence.bandwidth,
         "centres": filled_up(centres),
         "half_squares": np.pad(half, (0, padded(len(half)) - len(half)), constant_values=1e300),  # only fills up
-        "growth": np.array([np.nan if k is None else confidence.growth[k] for k in known]),
+        "growth": confidence.growth[known],
     }
     code = [own.code] if own else []
     code += [f"#define {name} ({value!r})" for name, value in numbers.items()]

@@ -103,7 +103,7 @@ class TwoStageSurrogate(Surrogate):
         names = [root_name(part.name) for part in self.scene.parts]
         if not all(name in self.networks for name in names):
             return self
-        return PatchSurrogate(self.scene, {name: self.networks[name] for name in names})
+        return _RootLoads(self.scene, {name: self.networks[name] for name in names})
 
     @property
     def confidence_columns(self) -> Sequence[int]:
@@ -123,22 +123,16 @@ class TwoStageSurrogate(Surrogate):
         return float((ROOT_SMOOTHING * self.scene.boundary_load / self.scene.reference_load) ** 2)
 
     @classmethod
+    def required_networks(cls, scene: Scene) -> list[str]:
+        """All but those of root loads."""
+        return list(dict.fromkeys((*scene.sensitive_loads, *scene.load_names)))
+
+    @classmethod
     def networks_for(cls, scene: Scene, loads: Sequence[str]) -> list[str]:
-        """The loads' own networks, with the sensitive ones first where a second stage takes them; ValueError for a load
-        that the scene does not ask for."""
+        """The loads' own networks, with the sensitive ones first where a second stage takes them."""
         first = list(scene.sensitive_loads)
-        known = cls.network_inputs(scene)
-        for load in loads:
-            if load not in known:
-                raise ValueError(
-                    f"unknown load {load!r} for a two_stage surrogate of scene {scene.name!r}, "
-                    f"expected one of {', '.join(known)}"
-                )
         second = [load for load in loads if load not in first]
         return [*(first if second else [name for name in first if name in loads]), *second]
-
-    def _root_networks(self) -> list[str]:
-        return list(self.scene.sensitive_loads)
 
     def _loads(self, poses: Array, loads: Sequence[str], *, derivative: bool) -> tuple[Array, Array]:
         """By the chain rule through the clamped forces."""
@@ -179,8 +173,7 @@ class TwoStageSurrogate(Surrogate):
         return u / q**0.25, (-slope / self.scene.reference_load)[: len(d_raw), :, None] * d_raw
 
     def _expressions(self, pose: ca.MX, loads: Sequence[str]) -> tuple[ca.MX, ca.MX]:
-        first = [name for name in self.scene.sensitive_loads if name in self.networks]
-        raw = {name: network_value(self.networks[name], pose) for name in first}
+        raw = {name: network_value(self.networks[name], pose) for name in self.scene.sensitive_loads}
         clamped = {name: ca.fmin(force, 0) for name, force in raw.items()}
         u = ca.vertcat(pose, *clamped.values())
         values = [clamped[name] if name in clamped else network_value(self.networks[name], u) for name in loads]
@@ -188,7 +181,7 @@ class TwoStageSurrogate(Surrogate):
         return n / ca.sqrt(ca.sqrt(n * n + self._rounding)), ca.vertcat(*values)
 
     def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
-        needed = {*self.networks_for(self.scene, loads), *(self._root_networks() if roots else ())}
+        needed = {*self.networks_for(self.scene, loads), *(self.scene.sensitive_loads if roots else ())}
         first = {name: self.networks[name] for name in self.scene.sensitive_loads if name in needed}
         second = {name: self.networks[name] for name in loads if name not in first}
         definitions = [
@@ -202,3 +195,11 @@ class TwoStageSurrogate(Surrogate):
         ]
         bundles = [Bundle("first", 6, first), Bundle("second", 6 + len(first), second)]
         return Kernel(bundles, "\n".join([*definitions, "", c_text("two_stage.h", __package__)]))
+
+
+class _RootLoads(PatchSurrogate):
+    """The root loads of a patch surrogate alone."""
+
+    @classmethod
+    def required_networks(cls, scene: Scene) -> list[str]:
+        return [root_name(part.name) for part in scene.parts]

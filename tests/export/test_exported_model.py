@@ -82,16 +82,6 @@ def test_an_exported_surrogate_gives_loads_roots_validity_and_expected_error_and
     assert all(np.isnan(number).all() for number in numbers)
 
 
-def test_loads_that_were_not_calibrated_have_no_expected_error(tmp_path):
-    """Wrench components of a patch can be asked for by name; here the other patch has no part in any load."""
-    surrogate, names = cc.load_surrogate("knee"), ["Fy_med", "Fz_med"]
-    exported, pose = Exported(surrogate, tmp_path, loads=names), np.array(surrogate.example_pose())
-    close(exported("loads", pose, (2,)), surrogate(pose, names), 8)
-    errors = exported("confidence", pose, (1,), (2,))[1]
-    close(errors[0], surrogate.expected_error(pose)[0], 8)
-    assert np.isnan(errors[1])
-
-
 def test_the_shipped_knee_starts_from_a_learned_pose_and_refuses_one_in_metres(tmp_path):
     knee = cc.load_surrogate("knee")
     exported, pose = Exported(knee, tmp_path), np.array(knee.example_pose())

@@ -8,6 +8,7 @@ import pytest
 from casadi_contact.core.conventions import WRENCH_NAMES, load_selection, local_poses
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION
 from casadi_contact.scenes.loading import load_scene
+from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.patch.networks import ratio_outputs
 from casadi_contact.surrogate.patch.regressions import root_weight
 from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
@@ -39,26 +40,21 @@ def test_no_load_out_of_contact_and_nothing_pulls(surrogate):
     assert (loads.shape, slopes.shape) == ((0, 7), (0, 7, 6))
 
 
-def test_missing_networks_limit_the_loads_and_are_named(surrogate):
+def test_missing_and_unknown_networks_are_named_and_so_are_loads_that_were_not_learned(surrogate):
     vertical = {name: net for name, net in surrogate.networks.items() if name.startswith("root")}
-    part = PatchSurrogate(KNEE, vertical)
-    assert part.load_names == ("Fy_med", "Fy_lat")
-    poses = random_poses(5)
-    np.testing.assert_array_equal(part(poses), surrogate(poses, ["Fy_med", "Fy_lat"]))
-    for ask in (lambda: part(poses, ["Fx"]), lambda: part.function(["Fx"]), lambda: part.wrenches(poses)):
-        with pytest.raises(ValueError, match=r"ratios_med"):
-            ask()
-    one_side = PatchSurrogate(KNEE, {"root_lat": surrogate.networks["root_lat"]})
-    assert one_side.load_names == ("Fy_lat",)
-    load = one_side.function(compiled=False)(poses[0]).full()[0]
-    np.testing.assert_allclose(load, surrogate(poses[:1], ["Fy_lat"])[0], rtol=1e-12)
-    with pytest.raises(ValueError, match="root_med"):
-        one_side.root_loads(poses)
-    for bad, said in (({"root_top": surrogate.networks["root_med"]}, "unknown network 'root_top'"), ({}, "not enough")):
+    for bad, said in ((vertical, "lacks the networks ratios_med"), ({"top": vertical["root_med"]}, "network 'top'")):
         with pytest.raises(ValueError, match=said):
             PatchSurrogate(KNEE, bad)
-    with pytest.raises(ValueError, match="no loads"):
-        surrogate.function([])
+    tables = {**KNEE.tables, "tolerances": {"Fy_med": 2.0, "Fy_lat": 2.0}}
+    tables["loads"] = {**tables["loads"], "names": ["Fy_med", "Fy_lat"]}
+    vertically = PatchSurrogate(Scene.from_tables(tables), vertical)
+    poses = random_poses(5)
+    np.testing.assert_array_equal(vertically(poses), surrogate(poses, ["Fy_med", "Fy_lat"]))
+    for ask in (lambda: vertically(poses, ["Fx"]), lambda: vertically.function(["Fx"]), lambda: surrogate.function([])):
+        with pytest.raises(ValueError, match="loads"):
+            ask()
+    with pytest.raises(ValueError, match="Fx, Fz, Tx, Ty, Tz of med not learned"):
+        vertically.wrenches(poses)
 
 
 def test_targets_are_roots_gaps_and_ratios():

@@ -43,14 +43,9 @@ def test_root_loads_are_signed_roots_of_the_first_stage(surrogate):
         np.testing.assert_allclose(roots[clear, p], (np.sign(normal) * np.sqrt(np.abs(normal)))[clear], rtol=3e-5)
 
 
-def test_missing_first_stage_takes_the_second_with_it(surrogate):
-    kept = {name: surrogate.networks[name] for name in ("Fy_med", "Tx")}
-    part = TwoStageSurrogate(KNEE, kept)
-    assert part.load_names == ("Fy_med",)
-    with pytest.raises(ValueError, match=r"'Tx' needs the network Fy_lat"):
-        part(random_poses(1), ["Tx"])
-    with pytest.raises(ValueError, match="unknown load 'Fx_med'"):
-        surrogate.function(["Fx_med"])
+def test_networks_that_do_not_fit_are_named(surrogate):
+    with pytest.raises(ValueError, match="lacks the networks Fy_lat"):
+        TwoStageSurrogate(KNEE, {name: net for name, net in surrogate.networks.items() if name != "Fy_lat"})
     with pytest.raises(ValueError, match=r"'Tx' has \(inputs, outputs\) \(6, 1\), expected \(8, 1\)"):
         TwoStageSurrogate(KNEE, {**surrogate.networks, "Tx": surrogate.networks["Fy_med"]})
 

@@ -7,7 +7,7 @@
  *           on the fixed body, in its frame, about its origin
  * roots     $patches [-]
  *           signed root load of each patch: the root of its normal load over $reference_load N in contact, below zero
- *           out of contact$no_roots
+ *           out of contact
  * validity  [-] 1 well inside what was learned, 0 far outside; expected_error [the loads' units]: 95 % of errors lie
  *           below it$no_confidence
  * pressures $pressures

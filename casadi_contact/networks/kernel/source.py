@@ -61,7 +61,7 @@ class ExportedModel:
     """C of a contact model, and what a header must say of it (see the room `export`).
 
     name: default name of files and functions, unlike that of any other model.
-    source: C99 up to guarded_value and its like, for these loads and, if has_roots, the root loads of all patches;
+    source: C99 up to guarded_value and its like, for these loads and the root loads of all patches;
     confidence_guarded_value where it is calibrated; outside(pose), which is 0 for a pose that the model is made for, as
     made_for says in words. pressure_names: where there are any, source defines pressure_guarded_value for them.
     vectors: source needs the vectors of GCC and clang. data: what the source includes as the file DATA_FILE of the
@@ -73,7 +73,6 @@ class ExportedModel:
     source: str
     load_names: Sequence[str]
     patch_names: Sequence[str]
-    has_roots: bool
     calibrated: bool
     made_for: str
     reference_load: float

@@ -48,7 +48,7 @@ def patch_expressions(
         if not used:
             continue
         normal, ratios = reference_load * ca.fmax(s, 0) ** 2, {}
-        if part.ratios is not None and any(k in used for k in part.columns):
+        if any(k in used for k in part.columns):
             ratios = dict(zip(part.columns, ca.vertsplit(network_value(part.ratios, x)), strict=True))
         shares = ca.vertcat(*(ratios.get(k, float(part.own[k])) for k in used))
         loads += ca.mtimes(ca.sparsify(ca.DM(selection[:, p, used])), normal * shares)
@@ -101,7 +101,7 @@ def _part_functions(
     its wrench components into loads."""
     picked = [(int(load), k, float(selection[load, k])) for k, load in np.argwhere(selection.T)]
     ratios, of_ratios = [], {}
-    if part.ratios is not None and any(k in part.columns for _, k, _ in picked):
+    if any(k in part.columns for _, k, _ in picked):
         ratios, of_ratios = part.columns, {f"{', '.join(part.components)} by N {part.name}": part.ratios}
     sign = "-" if part.sign < 0.0 else ""
 

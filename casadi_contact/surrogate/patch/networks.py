@@ -19,8 +19,8 @@ from casadi_contact.scenes.scene import Scene
 
 @dataclass(frozen=True)
 class PartNetworks:
-    """The networks of one patch or part, each of a whole local pose (6), or None where there is none: root load s, and
-    ratios ρ_k of the wrench ``components``. The sensitive component of the wrench, if any, is sign·N.
+    """The networks of one patch or part, each of a whole local pose (6): root load s, and ratios ρ_k of the wrench
+    ``components`` (None where there are none). The sensitive component of the wrench, if any, is sign·N.
     """
 
     name: str
@@ -63,11 +63,11 @@ def ratio_outputs(scene: Scene) -> dict[str, tuple[str, ...]]:
 
 
 def part_networks(scene: Scene, networks: Mapping[str, Network]) -> list[PartNetworks]:
-    """Of every part, the networks that are there."""
+    """The networks of every part."""
     parts = []
     for part, components in zip(scene.parts, part_components(scene).values(), strict=True):
-        whole = (networks.get(name) for name in (root_name(part.name), ratios_name(part.name)))
-        root, ratios = (net and with_all_inputs(net, scene.pose_space.free) for net in whole)
+        of_part = (networks.get(name) for name in (root_name(part.name), ratios_name(part.name)))
+        root, ratios = (net and with_all_inputs(net, scene.pose_space.free) for net in of_part)
         normal, columns = part.normal, [WRENCH_NAMES.index(name) for name in components]
         own = np.array([normal.sign if name == normal.component else 0.0 for name in WRENCH_NAMES])
         parts.append(PartNetworks(part.name, part.anchor_mm, normal.sign, root, ratios, components, columns, own))

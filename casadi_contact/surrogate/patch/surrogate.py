@@ -21,7 +21,15 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import casadi as ca
 import numpy as np
 
-from casadi_contact.core.conventions import WRENCH_NAMES, Array, angular_velocity_map, batched, local_poses, rotation
+from casadi_contact.core.conventions import (
+    WRENCH_NAMES,
+    Array,
+    angular_velocity_map,
+    batched,
+    local_poses,
+    rotation,
+    wrench_names,
+)
 from casadi_contact.networks.kernel.source import Kernel
 from casadi_contact.networks.network import Network, Regression
 from casadi_contact.scenes.scene import Scene
@@ -97,9 +105,6 @@ class PatchSurrogate(Surrogate):
                 names.append(ratios_name(part.name))
         return names
 
-    def _root_networks(self) -> list[str]:
-        return [root_name(part.name) for part in self.scene.parts]
-
     def _selection(self, loads: Iterable[str]) -> Array:
         """`Scene.part_selection` (L, parts, 6), kept for the next call."""
         if (names := tuple(loads)) not in self._selections:
@@ -134,8 +139,13 @@ class PatchSurrogate(Surrogate):
 
     @batched
     def wrenches(self, poses: Array) -> Array:
-        """Wrench of every patch, (n, P, 6), or (P, 6) for a pose (6,); raises ValueError if a network is missing."""
-        names = self.check_loads([f"{component}_{patch}" for patch in self.patch_names for component in WRENCH_NAMES])
+        """Wrench of every patch, (n, P, 6), or (P, 6) for a pose (6,); raises ValueError for a scene whose loads need
+        less of it, which so was not learned."""
+        for part in self.parts:
+            unknown = [k for c, k in enumerate(WRENCH_NAMES) if c not in part.columns and not part.own[c]]
+            if unknown:
+                raise ValueError(f"{', '.join(unknown)} of {part.name} not learned, expected loads of it in the scene")
+        names = wrench_names(self.patch_names)
         shape = (len(self.patch_names), 6)
         return map_in_chunks(lambda some: self._loads(some, names, derivative=False)[0].reshape(-1, *shape), poses)
 
@@ -167,24 +177,16 @@ class PatchSurrogate(Surrogate):
         return [*self.scene.first_parts, len(self.parts)]
 
     def _expressions(self, pose: ca.MX, loads: Sequence[str]) -> tuple[ca.MX, ca.MX]:
-        known = self._with_roots
-        parts, selection = [self.parts[p] for p in known], self._selection(loads)[:, known]
-        roots, values = patch_expressions(parts, selection, self.scene.reference_load, self.scene.pose_space, pose)
-        if len(parts) == len(self.patch_names) or len(parts) < len(self.parts):
-            return roots, values
-        return union_roots(roots, self._root_bounds), values
+        scene = self.scene
+        s, values = patch_expressions(self.parts, self._selection(loads), scene.reference_load, scene.pose_space, pose)
+        return union_roots(s, self._root_bounds), values
 
     def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
         selection = self._selection(loads)
-        known = self._with_roots if roots else np.flatnonzero(selection.any(axis=(0, 2))).tolist()
+        known = np.flatnonzero(selection.any(axis=(0, 2)) | roots).tolist()
         parts = [self.parts[p] for p in known]
         bounds = self._root_bounds if roots else range(len(parts) + 1)
         return patch_kernel(parts, selection[:, known], self.scene.reference_load, self._space, bounds)
-
-    @property
-    def _with_roots(self) -> list[int]:
-        """The parts whose root load is known."""
-        return [p for p, part in enumerate(self.parts) if part.root is not None]
 
 
 def local_pose_jacobian(poses: Array, anchor_mm: Array) -> Array:

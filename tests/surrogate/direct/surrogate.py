@@ -38,18 +38,15 @@ class DirectSurrogate(Surrogate):
         forces, slopes = self._loads(poses, self.scene.sensitive_loads, derivative=True)
         return -forces / self.scene.reference_load, -slopes / self.scene.reference_load
 
-    def _root_networks(self):
-        return list(self.scene.sensitive_loads)
-
     def _expressions(self, pose, loads):
         roots, values = (
             ca.vertcat(*(network_value(self.networks[name], pose) for name in names))
-            for names in (self._root_networks(), loads)
+            for names in (list(self.scene.sensitive_loads), loads)
         )
         return -roots / self.scene.reference_load, values
 
     def _kernel(self, loads, *, roots):
-        forces = self._root_networks()
+        forces = list(self.scene.sensitive_loads)
         names = list(dict.fromkeys((*loads, *(forces if roots else ()))))
 
         def table(name, chosen):
