@@ -140,8 +140,8 @@ _COMMENTS = {
     "gap_slope": "root load per mm of overlap, as contact itself gives it",
     "[tolerances]": "1 % of the largest force and torque of the reference motion: N, N·mm",
     "[sampling.fixed_offsets]": "mm, of D1 and D2, where the motion stands still: leave out for measured cycles",
-    "most_edge_share": "of the load at edges of the elements: poses with more are no samples",
-    "most_dropped": "of a domain's plan, since contact reaches an edge",
+    "most_edge_share": "of a patch's load, at edges of the elements: poses with more are no samples",
+    "most_dropped": "of a domain's plan, since contact runs off the surface",
     "[motion]": "Made up: put measured harmonics here, or give cycle files",
 }
 
