@@ -17,7 +17,7 @@ energy, so that this is Lagrange's equation), springs on coordinates, and wrench
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -126,52 +126,54 @@ class JointedAssembly:
         outputs: Sequence[str] = ("forces",),
         name: str = "assembly_forces",
         *,
+        coordinates: Sequence[str] | None = None,
         loaded: Sequence[str] = (),
         by_force: bool = False,
     ) -> ca.Function:
         """casadi.Function q (n), u (n), udot (n), activations (m) -> the outputs asked for, some of `OUTPUTS`.
 
-        forces (n) [N, N·m]: all that acts on each coordinate, inertia too; of_ligaments ... of_loads: its parts.
-        ligament_lengths, muscle_lengths [m]; ligament_tensions, muscle_forces [N]; muscle_arms (m x n) = -∂L/∂q [m, 1].
+        forces (r) [N, N·m]: all that acts on each coordinate, inertia too; of_ligaments ... of_loads: its parts.
+        ligament_lengths, muscle_lengths [m]; ligament_tensions, muscle_forces [N]; muscle_arms (m x r) = -∂L/∂q [m, 1].
         contact_poses (6 x contacts) [mm, rad]: the moving body in the fixed one, as its scene counts them;
         contact_wrenches (6 x contacts) [N, N·m]: on the fixed body, the casting mesh, in the scene's frame about its
         origin.
-        loaded: bodies on which wrenches act, a further input loads (6 x bodies) [N, N·m] in the ground about its
-        origin. by_force: muscles' forces [N] come in place of activations, and tendons play no part.
+        coordinates: r of which forces are wanted, all n if left out; fewer cost less. loaded: bodies on which wrenches
+        act, a further input loads (6 x bodies) [N, N·m] in the ground about its origin. by_force: muscles' forces [N]
+        come in place of activations, and tendons play no part.
         """
         if unknown := [each for each in outputs if each not in OUTPUTS]:
             raise ValueError(f"unknown outputs {', '.join(unknown)}, expected some of {', '.join(OUTPUTS)}")
-        n, m = len(self.coordinates), len(self.muscles)
+        n, m, k = len(self.coordinates), len(self.muscles), len(self.ligaments)
+        rows = list(range(n)) if coordinates is None else self.rows(coordinates)
         q, u, udot = (ca.MX.sym(key, n) for key in ("q", "u", "udot"))
-        drive, loads = ca.MX.sym("forces" if by_force else "activations", m), ca.MX.sym("loads", 6, len(loaded))
-        lengths, rates, strung = self._mechanics["paths"](q, u)
-        k = len(self.ligaments)
+        drive, loads = ca.MX.sym("muscle_forces" if by_force else "activations", m), ca.MX.sym("loads", 6, len(loaded))
+        lengths, rates, strung = self._paths(q, u)
         force = drive if by_force else self._muscle_forces(lengths[k:], rates[k:], drive)
-        pull = self._mechanics["pull"]
-        poses = self._mechanics["poses"](q)
+        poses = self._poses(q)
         wrenches = [self._wrench(contact, poses[:, i]) for i, contact in enumerate(self.contacts)]
         pressing = ca.horzcat(*wrenches) if wrenches else ca.MX(6, 0)
-        made: dict[str, Any] = {
-            "of_ligaments": -pull(q, ca.vertcat(strung, ca.MX(m, 1))),
-            "of_muscles": -pull(q, ca.vertcat(ca.MX(k, 1), force)),
-            "of_contacts": -self._mechanics["press"](q, pressing),
-            "of_gravity": self._mechanics["gravity"](q),
-            "of_inertia": -self._mechanics["inertia"](q, u, udot),
-            "of_springs": self._springs(q, u),
-            "of_loads": self._applied(loaded)(q, loads) if loaded else ca.MX(n, 1),
-            "ligament_lengths": 1e-3 * lengths[:k],
-            "ligament_tensions": strung,
-            "muscle_lengths": 1e-3 * lengths[k:],
-            "muscle_forces": force,
-            "muscle_arms": -self._mechanics["arms"](q),
-            "contact_poses": poses,
-            "contact_wrenches": ca.mtimes(ca.diag([1.0] * 3 + [1e-3] * 3), pressing),
+        made: dict[str, Callable[[], Any]] = {
+            "of_ligaments": lambda: -self._pull(rows)(q, ca.vertcat(strung, ca.MX(m, 1))),
+            "of_muscles": lambda: -self._pull(rows)(q, ca.vertcat(ca.MX(k, 1), force)),
+            "of_contacts": lambda: -self._press(rows)(q, pressing),
+            "of_gravity": lambda: self._weight(rows)(q),
+            "of_inertia": lambda: -self._inertia(rows)(q, u, udot),
+            "of_springs": lambda: self._sprung(q, u)[rows],
+            "of_loads": lambda: self._applied(rows, loaded)(q, loads) if loaded else ca.MX(len(rows), 1),
+            "ligament_lengths": lambda: 1e-3 * lengths[:k],
+            "ligament_tensions": lambda: strung,
+            "muscle_lengths": lambda: 1e-3 * lengths[k:],
+            "muscle_forces": lambda: force,
+            "muscle_arms": lambda: -self._arms(rows)(q),
+            "contact_poses": lambda: poses,
+            "contact_wrenches": lambda: ca.mtimes(ca.diag([1.0] * 3 + [1e-3] * 3), pressing),
         }
-        parts = [made[key] for key in OUTPUTS if key.startswith("of_") and key not in ("of_ligaments", "of_muscles")]
-        made["forces"] = sum(parts, -pull(q, ca.vertcat(strung, force)))
+        others = [key for key in made if key.startswith("of_") and key not in ("of_ligaments", "of_muscles")]
+        made["forces"] = lambda: sum((made[key]() for key in others), -self._pull(rows)(q, ca.vertcat(strung, force)))
         given = [q, u, udot, drive, *([loads] if loaded else [])]
-        names = ["q", "u", "udot", "muscle_forces" if by_force else "activations", *(["loads"] if loaded else [])]
-        return ca.Function(check_name(name), given, [made[key] for key in outputs], names, list(outputs))
+        return ca.Function(
+            check_name(name), given, [made[key]() for key in outputs], [each.name() for each in given], list(outputs)
+        )
 
     @cached_property
     def _q(self) -> Any:
@@ -179,47 +181,70 @@ class JointedAssembly:
 
     @cached_property
     def _chain(self) -> Chain:
-        scales = [c.scale for c in self.coordinate_table.values()]
-        inside = {
-            name: self._q[i] * scale for i, (name, scale) in enumerate(zip(self.coordinates, scales, strict=True))
-        }
+        scales = ca.DM([c.scale for c in self.coordinate_table.values()])
+        inside = dict(zip(self.coordinates, ca.vertsplit(self._q * scales), strict=True))
         return Chain(self.ground, list(self.bodies), self.joints, inside)
 
     @cached_property
-    def _mechanics(self) -> dict[str, ca.Function]:
-        """All but contact and muscles' curves, as functions of scalars: the sparsest derivatives."""
-        q, n = self._q, len(self.coordinates)
-        u, udot = ca.SX.sym("u", n), ca.SX.sym("udot", n)
+    def _lengths(self) -> Any:
         paths = [*self.ligaments, *self.muscles]
-        length = ca.vertcat(*(path.length(self._chain) for path in paths)) if paths else ca.SX(0, 1)
-        rate = ca.jtimes(length, q, u)
-        strung = tensions(self.ligaments, length[: len(self.ligaments)], rate[: len(self.ligaments)])
-        along = ca.SX.sym("along", len(paths))
-        poses = [self._pose(contact) for contact in self.contacts]
-        pose = ca.horzcat(*poses) if poses else ca.SX(6, 0)
-        wrench = ca.SX.sym("wrench", 6, len(poses))
-        each = [generalised_forces(x, wrench[:, i]) for i, x in enumerate(poses)]
-        acting = ca.vertcat(*each) if each else ca.SX(0, 1)
-        found = [self._chain.place(body, self.ground) for body in self.bodies]
-        X = ca.vertcat(*(ca.vec(ca.horzcat(R, 1e-3 * t)) for t, R in found))
-        state, rates = ca.vertcat(q, u), ca.vertcat(u, udot)
-        acceleration = ca.jtimes(ca.jtimes(X, q, u), state, rates)
-        J = [ca.DM(body.second_moments) for body in self.bodies.values()]
-        kept = ca.vertcat(
-            *(ca.vec(ca.mtimes(ca.reshape(acceleration[12 * b : 12 * b + 12], 3, 4), J[b])) for b in range(len(J)))
-        )
+        return ca.vertcat(*(path.length(self._chain) for path in paths)) if paths else ca.SX(0, 1)
+
+    @cached_property
+    def _paths(self) -> ca.Function:
+        """q, u -> lengths [mm] and rates [mm/s] of ligaments and muscles, tensions [N] of ligaments."""
+        length, u, k = self._lengths, ca.SX.sym("u", len(self.coordinates)), len(self.ligaments)
+        rate = ca.jtimes(length, self._q, u)
+        return ca.Function("paths", [self._q, u], [length, rate, tensions(self.ligaments, length[:k], rate[:k])])
+
+    def _pull(self, rows: Sequence[int]) -> ca.Function:
+        """q, forces along paths -> (∂L/∂q)ᵀ·force of some coordinates [N, N·m]."""
+        along = ca.SX.sym("along", self._lengths.shape[0])
+        return ca.Function("pull", [self._q, along], [self._against(1e-3 * self._lengths, along, rows)])
+
+    def _arms(self, rows: Sequence[int]) -> ca.Function:
+        jacobian = ca.jacobian(1e-3 * self._lengths[len(self.ligaments) :], self._q)
+        return ca.Function("arms", [self._q], [jacobian[:, rows]])
+
+    @cached_property
+    def _pose_list(self) -> list[Any]:
+        return [self._pose(contact) for contact in self.contacts]
+
+    @cached_property
+    def _poses(self) -> ca.Function:
+        return ca.Function("poses", [self._q], [ca.horzcat(*self._pose_list) if self.contacts else ca.SX(6, 0)])
+
+    def _press(self, rows: Sequence[int]) -> ca.Function:
+        """q, wrenches (6 x contacts) on fixed bodies [N, N·mm] -> what they do on coordinates, with the sign turned."""
+        wrench, poses = ca.SX.sym("wrench", 6, len(self.contacts)), self._pose_list
+        forces = [generalised_forces(pose, wrench[:, i]) for i, pose in enumerate(poses)]
+        stacked = [ca.vertcat(*each) if each else ca.SX(0, 1) for each in (poses, forces)]
+        return ca.Function("press", [self._q, wrench], [self._against(1e-3 * stacked[0], stacked[1], rows)])
+
+    @cached_property
+    def _transforms(self) -> Any:
+        """X of all bodies in the ground [m], column after column (12·bodies)."""
+        found = (self._chain.place(body, self.ground) for body in self.bodies)
+        return ca.vertcat(*(ca.vec(ca.horzcat(R, 1e-3 * t)) for t, R in found))
+
+    def _weight(self, rows: Sequence[int]) -> ca.Function:
         g = ca.DM(self.gravity_m_s2)
-        weight = ca.vertcat(*(ca.vec(ca.mtimes(g, moments[3, :])) for moments in J))
-        made = {
-            "paths": ([q, u], [length, rate, strung]),
-            "pull": ([q, along], [1e-3 * ca.jtimes(length, q, along, True)]),
-            "arms": ([q], [1e-3 * ca.jacobian(length[len(self.ligaments) :], q)]),
-            "poses": ([q], [pose]),
-            "press": ([q, wrench], [1e-3 * ca.jtimes(ca.vec(pose), q, acting, True)]),
-            "gravity": ([q], [ca.jtimes(X, q, weight, True)]),
-            "inertia": ([q, u, udot], [ca.jtimes(X, q, kept, True)]),
-        }
-        return {key: ca.Function(f"mechanics_{key}", *parts) for key, parts in made.items()}
+        weight = [ca.vec(ca.mtimes(g, ca.DM(body.second_moments[3:]))) for body in self.bodies.values()]
+        return ca.Function("weight", [self._q], [self._against(self._transforms, ca.vertcat(*weight), rows)])
+
+    def _inertia(self, rows: Sequence[int]) -> ca.Function:
+        """q, u, udot -> Σ (∂X/∂q)ᵀ·(Ẍ·J)."""
+        u, udot = (ca.SX.sym(key, len(self.coordinates)) for key in ("u", "udot"))
+        X, q = self._transforms, self._q
+        acceleration = ca.jtimes(ca.jtimes(X, q, u), ca.vertcat(q, u), ca.vertcat(u, udot))
+        moments = (ca.DM(body.second_moments) for body in self.bodies.values())
+        each = zip(ca.vertsplit(acceleration, 12), moments, strict=True)
+        kept = ca.vertcat(*(ca.vec(ca.mtimes(ca.reshape(of_body, 3, 4), J)) for of_body, J in each))
+        return ca.Function("inertia", [q, u, udot], [self._against(X, kept, rows)])
+
+    def _against(self, of: Any, weights: Any, rows: Sequence[int]) -> Any:
+        """(∂of/∂q)ᵀ·weights, of some coordinates."""
+        return ca.jtimes(of, self._q, weights, True)[rows]
 
     def _pose(self, contact: Contact) -> Any:
         fixed, moving = (frame(at) for at in (contact.fixed_frame, contact.moving_frame))
@@ -241,21 +266,19 @@ class JointedAssembly:
         active, passive = muscle_forces(self.muscles, dict(self.curves))(*given)
         return ca.Function("muscles", given, [active + passive])
 
-    def _springs(self, q: ca.MX, u: ca.MX) -> Any:
+    def _sprung(self, q: ca.MX, u: ca.MX) -> Any:
         forces = ca.MX(len(self.coordinates), 1)
         for spring in self.springs:
             i = self.coordinates.index(spring.of)
             forces[i] += -spring.stiffness * (q[i] - spring.rest) - spring.viscosity * u[i]
         return forces
 
-    def _applied(self, loaded: Sequence[str]) -> ca.Function:
+    def _applied(self, rows: Sequence[int], loaded: Sequence[str]) -> ca.Function:
         """q, loads (6 x bodies) -> generalised forces: with F and T about the ground's origin, the body's transform
         X = [R t] takes the force [½·(T - t × F)×·R, F]."""
-        q, loads = self._q, ca.SX.sym("loads", 6, len(loaded))
-        found = [self._chain.place(body, self.ground) for body in loaded]
-        X = ca.vertcat(*(ca.vec(ca.horzcat(R, 1e-3 * t)) for t, R in found))
-        given = []
-        for i, (t, R) in enumerate(found):
+        loads, X, given = ca.SX.sym("loads", 6, len(loaded)), [], []
+        for i, (t, R) in enumerate(self._chain.place(body, self.ground) for body in loaded):
             torque = loads[3:, i] - ca.cross(1e-3 * t, loads[:3, i])
+            X.append(ca.vec(ca.horzcat(R, 1e-3 * t)))
             given.append(ca.vec(ca.horzcat(0.5 * ca.mtimes(ca.skew(torque), R), loads[:3, i])))
-        return ca.Function("applied", [q, loads], [ca.jtimes(X, q, ca.vertcat(*given), True)])
+        return ca.Function("applied", [self._q, loads], [self._against(ca.vertcat(*X), ca.vertcat(*given), rows)])

@@ -68,7 +68,7 @@ class CoordinateSettling:
         x, given, activation = ca.MX.sym("x", len(free)), ca.MX.sym("q", n), ca.MX.sym("activations", m)
         q = ca.MX(given)
         q[self.rows] = x
-        forces = 1e3 * assembly.function(name="settling")(q, 0.0, 0.0, activation)[self.rows]  # N·mm in a unit
+        forces = 1e3 * assembly.function(name="settling", coordinates=free)(q, 0.0, 0.0, activation)  # N·mm in a unit
         self._evaluate = ca.Function("settle", [x, given, activation], [forces, ca.jacobian(forces, x)])
 
     def __call__(

@@ -33,8 +33,8 @@ class Sampling:
     widest_rad: float = 1.75  # that the first turn of a joint goes from its rest, within its range
     far_weight: float = 0.3
     outliers: float = 0.005  # share of samples that may be left out, where the wheel's path leaps to another side
-    tolerance_mm: float = 0.015
-    sizes: tuple[tuple[int, ...], ...] = ((8,), (16,), (16, 16), (20, 20))
+    tolerance_mm: float = 0.03
+    sizes: tuple[tuple[int, ...], ...] = ((6,), (10,), (16,), (24,), (32,))
     most_cpu_s: float = 4.0  # of one path
 
 
