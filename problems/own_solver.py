@@ -10,6 +10,7 @@ CalculiX is Debian's package calculix-ccx; 100 poses take half a minute.
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -24,6 +25,7 @@ from casadi_contact.core.terminal import run_program
 from casadi_contact.samples.domains import hammersley
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.workflow.benchmark.timing import time_single_calls
 
 SCENE = """format = 1
 name = "ccx_block"
@@ -104,10 +106,15 @@ def main(samples: int = 100, force_n: float = 400.0, out: Path = Path("results/o
     low, high = np.array([-3.0, 29.7, -3.0]), np.array([3.0, 30.02, 3.0])
     poses[:, :3] = low + (high - low) * hammersley(samples, 3, np.array([0.5, 0.0, 0.0]))[:, [1, 0, 2]]
     poses = poses[np.argsort(poses[:, 1])]  # the solver goes from pose to pose
+    before = os.times().children_user
     wrenches = solved(scene, poses, out)
+    seconds = (os.times().children_user - before) / samples
     columns = dict(zip((*POSE_NAMES, *WRENCH_NAMES), np.hstack([poses, wrenches]).T, strict=True))
     write_columns(out / "samples.csv", {**columns, "gap": poses[:, 1] - scene.geometry["radius"]})
     surrogate = cc.build(out / "ccx_block.toml", table=out / "samples.csv", folder=out / "build")["patch"]
+    of_kernel = min(time_single_calls(surrogate.function(), poses) for _ in range(50))
+    error = surrogate.record["test_errors"]["D1"]["Fy"]["rms"]
+    print(f"CPU time of a pose: CalculiX {seconds:.2g} s, surrogate {1e6 * of_kernel:.2g} µs; RMS {error:.2g} N")
 
     opti = ca.Opti()
     contact = cc.ContactInOpti(opti, surrogate, locked={"tx": 1.0, "tz": -0.5})

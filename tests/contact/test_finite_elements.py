@@ -152,6 +152,17 @@ def test_orders_meet_as_elements_get_smaller():
     assert errors[1] < 0.015 < errors[0]
 
 
+def test_forces_along_a_line_have_little_noise():
+    """N^⅔ is nearly linear in the depth; nodes, 1 mm apart, come into contact one by one."""
+    scene = cc.load_scene("sphere_on_plane").with_overrides(poissons_ratio=0.3, patch_side=25.0)
+    poses = np.zeros((100, 6))
+    poses[:, 1] = np.linspace(29.7, 29.95, 100)
+    force_n = -FiniteElements(scene, (25, 25)).wrenches(poses)[:, 0, 1]
+    smooth = np.polynomial.Polynomial.fit(poses[:, 1], force_n ** (2 / 3), 4)(poses[:, 1]) ** 1.5
+    assert force_n.min() > 40.0
+    assert np.sqrt(np.mean((smooth / force_n - 1.0) ** 2)) < 0.02
+
+
 @pytest.mark.parametrize(("depth", "aside", "force"), [(0.3, 0.0, 914.8), (0.15, 0.0, 284.3), (0.3, 3.0, 910.2)])
 def test_an_independent_solver_finds_the_same_force(depth, aside, force):
     """CalculiX 2.20: 36×36×8 elements C3D8I (smaller in the middle) of 24×24×8 mm, rigid sphere, node to surface."""

@@ -211,9 +211,8 @@ def test_workers_evaluate_poses_of_a_slow_model(samples, slow_s):
 def test_errors_of_other_poses_are_covered_where_they_are_valid(surrogate, model, with_model, on_the_plane):
     poses = pressed_poses(surrogate, 5)
     poses = poses[model.on_the_plane(poses) & (with_model.validity(poses) > 0.5)]
-    below = np.abs(surrogate(poses) - label_poses(model, on_the_plane, poses).loads()) <= with_model.expected_error(
-        poses
-    )
+    errors = np.abs(surrogate(poses) - label_poses(model, on_the_plane, poses).loads())
+    below = errors <= with_model.expected_error(poses)
     assert below.mean() > 0.92
     assert {"D1", "around", "range", "settled"} <= set(with_model.info().coverage)
 

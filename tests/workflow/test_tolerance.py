@@ -85,11 +85,11 @@ def test_the_first_round_that_meets_the_tolerance_is_the_last(tmp_path, asked, m
     assert asked == [0.1]
     said = f"build {SPHERE.name} --model foundation --force-tol 100.12345678 --torque-tol 3000 --out {tmp_path}"
     assert small.record["command"] == f"casadi-contact {said}"
-    large = trained(tmp_path, 10.0, 300.0, *sizes)
+    large = trained(tmp_path, 20.0, 600.0, *sizes)
     assert asked[1:] == [0.1, 0.2]
     assert {network.hidden for network in large.networks.values()} == {(12, 12)}
     assert misses(large, replace(smooth_samples(480), scene=large.scene)) == ""
-    assert cc.load_surrogate(tmp_path / "patch.h5").scene.tolerances["Fy"] == 10.0
+    assert cc.load_surrogate(tmp_path / "patch.h5").scene.tolerances["Fy"] == 20.0
 
 
 def test_a_tolerance_out_of_reach_says_what_misses_and_keeps_what_there_is(tmp_path, asked):

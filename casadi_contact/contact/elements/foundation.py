@@ -129,6 +129,7 @@ class ElasticFoundation(SlidingContact):
 
     def __init__(self, scene: Scene, grid: tuple[int, int] | None = None, *, compiled: bool = True) -> None:
         super().__init__(scene)
+        _ = scene.material  # a scene without geometry says so
         self.grid = scene.grids["fine"] if grid is None else grid_size("grid", grid)
         grids = scene.elements(self.grid)
         self._edges = [e.edge_centres_mm for e in grids]
