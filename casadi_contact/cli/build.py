@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -21,7 +20,6 @@ from casadi_contact.cli.options import (
     PresetOrNone,
     SceneName,
     SceneOrSurrogate,
-    Scheduler,
     Table,
     console,
     say,
@@ -31,7 +29,6 @@ from casadi_contact.cli.tables import evaluation_tables, front_table
 from casadi_contact.core.conventions import load_unit
 from casadi_contact.core.files.writing import folder_lock
 from casadi_contact.core.terminal import progress_bars
-from casadi_contact.core.workers import cluster_workers
 from casadi_contact.workflow import samples as sampling
 from casadi_contact.workflow.benchmark.front_file import FILE_NAME, read_front
 from casadi_contact.workflow.project import Project, project_surrogates
@@ -45,7 +42,6 @@ def build(
     more_cycles: MoreCycles = None,
     table: Table = None,
     model: ModelName = "elements",
-    scheduler: Scheduler = None,
     out: Out = None,
     force_tol: Annotated[
         float | None,
@@ -65,13 +61,13 @@ def build(
         project = _project_to_tolerance(scene, out, preset, table, force_tol, torque_tol)
     else:
         project = Project.open(scene, preset or DEFAULT_PRESET, out)
-    with folder_lock(project.folder), cluster_workers(scheduler) as executor:
+    with folder_lock(project.folder):
         stages: dict[str, Callable[[], None]] = {
-            "samples": lambda: _sample(project, files, table, model, executor),
-            "training": lambda: _train(project, executor),
+            "samples": lambda: _sample(project, files, table, model),
+            "training": lambda: _train(project),
         }
         if to_tolerance:
-            stages = {"samples and training": lambda: _train_to_tolerance(project, files, model, executor)}
+            stages = {"samples and training": lambda: _train_to_tolerance(project, files, model)}
         if on is not None:
             stages = {"samples": stages["samples"], "what the foundation misses": lambda: _fit_on_foundation(project)}
         else:
@@ -110,28 +106,24 @@ def sample(
     more_cycles: MoreCycles = None,
     table: Table = None,
     model: ModelName = "elements",
-    scheduler: Scheduler = None,
     out: Out = None,
 ) -> None:
     """Draw samples of the elastic foundation in domains D1 to D7."""
     files = [*(cycles or []), *(more_cycles or [])]
     pipeline.check_single_source(table, files, model)
     project = Project.open(scene, preset, out)
-    with cluster_workers(scheduler) as executor:
-        _sample(project, files, table, model, executor)
+    _sample(project, files, table, model)
 
 
 def train(
     scene: SceneName,
     preset: PresetName = DEFAULT_PRESET,
     structure: Annotated[str | None, typer.Option(help="only this structure; all of the preset if left out")] = None,
-    scheduler: Scheduler = None,
     out: Out = None,
 ) -> None:
     """Train the preset's networks on the samples."""
     project = Project.open(scene, preset, out)
-    with cluster_workers(scheduler) as executor:
-        _train(project, executor, structure)
+    _train(project, structure)
 
 
 def calibrate(scene: SceneName, preset: PresetName = DEFAULT_PRESET, out: Out = None) -> None:
@@ -166,15 +158,13 @@ def export(
     _export(Project.open(scene, preset, out), fmu=fmu, contact_model=foundation)
 
 
-def _sample(
-    project: Project, cycle_files: list[Path], table: Path | None, model: str, executor: Executor | None
-) -> None:
+def _sample(project: Project, cycle_files: list[Path], table: Path | None, model: str) -> None:
     if table is not None:
         samples = pipeline.take_table(project, table)
         say(f"{len(samples)} samples of {table} in {project.samples_path}")
         return
     with progress_bars(console) as update:
-        samples, report = sampling.sample(project, cycle_files, update, executor, model)
+        samples, report = sampling.sample(project, cycle_files, update, model=model)
     say(report)
     for domain, share in samples.dropped_shares().items():
         if listed := samples.dropped_reasons(domain):
@@ -184,14 +174,14 @@ def _sample(
     say(f"{len(samples)} samples in {project.samples_path}")
 
 
-def _train_to_tolerance(project: Project, files: list[Path], model: str, executor: Executor | None) -> None:
+def _train_to_tolerance(project: Project, files: list[Path], model: str) -> None:
     with progress_bars(console) as update:
-        train_to_tolerance(project, files, update, executor, model)
+        train_to_tolerance(project, files, update, model=model)
 
 
-def _train(project: Project, executor: Executor | None, structure: str | None = None) -> None:
+def _train(project: Project, structure: str | None = None) -> None:
     with progress_bars(console) as update:
-        paths = pipeline.train(project, update, executor, structure=structure)
+        paths = pipeline.train(project, update, structure=structure)
     for path in paths:
         say(f"surrogate in {path}")
 

@@ -16,7 +16,6 @@ from casadi_contact.cli.options import (
     PresetName,
     SceneName,
     SceneOrSurrogate,
-    Scheduler,
     SurrogateName,
     check_html,
     console,
@@ -27,7 +26,6 @@ from casadi_contact.cli.tables import choice_table, front_table
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.files.writing import writable_folder, write_text
 from casadi_contact.core.terminal import numbers, progress_bars
-from casadi_contact.core.workers import cluster_workers
 from casadi_contact.pictures.contact_picture import (
     contact_pose,
     draw_contact,
@@ -124,14 +122,12 @@ def page(
 def chart(
     scene: SceneOrSurrogate,
     preset: PresetName = DEFAULT_PRESET,
-    scheduler: Scheduler = None,
     out: Out = None,
 ) -> None:
     """Train a ladder of sizes, measure speed and accuracy of everything in one run, and draw the charts."""
     project = Project.open(scene, preset, out)
-    with cluster_workers(scheduler) as executor, progress_bars(console) as update:
-        tell = partial(update, "measuring", 0, 1)
-        paths = pipeline.chart(project, update=update, tell=tell, executor=executor)
+    with progress_bars(console) as update:
+        paths = pipeline.chart(project, update=update, tell=partial(update, "measuring", 0, 1))
     for path in paths:
         say(f"written {path}")
 

@@ -37,10 +37,6 @@ ModelName = Annotated[
 SurrogateName = Annotated[
     str, typer.Argument(help=f"a ready surrogate ({', '.join(ready_surrogates())}) or the path of a .h5 file")
 ]
-Scheduler = Annotated[
-    str | None,
-    typer.Option(help="address or file of a Dask scheduler whose workers do the work; the cores here if left out"),
-]
 Force = Annotated[bool, typer.Option("--force", help="replace files that exist")]
 Out = Annotated[Path | None, typer.Option(help="folder of all results; results/SCENE-PRESET (-TOLERANCE) if left out")]
 

@@ -1,21 +1,18 @@
-"""Workers for long work: one process per core, or those of a Dask scheduler on other machines."""
+"""Workers for long work: one process per core, or the caller's executor."""
 
 from __future__ import annotations
 
-import logging
 import os
 import signal
 import threading
 import warnings
 from collections.abc import Iterable, Iterator
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import contextmanager
 from typing import Any
 
 from loky import ProcessPoolExecutor, cpu_count
 
-from casadi_contact import __version__
-from casadi_contact.core.files.reading import MOST_TEXT, checked_size, existing_file
 from casadi_contact.core.machine import blas_environment
 from casadi_contact.core.threads import at_most_threads
 
@@ -94,72 +91,3 @@ def _end_with_parent(parent: int) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
-
-
-@contextmanager
-def cluster_workers(scheduler: str | None, *, patience_s: float = 10.0) -> Iterator[Executor | None]:
-    """An executor on the workers of a Dask scheduler; None, for one process per core here, without one.
-
-    scheduler: its address ("tcp://host:8786"), or the scheduler file (JSON) that it wrote. patience_s: for it and its
-    first worker to answer. The workers need the same casadi_contact, and for training the same folder of results under
-    the same path. Dask sends Python objects: connect only to a scheduler that you trust. Another worker does again what
-    one that died was doing; what is finished is kept where the scheduler is lost (ConnectionError).
-    """
-    if scheduler is None:
-        yield None
-        return
-    try:
-        import distributed
-    except ImportError:
-        raise ImportError("a scheduler needs Dask: pip install 'casadi_contact[cluster]'") from None
-    found = {"address": scheduler} if "://" in scheduler else {"scheduler_file": scheduler}
-    try:
-        if "scheduler_file" in found:
-            checked_size(existing_file(scheduler), MOST_TEXT)  # Dask would wait for the file
-        client = distributed.Client(**found, timeout=patience_s, set_as_default=False)
-        address = client.scheduler.address
-    except Exception as error:  # of many kinds where the file is another
-        raise ConnectionError(
-            f"no Dask scheduler answers at {scheduler} ({error}), expected its address as tcp://host:8786, or the file "
-            "that `dask scheduler --scheduler-file` wrote"
-        ) from None
-    with _quiet("distributed.client"), client:
-        _check_versions(client, address, patience_s)
-        try:
-            yield client.get_executor(pure=False)
-        except distributed.KilledWorker as error:
-            raise ChildProcessError(
-                f"a task ended one worker too many ({error.last_worker.address} was the last; is its memory full?): "
-                "run the same command again to go on"
-            ) from None
-        except (CancelledError, distributed.CancelledError, distributed.client.ClosedClientError):
-            raise ConnectionError(f"the scheduler at {address} was lost: run the same command again to go on") from None
-
-
-@contextmanager
-def _quiet(name: str) -> Iterator[None]:
-    """No errors of a logger in this block: Dask logs a traceback for what is raised here as one line."""
-    log = logging.getLogger(name)
-    before = log.level
-    log.setLevel(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        log.setLevel(before)
-
-
-def _version() -> str:
-    return __version__
-
-
-def _check_versions(client: Any, address: str, patience_s: float) -> None:
-    try:
-        client.wait_for_workers(1, timeout=patience_s)
-    except TimeoutError:
-        raise ConnectionError(
-            f"the scheduler at {address} has no workers after {patience_s:g} s: start some (dask worker {address})"
-        ) from None
-    if others := {*client.run(_version).values()} - {__version__}:
-        raise ConnectionError(
-            f"workers of {address} have casadi_contact {', '.join(others)}, expected {__version__}: install it there"
-        )
