@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -10,12 +11,11 @@ from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.cells.foundation import CellFoundation
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
-from casadi_contact.core.conventions import POSE_IN_MM
-from casadi_contact.optimisation.assembly import Assembly
-from casadi_contact.optimisation.assembly.connections import Ligament, Pull
+from casadi_contact.optimisation.assembly.paths import Bundle, Muscle
 from casadi_contact.scenes.walking import reference_cycle
 from problems import assembly_poses
 from problems.assembly_poses import AssemblyCycle, read_assembly_cycle
+from tests.support.assemblies import free_bodies
 from tests.support.compiler import needs_compiler
 from tests.support.shared_data import shared_file
 
@@ -32,19 +32,17 @@ def test_the_femur_carries_what_was_measured_and_the_patella_is_in_equilibrium()
 
     knee, cycle = cc.load_assembly("knee_with_patella", contact), reference_cycle()
     loads = {name: curve[FRAMES] for name, curve in cycle.estimation_targets().items()}
-    pose = {"femur": {name: curve[FRAMES] for name, curve in cycle.pose.items()}}
+    pose = {f"femur_{name}": curve[FRAMES] for name, curve in cycle.pose.items()}
     given = AssemblyCycle(cycle.time_s[FRAMES], pose, "tibiofemoral", loads, {"quadriceps": TENSION_N})
     found = assembly_poses.solve(knee, given)
     assert found.solved.all()
-    by_name = dict(zip(knee.load_names, found.loads.T, strict=True))
     for name in ("Fy_med", "Fy_lat"):
-        np.testing.assert_allclose(by_name[f"tibiofemoral_{name}"], loads[name], atol=0.02)
-    np.testing.assert_array_equal(found.poses[:, 0, 5], pose["femur"]["rz"])
-    for poses, tension in zip(found.poses, TENSION_N, strict=True):
-        left = np.asarray(knee.forces()(poses.T, tension))[:, 1]
-        np.testing.assert_allclose(left / POSE_IN_MM, 0.0, atol=1e-4)
-    sides = by_name["patellofemoral_Fx_med"] + by_name["patellofemoral_Fx_lat"]
-    share = np.hypot(sides, by_name["patellofemoral_Fy"]) / TENSION_N
+        np.testing.assert_allclose(found.loads[f"tibiofemoral_{name}"], loads[name], atol=0.02)
+    np.testing.assert_array_equal(found.q[:, 5], pose["femur_rz"])
+    left = knee.function(by_force=True).map(3)(found.q.T, 0.0, 0.0, TENSION_N[None]).full()[6:]
+    np.testing.assert_allclose(left / np.repeat([1.0, 0.025], 3)[:, None], 0.0, atol=1e-4)
+    sides = found.loads["patellofemoral_Fx_med"] + found.loads["patellofemoral_Fx_lat"]
+    share = np.hypot(sides, found.loads["patellofemoral_Fy"]) / TENSION_N
     assert share[0] < share[1] < share[2]
 
 
@@ -54,29 +52,28 @@ def test_the_natural_knee_bends_on_its_ligaments():
     shared_file("data/jam/femur_cartilage.obj")
     toml = Path(assembly_poses.__file__).parent / "scenes" / "natural_knee_with_ligaments.toml"
     knee = cc.load_assembly(toml, lambda scene: CellFoundation(scene, Cells(1.7, 1.7, 4, 4)))
-    bent = {"femur": {"rz": -np.radians([0.0, 30.0, 60.0])}}
-    cycle = AssemblyCycle(np.arange(3.0), bent, applied={"femur": {"Fy": np.full(3, -300.0)}})
+    bent = {"femur_rz": -np.radians([0.0, 30.0, 60.0])}
+    cycle = AssemblyCycle(np.arange(3.0), bent, applied={"femur_ty": np.full(3, -300.0)})
     found = assembly_poses.solve(knee, cycle)
     assert found.solved.all()
-    pull = dict(zip(knee.load_names, found.loads.T, strict=True))
-    assert pull["lcl"][0] > 10.0 > pull["lcl"][2]
-    assert (np.diff(pull["acl_anteromedial_2"]) > 0.0).all()
-    assert (np.diff(found.poses[:, 0, 0]) > 0.0).all()
-    assert (np.diff(found.poses[:, 0, 4]) < -0.05).all()
-    for poses, loads in zip(found.poses, found.loads, strict=True):
-        assert float(knee.forces()(poses.T, [])[1]) == pytest.approx(300.0, abs=1e-3)
-        assert loads[:2].sum() < -300.0, "ligaments press beside what is applied"
+    assert found.loads["lcl"][0] > 10.0 > found.loads["lcl"][2]
+    assert (np.diff(found.loads["acl_anteromedial_2"]) > 0.0).all()
+    assert (np.diff(found.q[:, 0]) > 0.0).all()
+    assert (np.diff(found.q[:, 4]) < -0.05).all()
+    for q in found.q:
+        assert float(knee.function()(q, 0.0, 0.0, ca.DM(0, 1))[1]) == pytest.approx(300.0, abs=1e-3)
+    pressed = found.loads["tibiofemoral_Fy_med"] + found.loads["tibiofemoral_Fy_lat"]
+    assert (pressed < -300.0).all(), "ligaments press beside what is applied"
 
 
 def hung(pull, hoist):
     """A weight under a ceiling on a ligament, and on a rope beside it: forces and the rope's tensions (n,) [N]."""
-    ends, weight = (("weight", "ceiling"), (np.zeros(3), np.zeros(3))), {"weight": -101.0 * np.eye(6)[1]}
-    band, rope = Ligament("band", *ends, 1000.0, 100.0), Pull("rope", *ends)
-    assembly = Assembly("pendulum", "ceiling", weight, ligaments=[band], pulls=[rope])
-    locked = {name: np.zeros(len(pull)) for name in ("tx", "tz", "rx", "ry", "rz")}
-    time_s, applied = np.arange(len(pull), dtype=float), {"weight": {"Fy": pull}}
-    cycle = AssemblyCycle(time_s, {"weight": locked}, tensions={"rope": hoist}, applied=applied)
-    return assembly_poses.solve(assembly, cycle)
+    ends = ("weight", "ceiling"), np.zeros((2, 3))
+    band, rope = Bundle("band", *ends, stiffness_n=1000.0, slack_length_mm=100.0), Muscle("rope", *ends)
+    assembly = free_bodies("ceiling", {"weight": -101.0 * np.eye(6)[1]}, ligaments=[band], muscles=[rope])
+    locked = {f"weight_{name}": np.zeros(len(pull)) for name in ("tx", "tz", "rx", "ry", "rz")}
+    time_s, applied = np.arange(len(pull), dtype=float), {"weight_ty": pull}
+    return assembly_poses.solve(assembly, AssemblyCycle(time_s, locked, muscles={"rope": hoist}, applied=applied))
 
 
 def test_a_weight_on_a_ligament_hangs_where_tension_carries_it():
@@ -84,8 +81,8 @@ def test_a_weight_on_a_ligament_hangs_where_tension_carries_it():
     pull = np.array([-61.0, -121.0])
     found = hung(pull, np.ones(2))
     assert found.solved.all()
-    np.testing.assert_allclose(found.poses[:, 0, 1], -100.0 * (1.03 - (pull + 1.0) / 1000.0), atol=1e-5)
-    np.testing.assert_allclose(found.loads[:, 0], -pull - 1.0, atol=1e-3)
+    np.testing.assert_allclose(1e3 * found.q[:, 1], -100.0 * (1.03 - (pull + 1.0) / 1000.0), atol=1e-5)
+    np.testing.assert_allclose(found.loads["band"], -pull - 1.0, atol=1e-3)
 
 
 @pytest.mark.parametrize("frame", [0, 1, 2])
@@ -95,21 +92,21 @@ def test_one_frame_without_equilibrium_costs_no_other(frame):
     hoist[frame] = 200.0
     found = hung(pull, hoist)
     np.testing.assert_array_equal(found.solved, np.arange(3) != frame)
-    np.testing.assert_allclose(np.delete(found.loads[:, 0] + pull, frame), 0.0, atol=1e-3)
+    np.testing.assert_allclose(np.delete(found.loads["band"] + pull, frame), 0.0, atol=1e-3)
 
 
 def one_rope():
-    points = (np.zeros(3), np.ones(3))
-    return Assembly("one", "earth", {"body": np.zeros(6)}, pulls=[Pull("rope", ("body", "earth"), points)])
+    points = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
+    return free_bodies("earth", {"body": np.zeros(6)}, muscles=[Muscle("rope", ("body", "earth"), points)])
 
 
 def test_a_cycle_is_read_by_the_names_of_the_parts(tmp_path):
     path = tmp_path / "swing.csv"
     path.write_text("time_s,body_rz_rad,body_Fy_N,rope_N\n0,0.1,-5,7\n1,0.2,-6,8\n")
     cycle = read_assembly_cycle(path, one_rope())
-    np.testing.assert_array_equal(cycle.pose["body"]["rz"], [0.1, 0.2])
-    np.testing.assert_array_equal(cycle.applied["body"]["Fy"], [-5.0, -6.0])
-    np.testing.assert_array_equal(cycle.tensions["rope"], [7.0, 8.0])
+    np.testing.assert_array_equal(cycle.coordinates["body_rz"], [0.1, 0.2])
+    np.testing.assert_array_equal(cycle.applied["body_ty"], [-5.0, -6.0])
+    np.testing.assert_array_equal(cycle.muscles["rope"], [7.0, 8.0])
 
 
 @pytest.mark.parametrize(
@@ -126,8 +123,11 @@ def test_a_cycle_of_something_else_is_refused(text, said, tmp_path):
         read_assembly_cycle(tmp_path / "bad.csv", one_rope())
 
 
-def test_a_pull_without_tension_and_unknown_bodies_are_refused():
+def test_a_muscle_without_force_and_unknown_coordinates_are_refused():
     time_s = np.array([0.0, 1.0])
-    for cycle in (AssemblyCycle(time_s), AssemblyCycle(time_s, {"moon": {"rz": time_s}}, tensions={"rope": time_s})):
-        with pytest.raises(ValueError, match="rope"):
+    for cycle, word in (
+        (AssemblyCycle(time_s), "rope"),
+        (AssemblyCycle(time_s, {"moon_rz": time_s}, muscles={"rope": time_s}), "moon_rz"),
+    ):
+        with pytest.raises(ValueError, match=word):
             assembly_poses.solve(one_rope(), cycle)

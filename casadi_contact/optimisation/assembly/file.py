@@ -1,37 +1,33 @@
-"""Assemblies as TOML files: bodies, contacts by their scenes, ligaments, pulls and springs.
+"""Assemblies as TOML files: bodies on joints or free, contacts by their scenes, ligaments, muscles.
 
 format = 1
 name = "my_joint"
 ground = "tibia"
-[bodies.femur]
-pose = [0.0, 28.0, 0.0, 0.0, 0.0, 0.0]               # start, in the ground
+[bodies.femur]                                       # pose: of a free body in the ground at rest, whose coordinates are
+pose = [0.0, 28.0, 0.0, 0.0, 0.0, 0.0]               # femur_tx ... femur_rz; mass_kg, centre_mm, inertia_kgmm2 (xx yy
+                                                     # zz xy xz yz)
 [contacts.tibiofemoral]
 scene = "knee"                                       # ready scene, or scene .toml beside this file
 fixed = "tibia"
 moving = "femur"                                     # fixed_frame, moving_frame: where the scene's frames lie;
-                                                     # change = {thickness = 9.0}: other parameters of the scene
-[ligaments.mcl]
+                                                     # change = {thickness = 9.0}: other parameters of the scene;
+                                                     # cells_mm: side of its cells, else they are chosen
+[ligaments.mcl]                                      # two points or more
 bodies = ["femur", "tibia"]
 points_mm = [[0.0, 0.0, 40.0], [0.0, -40.0, 30.0]]
-stiffness_n = 2750.0                                 # per unit of strain
-slack_length_mm = 78.0
-[pulls.quadriceps]                                   # bodies and points_mm
-[springs.soft_tissue]                                # body, stiffness and rest (6 each)
+stiffness_n = 2750.0                                 # per unit of strain; toe_strain, damping_s;
+slack_length_mm = 78.0                               # wrap = {body, points}: what its network's inputs are
+[muscles.quadriceps]                                 # bodies, points_mm, wrap, and the fields of `paths.Muscle`
+[coordinate_springs.soft_tissue]                     # of, stiffness, rest, viscosity, in OpenSim's units
 
-Bodies on joints, as `casadi-contact import` writes them (see `jointed`; mm, rad, N, kg, s, and names as in OpenSim):
+What `casadi-contact import` writes besides (mm, rad, N, kg, s, and names as in OpenSim):
 
 gravity_m_s2 = [0.0, -9.80665, 0.0]
 paths = "paths.h5"                                   # networks of wraps by path, muscles' curves by name
 [coordinates.knee_flex_r]                            # kind, default, low, high; in OpenSim's order
-[bodies.tibia]                                       # mass_kg, centre_mm, inertia_kgmm2 (xx yy zz xy xz yz)
 [joints.knee_r]                                      # parent, child, parent_frame, child_frame,
                                                      # rotations and translations: {axis, of, offset, slope} or
                                                      # {axis, of, knots}, each knot x, y and dy/dx
-[contacts.tf_contact]                                # as above; cells_mm: side of its cells, else they are chosen
-[ligaments.mcl]                                      # as above, of two points or more; toe_strain, damping_s;
-                                                     # wrap = {body, points}: what the network's inputs are
-[muscles.soleus]                                     # bodies, points_mm, wrap, and the fields of `paths.Muscle`
-[coordinate_springs.knee_add_r]                      # of, stiffness, rest, viscosity, in OpenSim's units
 """
 
 from __future__ import annotations
@@ -56,26 +52,20 @@ from casadi_contact.contact.symbolic import SymbolicContact, symbolic
 from casadi_contact.core.files.containers import new_hdf5, open_hdf5
 from casadi_contact.core.files.reading import toml_tables, toml_text
 from casadi_contact.networks.network import Network
-from casadi_contact.optimisation.assembly import Assembly
-from casadi_contact.optimisation.assembly.connections import Contact, Ligament, Pull, Spring
+from casadi_contact.optimisation.assembly.connections import Contact
 from casadi_contact.optimisation.assembly.jointed import CoordinateSpring, JointedAssembly
-from casadi_contact.optimisation.assembly.joints import Axis, Body, Coordinate, Joint
+from casadi_contact.optimisation.assembly.joints import Axis, Body, Coordinate, Joint, free_joint
 from casadi_contact.optimisation.assembly.paths import Bundle, Muscle, MuscleCurves, Wrap
 from casadi_contact.optimisation.joint_mechanics import whole_wrench
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.scenes.shapes.checks import fail, number, plain_values, scene_name, table_of
+from casadi_contact.scenes.shapes.checks import fail, identifier, number, plain_values, scene_name, table_of
 from casadi_contact.surrogate.file import read_network, write_network
 
 FORMAT = 1
 _PACKAGE = "casadi_contact.optimisation.assembly"
 _NAMES = ("bodies", "body", "fixed", "moving", "kind", "parent", "child", "of", "curves")
 MakeContact = Callable[[Scene], ContactModel]
-_PARTS: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
-    "ligaments": (Ligament, ("bodies", "points_mm", "stiffness_n", "slack_length_mm")),
-    "pulls": (Pull, ("bodies", "points_mm")),
-    "springs": (Spring, ("body", "stiffness", "rest")),
-}
 
 
 def ready_assemblies() -> list[str]:
@@ -84,9 +74,8 @@ def ready_assemblies() -> list[str]:
     return sorted(p.name.removesuffix(".toml") for p in folder.iterdir() if p.name.endswith(".toml"))
 
 
-def load_assembly(name_or_path: str | Path, contact: Callable[[Scene], ContactModel] | None = None) -> Any:
-    """Load a ready assembly by name, or an assembly file by its path or its folder's: an `Assembly` of free bodies, or
-    a `JointedAssembly` where the file has joints.
+def load_assembly(name_or_path: str | Path, contact: MakeContact | None = None) -> JointedAssembly:
+    """Load a ready assembly by name, or an assembly file by its path or its folder's.
 
     contact: makes the contact model of a scene, whose loads hold the whole wrench, `symbolic` where it has no CasADi
     functions of its own; `joint_foundation` if left out.
@@ -102,9 +91,8 @@ def load_assembly(name_or_path: str | Path, contact: Callable[[Scene], ContactMo
         possible = ", ".join(ready_assemblies())
         raise ValueError(f"unknown assembly {str(name_or_path)!r}, expected a .toml file or one of {possible}")
     tables = toml_tables(text, str(name_or_path))
-    read = _jointed if "joints" in tables else _assembly
     try:
-        return read(tables, path.parent, contact)
+        return _assembly(tables, path.parent, contact)
     except ValueError as error:  # of checks that are a scene's too
         raise ValueError(f"{name_or_path}: {str(error).removeprefix('scene: ')}") from None
 
@@ -124,36 +112,29 @@ def ray_casting(scene: Scene) -> RayCastFoundation:
     return RayCastFoundation(Scene.from_tables({**scene.tables, "geometry": {**geometry, "elements": "triangles"}}))
 
 
-def _tables(tables: Mapping[str, Any], needed: tuple[str, ...], kinds: tuple[str, ...]) -> dict[str, Any]:
-    """The file's keys, checked; kinds: of tables of tables, empty where left out."""
+def _assembly(tables: Mapping[str, Any], folder: Path, contact: MakeContact | None) -> JointedAssembly:
     plain_values("", tables)
-    given = table_of("assembly", tables, ("format", "name", "ground", *needed), complete=True, optional=kinds)
+    kinds = ("coordinates", "joints", "contacts", "ligaments", "muscles", "coordinate_springs")
+    optional = (*kinds, "gravity_m_s2", "paths")
+    given = table_of("assembly", tables, ("format", "name", "ground", "bodies"), complete=True, optional=optional)
     if given["format"] != FORMAT:
         raise fail("format", given["format"], f"{FORMAT} (this version reads assembly format {FORMAT})")
     for kind in ("bodies", *kinds):
         if not isinstance(given.setdefault(kind, {}), Mapping):
             raise fail(kind, given[kind], "a table of tables")
-    return given
-
-
-def _assembly(tables: Mapping[str, Any], folder: Path, contact: MakeContact | None) -> Assembly:
-    given = _tables(tables, ("bodies",), ("contacts", *_PARTS))
-    return Assembly(
-        name=scene_name(given["name"]),
-        ground=str(given["ground"]),
-        start={body: _values(f"bodies.{body}", table, ("pose",))["pose"] for body, table in given["bodies"].items()},
-        contacts=[_contact(name, table, folder, contact) for name, table in given["contacts"].items()],
-        **{
-            kind: [make(name, **_values(f"{kind}.{name}", table, keys)) for name, table in given[kind].items()]
-            for kind, (make, keys) in _PARTS.items()
-        },
-    )
-
-
-def _jointed(tables: Mapping[str, Any], folder: Path, contact: MakeContact | None) -> JointedAssembly:
-    kinds = ("coordinates", "joints", "contacts", "ligaments", "muscles", "coordinate_springs")
-    given = _tables(tables, ("bodies", "gravity_m_s2", "paths"), kinds)
-    wraps, curves = read_paths(folder / Path(str(given["paths"])).name)
+    wraps, curves = read_paths(folder / Path(str(given["paths"])).name) if "paths" in given else ({}, {})
+    ground, free = identifier("ground", given["ground"]), dict[str, Any]()
+    for body, table in given["bodies"].items():
+        if isinstance(table, Mapping) and "pose" in table:
+            key = f"bodies.{identifier('body', body)}"
+            free[body] = _numbers(f"{key}.pose", table["pose"])
+            if np.shape(free[body]) != (6,):
+                raise fail(f"{key}.pose", free[body], "six numbers, tx ty tz [mm] rx ry rz [rad]")
+    given["bodies"] = {
+        body: {k: v for k, v in table.items() if k != "pose"} if body in free else table
+        for body, table in given["bodies"].items()
+    }
+    of_free = {body: free_joint(body, ground, pose) for body, pose in free.items()}
 
     def each(kind: str, make: type) -> list[Any]:
         """Objects of a kind of tables, by the fields of their class."""
@@ -167,7 +148,7 @@ def _jointed(tables: Mapping[str, Any], folder: Path, contact: MakeContact | Non
                 if key == "wrap":
                     over = table_of(f"{kind}.{name}.wrap", value, ("body", "points"), complete=True)
                     if name not in wraps:
-                        raise ValueError(f"{kind}.{name} wraps, but {given['paths']} holds no network of it")
+                        raise ValueError(f"{kind}.{name} wraps, but paths holds no network of it")
                     values[key] = Wrap(str(over["body"]), [int(i) for i in over["points"]], wraps[name])
                 elif key in ("rotations", "translations"):
                     values[key] = [_axis(f"{kind}.{name}.{key}", axis) for axis in value]
@@ -178,11 +159,12 @@ def _jointed(tables: Mapping[str, Any], folder: Path, contact: MakeContact | Non
 
     return JointedAssembly(
         name=scene_name(given["name"]),
-        ground=str(given["ground"]),
-        gravity_m_s2=np.array(_numbers("gravity_m_s2", given["gravity_m_s2"])),
-        coordinate_table=dict(zip(given["coordinates"], each("coordinates", Coordinate), strict=True)),
+        ground=ground,
+        gravity_m_s2=np.array(_numbers("gravity_m_s2", given.get("gravity_m_s2", [0.0, 0.0, 0.0]))),
+        coordinate_table=dict(zip(given["coordinates"], each("coordinates", Coordinate), strict=True))
+        | {name: c for table, _ in of_free.values() for name, c in table.items()},
         bodies=dict(zip(given["bodies"], each("bodies", Body), strict=True)),
-        joints=each("joints", Joint),
+        joints=[*each("joints", Joint), *(joint for _, joint in of_free.values())],
         contacts=[_contact(name, table, folder, contact) for name, table in given["contacts"].items()],
         ligaments=each("ligaments", Bundle),
         muscles=each("muscles", Muscle),

@@ -19,7 +19,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from casadi_contact.core.conventions import Array
+from casadi_contact.core.conventions import POSE_NAMES, Array
 from casadi_contact.networks.frames import rotation
 
 Place = tuple[Any, Any]  # origin (3) [mm] and rotation (3 x 3) of a frame in another
@@ -44,9 +44,9 @@ class Coordinate:
 class Body:
     """Mass [kg], its centre (3,) [mm], and inertia about it [kg·mm²]: xx, yy, zz, xy, xz, yz."""
 
-    mass_kg: float
-    centre_mm: Array
-    inertia_kgmm2: Array
+    mass_kg: float = 0.0
+    centre_mm: Sequence[float] = (0.0,) * 3
+    inertia_kgmm2: Sequence[float] = (0.0,) * 6
 
     @property
     def second_moments(self) -> Array:
@@ -107,6 +107,16 @@ class Joint:
         for shift in self.translations:
             t += ca.DM(shift.axis) * shift.value(coordinates)
         return compose(compose(frame(self.parent_frame), (t, R)), inverse(frame(self.child_frame)))
+
+
+def free_joint(body: str, ground: str, pose: Sequence[float]) -> tuple[dict[str, Coordinate], Joint]:
+    """Six coordinates, BODY_tx to BODY_rz, that are the pose (6,) [mm, rad] of a free body in the ground, and the joint
+    that they move."""
+    kinds = ["translation"] * 3 + ["rotation"] * 3
+    names = [f"{body}_{name}" for name in POSE_NAMES]
+    axes = [Axis(np.eye(3)[k % 3], name, slope=1.0) for k, name in enumerate(names)]
+    table = {n: Coordinate(kind, at, -np.inf, np.inf) for n, kind, at in zip(names, kinds, pose, strict=True)}
+    return table, Joint(f"{body}_free", ground, body, np.zeros(6), np.zeros(6), axes[3:], axes[:3])
 
 
 def about_axis(axis: Array, angle: Any) -> Any:

@@ -15,7 +15,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from casadi_contact.core.conventions import Array
+from casadi_contact.core.conventions import Array, check_above_zero
 from casadi_contact.networks.activations import activation_of
 from casadi_contact.networks.network import Network
 from casadi_contact.optimisation.assembly.joints import Chain, point_at
@@ -77,17 +77,27 @@ def value_of(network: Network, x: Any) -> Any:
 
 @dataclass(frozen=True)
 class Bundle(Path):
-    """A ligament's bundle: tension as `connections.Ligament`, plus damping_s·stiffness·(strain rate) while it is taut
-    and lengthens, as OpenSim's Blankevoort1991Ligament."""
+    """A ligament's bundle: with the strain ε = length/slack_length - 1, its tension is (Blankevoort and Huiskes,
+    J Biomech Eng 113 (1991) 263-269)
+
+    0 below ε = 0,   k·ε²/(4·ε_l) up to 2·ε_l,   k·(ε - ε_l) beyond,    ε_l = toe_strain, k = stiffness_n [N]
+
+    plus damping_s·k·(strain rate) while it is taut and lengthens, as OpenSim's Blankevoort1991Ligament."""
 
     stiffness_n: float = 0.0
     slack_length_mm: float = 1.0
     toe_strain: float = 0.03
     damping_s: float = 0.0
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_above_zero(**{f"{self.name}: {key}": getattr(self, key) for key in ("stiffness_n", "slack_length_mm")})
+
 
 def tensions(bundles: Sequence[Bundle], lengths_mm: Any, rates_mm_per_s: Any) -> Any:
     """Tensions (n) [N] of bundles, zero while slack."""
+    if not bundles:
+        return lengths_mm
     k, slack, toe, damping = (
         ca.DM([getattr(bundle, name) for bundle in bundles])
         for name in ("stiffness_n", "slack_length_mm", "toe_strain", "damping_s")

@@ -55,33 +55,41 @@ class SettledCoordinates:
 
 
 class CoordinateSettling:
-    """Rest of some coordinates of a `JointedAssembly`, by name; all others are held. Raises ValueError for coordinates
-    that are not there, and for none."""
+    """Rest of some coordinates of an assembly, by name; all others are held. by_force: muscles have given forces [N] in
+    place of activations. Raises ValueError for coordinates that are not there, and for none."""
 
-    def __init__(self, assembly: JointedAssembly, free: Sequence[str]) -> None:
+    def __init__(self, assembly: JointedAssembly, free: Sequence[str], *, by_force: bool = False) -> None:
         self.rows = assembly.rows(free)
         if not self.rows or len(set(self.rows)) < len(self.rows):
             raise ValueError(f"free is {', '.join(free) or 'empty'}, expected coordinates, each named once")
         kinds = [assembly.coordinate_table[name].kind for name in free]
         self._in_mm = np.array([1000.0 if kind == "translation" else LEVER_MM for kind in kinds])
-        n, m = len(assembly.coordinates), len(assembly.muscles)
-        x, given, activation = ca.MX.sym("x", len(free)), ca.MX.sym("q", n), ca.MX.sym("activations", m)
+        sizes = {"x": len(free), "q": len(assembly.coordinates), "drive": len(assembly.muscles), "applied": len(free)}
+        x, given, drive, applied = (ca.MX.sym(key, size) for key, size in sizes.items())
         q = ca.MX(given)
         q[self.rows] = x
-        forces = 1e3 * assembly.function(name="settling", coordinates=free)(q, 0.0, 0.0, activation)  # N·mm in a unit
-        self._evaluate = ca.Function("settle", [x, given, activation], [forces, ca.jacobian(forces, x)])
+        found = assembly.function(name="settling", coordinates=free, by_force=by_force)(q, 0.0, 0.0, drive)
+        forces = 1e3 * (found + applied)  # N·mm in a unit
+        self._evaluate = ca.Function("settle", [x, given, drive, applied], [forces, ca.jacobian(forces, x)])
 
     def __call__(
-        self, q: ArrayLike, activations: ArrayLike = 0.0, *, tolerance: float = 1e-4, max_iterations: int = 300
+        self,
+        q: ArrayLike,
+        drive: ArrayLike = 0.0,
+        applied: ArrayLike = 0.0,
+        *,
+        tolerance: float = 1e-4,
+        max_iterations: int = 300,
     ) -> SettledCoordinates:
-        """Settle from q (n) [m, rad] with activations (m), or one for all muscles. What does not converge is reported,
-        not raised."""
+        """Settle from q (n) [m, rad] with activations or forces of muscles (m), or one for all, and further generalised
+        forces applied (n) [N, N·m]. What does not converge is reported, not raised."""
         check_above_zero(tolerance=tolerance)
 
         def evaluate(position: Array) -> tuple[Array, Array]:
-            forces, jacobian = self._evaluate(position[self.rows], position, np.asarray(activations))
+            forces, jacobian = self._evaluate(position[self.rows], position, np.asarray(drive), given)
             return forces.full().ravel(), jacobian.full()
 
         start = np.asarray(q, dtype=float).ravel()
+        given = np.broadcast_to(np.asarray(applied, dtype=float), start.shape)[self.rows]
         found, residual = pseudo_transient(evaluate, start, self.rows, self._in_mm, tolerance, max_iterations)
         return SettledCoordinates(found, residual, residual <= tolerance)
