@@ -97,7 +97,7 @@ class Bundle(Path):
 def tensions(bundles: Sequence[Bundle], lengths_mm: Any, rates_mm_per_s: Any) -> Any:
     """Tensions (n) [N] of bundles, zero while slack."""
     if not bundles:
-        return lengths_mm
+        return ca.SX(0, 1)
     k, slack, toe, damping = (
         ca.DM([getattr(bundle, name) for bundle in bundles])
         for name in ("stiffness_n", "slack_length_mm", "toe_strain", "damping_s")
