@@ -78,8 +78,7 @@ def choose(
     scene, preset, folder: as in `casadi-contact build` or `chart`, whose ``speed_accuracy.csv`` is read; where nothing
     has been built, the front that comes with the library for this scene. Without either, elements, the foundation (of a
     scene that can be written as one) and the surrogates at hand are measured now (tell: called with what is next).
-    loads: a name or names, all of the scene's if None. For some loads only, the time of a surrogate is its measured
-    time multiplied by the share of its networks that these loads need.
+    loads: a name or names, all of the scene's if None; times are always those of all loads.
 
     Raises ValueError for a scene without elements, a tolerance that is missing or not above 0, an unknown load, a file
     of another scene, and where nothing meets the tolerance (naming the nearest).
@@ -88,7 +87,7 @@ def choose(
     refuse_without_elements(project)
     path, front = _front(project, tell)
     names, tolerance = _checked_request(front, loads, force_tolerance_n, torque_tolerance_nmm)
-    model, better = cheapest(within_tolerance(project, front, tolerance, names), tolerance)
+    model, better = cheapest(within_tolerance(front, tolerance, names), tolerance)
     file = surrogate_file(project, model.name)
     machine = ", ".join(front.header[key] for key in ("processor", "system") if key in front.header)
     measured = f"measured on {machine or 'an unnamed machine'}, {front.header.get('threads', '?')} thread: {path}"
@@ -127,14 +126,14 @@ def _checked_request(
     return names, tolerance
 
 
-def within_tolerance(project: Project, front: Front, tolerance: Tolerance, loads: Sequence[str]) -> list[Offer]:
+def within_tolerance(front: Front, tolerance: Tolerance, loads: Sequence[str]) -> list[Offer]:
     """Every model of the chart that meets the tolerance for the loads; ValueError, naming the nearest, if none does."""
     offers = []
     for point in front.models:
         if point.value is None or any(load not in point.load_rms for load in loads):
             continue
         force, torque = (point.rms(kind, loads) for kind in (FORCE, TORQUE))
-        offers.append(Offer(point.name, _time_us(project, point, loads), force, torque))
+        offers.append(Offer(point.name, point.value.median_us, force, torque))
     if not offers:
         raise ValueError("the front holds no timed model with these loads: chart it again")
     found = [offer for offer in offers if _used(offer, tolerance) <= 1.0]
@@ -147,19 +146,6 @@ def within_tolerance(project: Project, front: Front, tolerance: Tolerance, loads
             "loosen the tolerance, or chart a larger preset"
         )
     return found
-
-
-def _time_us(project: Project, point: Point, loads: Sequence[str]) -> float:
-    """Microseconds per pose for these loads, from the measured time for all: a surrogate needs a share of its networks,
-    any other model the whole time."""
-    assert point.value is not None
-    structure = point.family.removesuffix(MX_SUFFIX)
-    if structure not in STRUCTURES:
-        return point.value.median_us
-    needed, all_ = (
-        len(STRUCTURES[structure].networks_for(project.scene, names)) for names in (loads, project.scene.load_names)
-    )
-    return needed / all_ * point.value.median_us
 
 
 def cheapest(offers: Sequence[Offer], tolerance: Tolerance) -> tuple[Offer, Offer | None]:

@@ -14,8 +14,7 @@ from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.quantities import FORCE, quantity
 from casadi_contact.scenes.tolerance import Tolerance
 from casadi_contact.workflow.benchmark.choose import Offer, cheapest, within_tolerance
-from casadi_contact.workflow.benchmark.front_file import read_front, shipped_front
-from casadi_contact.workflow.project import Project
+from casadi_contact.workflow.benchmark.front_file import read_front
 from tests.support.shared_data import SPEED_ACCURACY as STORED
 
 TOLERANCES = [(50.0, 1000.0), (5.0, 100.0), (2.0, 40.0), (0.5, 20.0), (0.12, 3.5)]
@@ -35,11 +34,10 @@ def rms(point, loads, force):
 
 @pytest.mark.parametrize("loads", [None, ["Fy_med", "Fy_lat"], ["Tz"]])
 @pytest.mark.parametrize(("force_n", "torque_nmm"), TOLERANCES)
-def test_the_choice_meets_its_tolerance_and_nothing_cheaper_does(force_n, torque_nmm, loads, tmp_path):
-    project = Project.open("knee", "quick", tmp_path)
+def test_the_choice_meets_its_tolerance_and_nothing_cheaper_does(force_n, torque_nmm, loads):
     front = read_front(STORED)
     names = loads or front.loads
-    offers = within_tolerance(project, front, Tolerance.of_kinds(force_n, torque_nmm), names)
+    offers = within_tolerance(front, Tolerance.of_kinds(force_n, torque_nmm), names)
     choice, better = cheapest(offers, Tolerance.of_kinds(force_n, torque_nmm))
     points = {point.name: point for point in front.points}
     chosen = points[choice.name]
@@ -48,7 +46,7 @@ def test_the_choice_meets_its_tolerance_and_nothing_cheaper_does(force_n, torque
     times = {offer.name: offer.time_us for offer in offers}
     assert choice.time_us == min(times.values())
     for point in front.models:
-        if loads is None and point.value.median_us < chosen.value.median_us:
+        if point.value.median_us < chosen.value.median_us:
             assert rms(point, names, True) > force_n or rms(point, names, False) > torque_nmm
     if better is not None:
         used, least = (
@@ -84,26 +82,9 @@ def test_an_elastic_foundation_is_chosen_where_it_is_enough_and_told_how_to_make
     assert model(np.array([[0.5, 27.4, 0.1, 0.0, -0.05, -0.3]])).shape == (1, 7)
 
 
-@pytest.mark.parametrize(
-    ("loads", "shares"),
-    [
-        (["Fy_med"], {"knee": (1, 4), "knee_two_stage": (1, 7)}),
-        (["Fy_med", "Fy_lat"], {"knee": (2, 4), "knee_two_stage": (2, 7)}),
-        (["Tz"], {"knee": (4, 4), "knee_two_stage": (3, 7)}),
-    ],
-)
-def test_a_surrogate_takes_the_share_of_time_of_the_networks_that_the_loads_need(tmp_path, loads, shares):
-    """A side has a root and one network of ratios; in two stages each load has its own, others than Fy both first."""
-    project = Project.open("knee", "quick", tmp_path)
-    _, front = shipped_front(project.scene)
-    offers = within_tolerance(project, front, Tolerance.of_kinds(1e9, 1e9), loads)
-    times = {offer.name: offer.time_us for offer in offers}
-    for point in front.models:
-        needed, of_all = shares.get(point.name.removesuffix(" (CasADi MX)"), (1, 1))
-        assert times[point.name] == pytest.approx(needed / of_all * point.value.median_us)
-    if len(loads) == 1:
-        wanted = {"force_tolerance_n": 0.5, "torque_tolerance_nmm": 50.0, "folder": tmp_path}
-        assert cc.choose("knee", loads=loads[0], **wanted) == cc.choose("knee", loads=loads, **wanted)
+def test_one_load_may_be_given_by_its_name_alone(folder):
+    wanted = {"force_tolerance_n": 0.5, "folder": folder}
+    assert cc.choose("knee", loads="Fy_med", **wanted) == cc.choose("knee", loads=["Fy_med"], **wanted)
 
 
 @pytest.mark.parametrize(
