@@ -24,7 +24,7 @@ from casadi_contact.workflow.benchmark.candidates import (
     refuse_without_elements,
     sized_path,
 )
-from casadi_contact.workflow.benchmark.front_file import FILE_NAME, Front, Point, read_front, shipped_front
+from casadi_contact.workflow.benchmark.front_file import FILE_NAME, Front, read_front, shipped_front
 from casadi_contact.workflow.benchmark.measure import measure_project
 from casadi_contact.workflow.project import Project
 
