@@ -106,14 +106,15 @@ def _chart_section(path: Path) -> list[str]:
     header = front.header
     scene = header["scene"]
     given = scene if scene in ready_scenes() else f"problems/scenes/{scene}.toml"
-    peers = any(point.family == "polynomial" for point in front.points)
-    sizes = any(point.name.startswith("patch ") for point in front.points)
-    measured = "casadi-contact chart" if sizes else "casadi-contact speed"
-    program = "python -m problems.studies.peers" if peers else measured
+    names = "; ".join(point.name for point in front.points)
+    measured = "casadi-contact chart" if "; patch " in names else "casadi-contact speed"
+    program = "python -m problems.studies.peers" if "polynomial" in names else measured
     command = f"{program} {given} --preset {header['preset']}"
+    older = "polynomial" in names and "; roots" not in names
     intro = (
         f"{len(front.models)} models, {header['walking_poses']} unseen poses, against {header['reference']}, on "
         f"{header['processor']} ({header.get('instruction_set', 'instruction set not recorded')}): `{command}`."
+        + " Its peers are older ones: fitted to loads alone, timed as calls through Python." * older
     )
     picture = f"![Time per pose against error: {scene}]({path.stem}.png)"
     return [f"## {scene}", intro, picture, _front_table(_best(front.models))]
