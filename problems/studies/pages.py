@@ -114,7 +114,8 @@ def _chart_section(path: Path) -> list[str]:
     intro = (
         f"{len(front.models)} models, {header['walking_poses']} unseen poses, against {header['reference']}, on "
         f"{header['processor']} ({header.get('instruction_set', 'instruction set not recorded')}): `{command}`."
-        + " Its peers are older ones: fitted to loads alone, timed as calls through Python." * older
+        + " Its peers are older ones: fitted to loads alone, timed as calls through Python."
+        * older
     )
     picture = f"![Time per pose against error: {scene}]({path.stem}.png)"
     return [f"## {scene}", intro, picture, _front_table(_best(front.models))]
