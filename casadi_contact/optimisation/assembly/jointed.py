@@ -146,7 +146,7 @@ class JointedAssembly:
         n, m, k = len(self.coordinates), len(self.muscles), len(self.ligaments)
         rows = list(range(n)) if coordinates is None else self.rows(coordinates)
         q, u, udot = (ca.MX.sym(key, n) for key in ("q", "u", "udot"))
-        drive, loads = ca.MX.sym("muscle_forces" if by_force else "activations", m), ca.MX.sym("loads", 6, len(loaded))
+        drive, loads = ca.MX.sym("drive", m), ca.MX.sym("loads", 6, len(loaded))
         lengths, rates, strung = self._paths(q, u)
         force = drive if by_force else self._muscle_forces(lengths[k:], rates[k:], drive)
         poses = self._poses(q)
@@ -170,10 +170,10 @@ class JointedAssembly:
         }
         others = [key for key in made if key.startswith("of_") and key not in ("of_ligaments", "of_muscles")]
         made["forces"] = lambda: sum((made[key]() for key in others), -self._pull(rows)(q, ca.vertcat(strung, force)))
-        given = [q, u, udot, drive, *([loads] if loaded else [])]
-        return ca.Function(
-            check_name(name), given, [made[key]() for key in outputs], [each.name() for each in given], list(outputs)
-        )
+        given = {"q": q, "u": u, "udot": udot, "muscle_forces" if by_force else "activations": drive}
+        given |= {"loads": loads} if loaded else {}
+        found = [made[key]() for key in outputs]
+        return ca.Function(check_name(name), [*given.values()], found, [*given], list(outputs))
 
     @cached_property
     def _q(self) -> Any:
