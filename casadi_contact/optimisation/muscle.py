@@ -11,7 +11,6 @@ and the passive curve's offset (no force below l = 0.2) of OpenSim's DeGrooteFre
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -104,34 +103,6 @@ class MuscleParameters:
             optimal_fibre_length_m=np.where(slack, (longest - shortest) / stretched, fibre),
             tendon_slack_length_m=np.where(slack, shortest, tendon),
         )
-
-
-@dataclass(frozen=True)
-class ForceCapacity:
-    """Forces along the tendons, F = active·a + passive [N], each (n, m); fibre (n, m) is l, 1 at optimal length; slack
-    (n, m) is True where the tendon is slack and the muscle gives no force."""
-
-    active_n: Array
-    passive_n: Array
-    fibre: Array
-    slack: np.ndarray
-
-
-def force_capacity(muscles: MuscleParameters, lengths_m: Array, velocities_m_per_s: Array) -> ForceCapacity:
-    """What each muscle can give at each frame, for musculotendon lengths and velocities (n, m).
-
-    A tendon longer than its musculotendon is slack, which gives no force and a RuntimeWarning. Raises ValueError for a
-    muscle that is slack in every frame.
-    """
-    slack = lengths_m < muscles.tendon_slack_length_m
-    for name, frames in zip(muscles.names, slack.T, strict=True):
-        if frames.all():
-            raise ValueError(f"muscle {name} is always shorter than its tendon: check the unit, or scale (fitted_to)")
-        if frames.any():
-            said = f"muscle {name} gives no force in {frames.sum()} frames, where its tendon is slack"
-            warnings.warn(said, RuntimeWarning, stacklevel=2)
-    active, passive, fibre = rigid_tendon_forces(muscles, lengths_m, velocities_m_per_s)
-    return ForceCapacity(active, passive, fibre, slack)
 
 
 def rigid_tendon_forces(muscles: MuscleParameters, length_m: Any, velocity_m_per_s: Any, xp: Any = np) -> Any:

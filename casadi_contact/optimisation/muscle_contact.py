@@ -8,7 +8,7 @@ frames at once, activations a (13), free pose parameters q (ty and rx; tx and tz
     Σ_m arm_m·F_m(a_m) + contact(q) + r = inverse dynamics        for each balanced coordinate
     s_med(q), s_lat(q) >= √(least/N0),   least activation <= a <= 1,   q in the learned range
 
-F is linear in a (`force_capacity`). contact(q) is the contact model's generalised load on the femur
+F is linear in a (`rigid_tendon_forces`). contact(q) is the contact model's generalised load on the femur
 (`knee.contact_on_femur`), s the signed root load. tx and tz, where they are not free, stand where equal forces on
 both sides cause no shear; ry and rz are prescribed. Measured contact forces enter nowhere. Co-contraction follows from
 three rules, each by choice:
@@ -45,7 +45,7 @@ from casadi_contact.optimisation.knee import (
     in_newtons,
     shear_free_poses,
 )
-from casadi_contact.optimisation.muscle import MuscleWalk, force_capacity
+from casadi_contact.optimisation.muscle import MuscleWalk, rigid_tendon_forces
 
 # They stand in for ligaments and errors of inverse dynamics. Contact alone balances ty and adduction, and muscles
 # balance flexion: reserves there only keep an overloaded frame solvable.
@@ -133,7 +133,7 @@ class MuscleContact:
         walk.check_has(dict.fromkeys(("knee_ty", *settings.balanced)))
         self.contact_model, self.walk, self.settings = contact_model, walk, settings
         self.muscles = walk.muscles.fitted_to(walk.lengths_m)
-        self.capacity = force_capacity(self.muscles, walk.lengths_m, walk.velocities_m_per_s)
+        self.active_n, passive_n, _ = rigid_tendon_forces(self.muscles, walk.lengths_m, walk.velocities_m_per_s)
         frames, balanced = len(walk), settings.balanced
 
         sizes = (len(self.muscles.names), len(settings.free), len(balanced), int(settings.ankle))
@@ -143,7 +143,7 @@ class MuscleContact:
         poses = shear_free_poses(contact_model, walk.ry, walk.rz)
         locked = {name: poses[:, k] for k, name in enumerate(POSE_NAMES) if name not in settings.free}
         knee = ContactFrames(contact_model, frames, locked=locked, loads=KNEE_LOADS, variable=lambda *_: q)
-        forces = ca.DM(self.capacity.active_n.T) * a + ca.DM(self.capacity.passive_n.T)
+        forces = ca.DM(self.active_n.T) * a + ca.DM(passive_n.T)
         reserves = ca.mtimes(ca.diag(ca.DM([settings.reserve_sizes[name] for name in balanced])), r)
 
         constraints: list[tuple[ca.MX, Array | float, float]] = []  # low <= expression <= high

@@ -67,7 +67,7 @@ def test_the_activations_are_optimal(knee, least_squares):
     problem, result = least_squares
     walk, poses, sizes = problem.walk, result.poses, problem.settings.reserve_sizes
     price = {name: 2.0 * curve / sizes[name] ** 2 for name, curve in result.reserves.items()}
-    saved = sum(price[name][:, None] * walk.arms[name] * problem.capacity.active_n for name in price)
+    saved = sum(price[name][:, None] * walk.arms[name] * problem.active_n for name in price)
     surplus, free = 2.0 * result.activations - saved, result.activations > 0.011
     assert free.sum() > 300
     assert np.abs(surplus[free]).max() < 1e-3
