@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from rich.table import Table
 
 from casadi_contact.core.quantities import FORCE, TORQUE, of_kind, quantity, three_digits
+from casadi_contact.samples.models import model_name_of
 from casadi_contact.samples.samples import LoadErrors, Samples
 from casadi_contact.workflow.benchmark.choose import Choice
 from casadi_contact.workflow.benchmark.front_file import TIMES, Front
-from casadi_contact.workflow.benchmark.measure import teacher_text
 
 
 def choice_table(choice: Choice) -> Table:
@@ -38,7 +38,7 @@ def evaluation_tables(errors: Mapping[str, Mapping[str, LoadErrors]], samples: S
         ("rms", "RMS error per domain [EF15 Table 2]"),
         ("max", "Largest error per domain [EF15 Table 3]"),
     ):
-        table = Table(title=f"{title}, unseen samples against {teacher_text(samples)}")
+        table = Table(title=f"{title}, unseen samples of {model_name_of(samples) or 'another model'}")
         for column in ("model", "domain", "samples"):
             table.add_column(column)
         for load in loads:

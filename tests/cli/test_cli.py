@@ -5,7 +5,6 @@ import os
 import shutil
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,15 +15,9 @@ from typer.testing import CliRunner
 import casadi_contact
 import casadi_contact as cc
 from casadi_contact.cli.main import EXAMPLES, app
-from casadi_contact.cli.tables import evaluation_tables
 from casadi_contact.core.terminal import new_app, progress_bars, run_app, run_program
-from casadi_contact.samples.models import model_pair, models_identity
-from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.surrogate import load
-from casadi_contact.workflow.benchmark.measure import evaluate
 from casadi_contact.workflow.project import Project, available_surrogates
-from tests.support.random_surrogates import random_surrogate
-from tests.support.smooth_samples import SPHERE, smooth_samples
 
 ROOT = Path(__file__).parents[2]
 
@@ -156,17 +149,3 @@ def test_a_given_surrogate_stands_for_its_scene_and_for_what_was_trained(tmp_pat
     done = CliRunner().invoke(app, ["export", str(mine), "--out", str(tmp_path / "out")])
     assert done.exit_code == 0, done.output
     assert list((tmp_path / "out" / "export" / "two_stage").glob("*.c"))
-
-
-@pytest.mark.parametrize(
-    ("drawn_from", "said"), [("elements", "EF 60×20"), ("foundation", "cc.foundation"), (None, "the samples")]
-)
-def test_errors_are_against_the_model_that_samples_were_drawn_from(drawn_from, said):
-    """On the grid that they were drawn on, which a scene's [sampling] may choose by itself; or a table of samples."""
-    settings = SamplingSettings.from_scene(SPHERE, teacher_grid=(60, 20)).to_table()
-    made = {"table": "mine.csv"}
-    if drawn_from:
-        made = {**models_identity(model_pair(drawn_from)), "settings": settings}
-    samples = replace(smooth_samples(60), provenance=made)
-    tables = evaluation_tables(evaluate({"patch": random_surrogate(SPHERE, "patch")}, samples), samples)
-    assert [str(table.title).rsplit("unseen samples against ")[1] for table in tables] == [said, said]

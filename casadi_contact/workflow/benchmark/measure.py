@@ -18,7 +18,7 @@ from casadi_contact.contact.settle import settle
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.machine import machine_record
 from casadi_contact.core.workers import one_thread
-from casadi_contact.samples.models import MODELS, model_name_of, settings_of
+from casadi_contact.samples.models import MODELS, model_name_of
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import LoadErrors, LoadModel, Samples, domain_errors, load_errors
 from casadi_contact.samples.settings import SamplingSettings
@@ -77,14 +77,6 @@ def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples) -> dict[str,
     grids = (scene.grids["coarse"], scene.grids["fine"]) if compared else ()
     models: dict[str, LoadModel] = {f"EF {grid_text(grid)}": ElasticFoundation(scene, grid) for grid in grids}
     return {name: domain_errors(model, samples) for name, model in (models | {**surrogates}).items()}
-
-
-def teacher_text(samples: Samples) -> str:
-    """What samples were drawn from, as titles say it: the EF's grid, another model's name, or themselves."""
-    drawn_from = model_name_of(samples)
-    if drawn_from == "elements":
-        return f"EF {grid_text(settings_of(samples).teacher_grid)}"
-    return {None: "the samples", "foundation": "cc.foundation"}.get(drawn_from, str(drawn_from))
 
 
 # A slow model is timed on fewer poses, so that one measurement takes about this long at most.
