@@ -3,10 +3,3 @@
 The docstring states the problem as formulas, `main` solves it, prints a table and draws one picture. `scenes` holds
 scene files of real meshes, `studies` the measurements that the documentation cites.
 """
-
-import sys
-
-from casadi_contact.core.interrupts import end_on_interrupt
-
-if sys.argv[:1] == ["-m"]:  # Python's word for a command whose modules it still imports
-    end_on_interrupt()

@@ -23,7 +23,7 @@ from casadi_contact.core.files.reading import finite_number, short
 from casadi_contact.core.interrupts import (
     INTERRUPTED,
     is_interrupt,
-    raise_interrupts,
+    remember_interrupts,
     terminated_as_interrupted,
     was_interrupted,
 )
@@ -106,11 +106,10 @@ def new_app(**settings: Any) -> typer.Typer:
 def run_app(app: typer.Typer, name: str, arguments: Sequence[str], prog_name: str | None = None) -> NoReturn:
     """Run and end with an exit status: a user's mistake is one line on stderr, after `name`, and status 1, or 2 for an
     unknown command or option. prog_name: in its help; as it was called if left out."""
-    raise_interrupts()
+    remember_interrupts()
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without ² or · must not end the program
     try:
-        _check_empty(arguments)
         sys.exit(app(arguments, prog_name=prog_name, standalone_mode=False) or 0)
     except typer.Abort:
         sys.exit(INTERRUPTED)
@@ -126,15 +125,6 @@ def run_app(app: typer.Typer, name: str, arguments: Sequence[str], prog_name: st
             sys.exit(INTERRUPTED)
         message = str(error) or type(error).__name__
     sys.exit(f"{name}: {printable(short(message, 2000))}")
-
-
-def _check_empty(arguments: Sequence[str]) -> None:
-    """ValueError naming an option or argument without a value: an empty path would be the current folder."""
-    for before, argument in zip(("", *arguments), arguments, strict=False):
-        option, _, value = argument.partition("=")
-        if argument == "" or (option.startswith("--") and option != argument and not value):
-            named = option or (before if before.startswith("--") else "an argument")
-            raise ValueError(f"{named} is empty, expected a value (an option that is left out takes its default)")
 
 
 def run_program(main: Callable[..., None]) -> NoReturn:

@@ -1,7 +1,6 @@
 """The command line: versions, help, mistakes, scenes and surrogates by name or file, and its tables."""
 
 import io
-import os
 import shutil
 import subprocess
 import sys
@@ -69,7 +68,6 @@ def test_every_command_shows_examples_that_it_accepts(monkeypatch):
         ("nothing", "nothing"),
         ("build", "scene"),
         ("build knee --colour", "--colour"),
-        ("show knee --out=", "empty"),
     ],
 )
 def test_every_mistake_is_told_without_a_traceback_and_exits_non_zero(arguments, word, tmp_path, monkeypatch, capsys):
@@ -111,34 +109,6 @@ def test_ctrl_c_ends_without_a_traceback_wherever_it_arrives(arrives_as):
     with pytest.raises(SystemExit) as ended:
         run_app(app, "work", [])
     assert ended.value.code == 130
-
-
-SWALLOWING = """
-import os, signal, time
-try:
-    os.kill(os.getpid(), signal.SIGINT)
-    time.sleep(5.0)
-except BaseException:
-    pass
-raise ArithmeticError("went on")
-"""
-
-
-INTERRUPTIBLE = """
-import os, signal, sys
-signal.signal(signal.SIGINT, signal.SIG_DFL)  # tests that run in the background ignore it
-os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
-"""
-
-
-@pytest.mark.skipif(os.name != "posix", reason="interrupts itself as POSIX does")
-@pytest.mark.parametrize("module", ["casadi_contact", "problems.squat"])
-def test_ctrl_c_is_not_lost_in_an_import_that_catches_everything(module, tmp_path):
-    (tmp_path / "typer.py").write_text(SWALLOWING, "utf-8")
-    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
-    command = [sys.executable, "-c", INTERRUPTIBLE, "-m", module, "--help"]
-    ended = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert (ended.returncode, ended.stderr) == (130, "")
 
 
 def test_a_given_surrogate_stands_for_its_scene_and_for_what_was_trained(tmp_path):

@@ -35,9 +35,9 @@ class Interrupted(ca.Callback):
 def interrupts_remembered(monkeypatch):
     """Within, Ctrl-C is what it is to a command line."""
     monkeypatch.setattr(interrupts, "_interrupted", False)
-    before = signal.signal(signal.SIGINT, interrupts._end_at_once)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        interrupts.raise_interrupts()
+        interrupts.remember_interrupts()
         yield
     finally:
         signal.signal(signal.SIGINT, before)
