@@ -41,7 +41,7 @@ class ParallelProjection:
     """Along the second row of a frame (3, 3), over the plane of the other two; remedy: where rays meet no surface."""
 
     frame: Array
-    remedy = "check geometry.axes and geometry.pressing"
+    remedy = "turn it to the moving body with geometry.axes, or set geometry.pressing"
 
     @property
     def seen_from(self) -> str:
@@ -183,7 +183,7 @@ def grid_on_mesh(
     step = (high - low) / grid
     u, v = (low[axis] + (np.arange(count) + 0.5) * step[axis] for axis, count in enumerate(grid))
     lines = projection.lines(*(values.ravel() for values in np.meshgrid(u, v, indexing="ij")))
-    up, seen_from, remedy = lines.ups, projection.seen_from, _remedy(mesh, projection)
+    up, seen_from, remedy = lines.ups, projection.seen_from, projection.remedy
     tops, down = lines.starts + top * up, -up
     caster = RayCaster(mesh)
     distance, face = caster.first_hits(tops, down)
@@ -227,18 +227,6 @@ def _on_field(
         h -= value / np.maximum(np.einsum("nk,nk->n", gradient, along), LEAST_UPWARD)
         on = starts + h[:, None] * along
     return h, on, gradient / np.linalg.norm(gradient, axis=1, keepdims=True)
-
-
-def _remedy(mesh: TriangleMesh, projection: Projection, least_share: float = 0.3) -> str:
-    """What to do where rays meet no outside: the mesh's net area vector, of a closed body 0, of a half-sphere half of
-    its area, tells where it faces if it is more than a share of the area."""
-    area = mesh.area_vectors_mm2
-    net = area.sum(axis=0)
-    faces_nowhere = np.linalg.norm(net) <= least_share * np.linalg.norm(area, axis=1).sum()
-    if faces_nowhere or not isinstance(projection, ParallelProjection):
-        return projection.remedy
-    facing = axis_name(net)
-    return f"its surface faces {facing}: turn it to the moving body with geometry.axes, or set geometry.pressing"
 
 
 def triangles_on_mesh(mesh: TriangleMesh, field: DistanceField, iterations: int = 6) -> tuple[Array, Array, Array]:

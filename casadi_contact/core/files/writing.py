@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import os
 import shutil
-import socket
-import sys
 import tempfile
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from filelock import FileLock, Timeout
-
-from casadi_contact.core.files.reading import short
 
 
 def writable_folder(folder: Path) -> None:
@@ -69,33 +64,22 @@ def folder_lock(folder: Path) -> Iterator[None]:
     """Lock a folder of results for this process; the same thread may lock it again inside.
 
     The lock is the operating system's and ends with its process, so a killed run blocks nobody. Raises
-    BlockingIOError, naming the owner, where another process or thread has the lock, OSError where the folder cannot be
-    written.
+    BlockingIOError where another process or thread has the lock, OSError where the folder cannot be written.
     """
     folder = folder.resolve()
-    lock, owner = FileLock(folder / ".lock", is_singleton=True), folder / ".lock.holder"
+    lock = FileLock(folder / ".lock", is_singleton=True)
     if lock.is_locked:
         yield
         return
     try:
         lock.acquire(blocking=False)
     except Timeout:
-        try:
-            named = short(owner.read_text("utf-8", "replace"))
-        except OSError:
-            named = "another process"
         raise BlockingIOError(
-            f"{folder} is in use by {named}: wait until it ends, or choose another folder (--out)"
+            f"{folder} is in use by another process: wait until it ends, or choose another folder (--out)"
         ) from None
     except OSError as error:
         raise OSError(f"cannot write in folder {folder}: {error.strerror or error}") from None
-    command = " ".join([Path(sys.argv[0]).name, *sys.argv[1:]])
-    text = f"process {os.getpid()} on {socket.gethostname()} since {time.strftime('%Y-%m-%d %H:%M:%S')} ({command})"
     try:
-        with suppress(OSError):  # on a full disc the lock holds all the same
-            write_bytes(owner, text.encode(errors="backslashreplace"))
         yield
     finally:
-        with suppress(OSError):
-            owner.unlink()
         lock.release()
