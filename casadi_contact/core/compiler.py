@@ -1,7 +1,7 @@
 """Compile C source with the system's compiler into a shared library, once: kept in the user's cache folder.
 
-The file's name holds the digest of what it was made from (source, compiler, flags, processor) and of its own bytes:
-a half-written or damaged file is recognised and made again, and two processes may compile the same source at once.
+The file's name is the digest of what it was made from (source, compiler, flags, processor). It is written beside and
+then renamed: none is half-written, and two processes may compile the same source at once.
 
 A library is compiled for the instruction set of this processor. ``CASADI_CONTACT_CFLAGS`` replaces that choice: with
 ``-march=x86-64-v3`` it runs on any processor with AVX2, with ``-march=x86-64-v2`` on any x86-64 since 2009.
@@ -25,7 +25,7 @@ import tempfile
 import threading
 import warnings
 from collections.abc import Sequence
-from contextlib import nullcontext, suppress
+from contextlib import nullcontext
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,8 @@ from typing import Any
 import platformdirs
 
 from casadi_contact.core.compilation import announce
-from casadi_contact.core.files.reading import sha256_of, short
+from casadi_contact.core.files.reading import short
+from casadi_contact.core.files.writing import replacing
 from casadi_contact.core.interrupts import terminated_as_interrupted
 
 FLAGS = ("-std=gnu99", "-O3", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
@@ -134,23 +135,25 @@ def shared_library(source: str, waited_for: str = "", data: bytes = b"", linked:
     except OSError:
         folder = _process_folder()
     check_private(folder)
-    if (found := _intact(folder, key)) is None and not os.access(folder, os.W_OK):
-        folder = _process_folder()
-        found = _intact(folder, key)
-    if found is None and waited_for:
-        announce(waited_for, folder)
+    if not (path := folder / f"{key}{SUFFIX}").is_file() and not os.access(folder, os.W_OK):
+        path = _process_folder() / path.name
+    if path.is_file():
+        return path
+    if waited_for:
+        announce(waited_for, path.parent)
     try:
-        return found or _compiled(source, data, command, chosen, libraries, folder, key)
+        _compile(source, data, command, chosen, libraries, path)
+        return path
     except CompilerError:
         raise
     except OSError as error:
         raise CompilerError(f"cannot write to the kernel cache {folder}: {error.strerror or error}") from None
 
 
-def _compiled(
-    source: str, data: bytes, command: list[str], chosen: tuple[str, ...], libraries: list[str], folder: Path, key: str
-) -> Path:
-    with tempfile.TemporaryDirectory(dir=folder, prefix=".kernel.") as name:
+def _compile(
+    source: str, data: bytes, command: list[str], chosen: tuple[str, ...], libraries: list[str], path: Path
+) -> None:
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".kernel.") as name:
         place, library = Path(name), Path(name, f"kernel{SUFFIX}")
         (place / "kernel.c").write_text(source, "utf-8")
         (place / DATA_FILE).write_bytes(data)
@@ -169,19 +172,15 @@ def _compiled(
                 f"the compiled kernel cannot be loaded ({short(str(error))}), expected a compiler for this machine "
                 f"($CC) and a folder on a disc that may hold programs (not noexec): choose one by ${CACHE_VARIABLE}"
             ) from None
-        path = folder / f"{key}-{sha256_of(library)[:32]}{SUFFIX}"
         os.replace(library, path)
-    return path
 
 
 def copied_library(library: Path, name: str) -> Path:
     """A copy of a shared library beside it, which a process loads besides the original."""
-    content, path = library.read_bytes(), library.with_name(name)
-    if not (path.is_file() and is_private(path) and path.read_bytes() == content):
-        with tempfile.NamedTemporaryFile(dir=library.parent, prefix=".kernel.", delete=False) as copy:
-            copy.write(content)
-        os.chmod(copy.name, 0o700)
-        os.replace(copy.name, path)
+    path = library.with_name(name)
+    if not path.is_file():
+        with replacing(path) as beside:
+            shutil.copy(library, beside)
     return path
 
 
@@ -214,18 +213,6 @@ def is_private(path: Path) -> bool:
     if os.name != "posix":
         return True
     return there.st_uid in (0, os.geteuid()) and not there.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-
-
-def _intact(folder: Path, key: str) -> Path | None:
-    """The library made from key, if there is one whose bytes are those that were compiled and that is ours alone."""
-    for path in sorted(folder.glob(f"{key}-*{SUFFIX}")):
-        if not stat.S_ISREG(path.lstat().st_mode):
-            raise CompilerError(f"{path} is a folder or a link, expected a compiled kernel: remove it")
-        if is_private(path) and path.stem.partition("-")[2] == sha256_of(path)[:32]:
-            return path
-        with suppress(OSError):  # not ours to remove: the new one is found first or lies elsewhere
-            path.unlink()
-    return None
 
 
 @cache

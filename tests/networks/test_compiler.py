@@ -1,4 +1,4 @@
-"""The cache of compiled kernels: made once, safe against races and damage, and never in the way."""
+"""The cache of compiled kernels: made once, safe against races, and never in the way."""
 
 import ctypes
 import os
@@ -50,20 +50,6 @@ def test_an_environment_variable_chooses_the_instruction_set_and_each_choice_is_
     monkeypatch.setenv(compiler.CFLAGS_VARIABLE, "-march=no-such-processor")
     with pytest.raises(compiler.CompilerError, match="failed"):
         compiler.shared_library(SOURCE)
-
-
-@pytest.mark.parametrize("damage", ["cut", "others can write"])
-def test_a_damaged_library_or_one_that_others_could_have_changed_is_made_again(cache, damage):
-    library = compiler.shared_library(SOURCE)
-    good = library.read_bytes()
-    if damage == "cut":
-        library.write_bytes(good[: len(good) // 2])
-    else:
-        library.chmod(0o777)
-    again = compiler.shared_library(SOURCE)
-    assert again.read_bytes() == good
-    assert again.stat().st_mode & 0o022 == 0
-    assert list(cache.iterdir()) == [again]
 
 
 def test_processes_that_compile_at_once_all_get_a_whole_library(cache):
@@ -130,10 +116,8 @@ def refused(message):
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only the superuser can give files away")
-def test_a_cache_of_another_user_is_refused_and_a_library_made_again(cache):
-    library = compiler.shared_library(SOURCE)
-    os.chown(library, 65534, 65534)
-    assert compiler.shared_library(SOURCE).stat().st_uid == 0  # made again
+def test_a_cache_of_another_user_is_refused(cache):
+    compiler.shared_library(SOURCE)
     os.chown(cache, 65534, 65534)
     refused("belongs to user 65534")
     os.chown(cache, 0, 0)
@@ -151,16 +135,6 @@ def test_a_cache_that_others_can_write_is_refused(cache):
     refused("where another user can replace it")
     cache.parent.chmod(0o1777)  # sticky, like /tmp: only the owner can rename
     assert compiler.shared_library(SOURCE).stat().st_mode & 0o077 == 0
-
-
-def test_a_folder_or_a_link_in_place_of_a_library_is_refused(cache, tmp_path):
-    library = compiler.shared_library(SOURCE)
-    elsewhere = library.rename(tmp_path / "elsewhere")
-    library.symlink_to(elsewhere)
-    refused("is a folder or a link")
-    library.unlink()
-    library.mkdir()
-    refused("is a folder or a link")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals are POSIX")
