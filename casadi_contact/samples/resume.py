@@ -100,17 +100,19 @@ def motion_origin(
 
 @dataclass(frozen=True)
 class KeptMotion:
-    """A reference motion, the report of its estimation, and its `motion_origin`."""
+    """A reference motion, the report of its estimation, the files that its cycles were read from (none for built-in
+    ones), and its `motion_origin`."""
 
     motion: ReferenceMotion
     report: str
+    files: tuple[str, ...]
     origin: Mapping[str, Any]
 
     def write(self, path: Path) -> None:
         """Write ``motion.npz``."""
-        texts = {"report": np.array(self.report), "origin": np.array(json.dumps(self.origin))}
-        inputs = np.array(self.motion.point.inputs)
-        write_npz(path, inputs=inputs, curves=self.motion.curves, poses=self.motion.poses, **texts)
+        texts = {name: np.array(getattr(self, name), dtype=str) for name in ("report", "files")}
+        inputs, origin = np.array(self.motion.point.inputs), np.array(json.dumps(self.origin))
+        write_npz(path, inputs=inputs, curves=self.motion.curves, poses=self.motion.poses, origin=origin, **texts)
 
     @classmethod
     def read(cls, path: Path, space: PoseSpace) -> KeptMotion:
@@ -121,7 +123,8 @@ class KeptMotion:
             motion = ReferenceMotion(point, content["curves"], content["poses"])
             if not (np.isfinite(motion.curves).all() and np.isfinite(motion.poses).all()):
                 raise ValueError("curves or poses are not finite")
-            return cls(motion, str(content["report"]), dict(json.loads(str(content["origin"]))))
+            files, origin = tuple(map(str, content["files"])), dict(json.loads(str(content["origin"])))
+            return cls(motion, str(content["report"]), files, origin)
         except FileNotFoundError:
             raise
         except (ValueError, KeyError, IndexError, TypeError, OSError) as error:

@@ -60,7 +60,7 @@ def sample(
     else:
         settled_on, progress = models(project.scene, settings)[0], stage_progress(update, "reference motion")
         motion, report = reference_motion(settled_on, cycles, settings, progress)
-        kept = KeptMotion(motion, str(report), origin)
+        kept = KeptMotion(motion, str(report), tuple(map(str, cycle_files)), origin)
         kept.write(project.motion_path)
     progress = stage_progress(update, "samples")
     with nullcontext(executor) if isinstance(model, str) else ThreadPoolExecutor(1) as workers:
