@@ -16,7 +16,8 @@ moving = "femur"                                     # fixed_frame, moving_frame
 bodies = ["femur", "tibia"]
 points_mm = [[0.0, 0.0, 40.0], [0.0, -40.0, 30.0]]
 stiffness_n = 2750.0                                 # per unit of strain; toe_strain, damping_s;
-slack_length_mm = 78.0                               # wrap = {body, points}: what its network's inputs are
+slack_length_mm = 78.0                               # wrap = {body, points}: inputs of its network, or with frame,
+                                                     # radius_mm and side of a cylinder, `paths.Roll`
 [muscles.quadriceps]                                 # bodies, points_mm, wrap, and the fields of `paths.Muscle`
 [coordinate_springs.soft_tissue]                     # of, stiffness, rest, viscosity, in OpenSim's units
 
@@ -55,7 +56,7 @@ from casadi_contact.networks.network import Network
 from casadi_contact.optimisation.assembly.connections import Contact
 from casadi_contact.optimisation.assembly.jointed import CoordinateSpring, JointedAssembly
 from casadi_contact.optimisation.assembly.joints import Axis, Body, Coordinate, Joint, free_joint
-from casadi_contact.optimisation.assembly.paths import Bundle, Muscle, MuscleCurves, Wrap
+from casadi_contact.optimisation.assembly.paths import Bundle, Muscle, MuscleCurves, Roll, Wrap
 from casadi_contact.optimisation.joint_mechanics import whole_wrench
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
@@ -146,10 +147,7 @@ def _assembly(tables: Mapping[str, Any], folder: Path, contact: MakeContact | No
             values = table_of(f"{kind}.{name}", table, needed, complete=True, optional=optional)
             for key, value in values.items():
                 if key == "wrap":
-                    over = table_of(f"{kind}.{name}.wrap", value, ("body", "points"), complete=True)
-                    if name not in wraps:
-                        raise ValueError(f"{kind}.{name} wraps, but paths holds no network of it")
-                    values[key] = Wrap(str(over["body"]), [int(i) for i in over["points"]], wraps[name])
+                    values[key] = _wrap(f"{kind}.{name}.wrap", value, wraps.get(name))
                 elif key in ("rotations", "translations"):
                     values[key] = [_axis(f"{kind}.{name}.{key}", axis) for axis in value]
                 elif key not in _NAMES:
@@ -177,6 +175,18 @@ def _axis(key: str, table: object) -> Axis:
     values = table_of(key, table, ("axis",), complete=True, optional=("of", "offset", "slope", "knots"))
     made: dict[str, Any] = {k: str(v) if k == "of" else _numbers(f"{key}.{k}", v) for k, v in values.items()}
     return Axis(**made)
+
+
+def _wrap(key: str, table: object, network: Network | None) -> Wrap | Roll:
+    rolls = ("frame", "radius_mm", "side")
+    given = table_of(key, table, ("body", "points"), complete=True, optional=rolls)
+    body, points = str(given["body"]), [int(number(f"{key}.points", i)) for i in given["points"]]
+    if "radius_mm" in given:
+        frame, radius, side = (_numbers(f"{key}.{name}", given[name]) for name in rolls)
+        return Roll(body, points, frame, radius, side)
+    if network is None:
+        raise ValueError(f"{key}: the path has neither a cylinder nor a network in the file of paths")
+    return Wrap(body, points, network)
 
 
 def write_paths(path: Path, wraps: Mapping[str, Network], curves: Mapping[str, MuscleCurves]) -> None:

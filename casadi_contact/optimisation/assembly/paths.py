@@ -2,8 +2,9 @@
 
     length = Σ |p_{i+1} - p_i| + excess(points in the frame of the body that carries the surface)
 
-The points move with their bodies, exactly. The excess is a small network, fitted to lengths of the opensim wheel
-(`workflow.opensim_import`); it has three inputs where one point moves against the surface, and exact derivatives.
+The points move with their bodies, exactly. The excess over a cylinder has a closed form. Over other surfaces it is a
+small network, fitted to lengths of the opensim wheel (`workflow.opensim_import`), with three inputs where one point
+moves against the surface, and exact derivatives.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 from casadi_contact.core.conventions import Array, check_above_zero
 from casadi_contact.networks.activations import activation_of
 from casadi_contact.networks.network import Network
-from casadi_contact.optimisation.assembly.joints import Chain, point_at
+from casadi_contact.optimisation.assembly.joints import Chain, frame, inverse, point_at
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,42 @@ class Wrap:
     points: Sequence[int]
     network: Network
 
+    def excess(self, x: Any) -> Any:
+        """Of the points' coordinates (3·points) in the body's frame [mm]."""
+        return value_of(self.network, x)
+
+
+@dataclass(frozen=True)
+class Roll:
+    """What wrapping over a cylinder adds to the length between two points, one after the other.
+
+    In the cylinder's frame (6,) [mm, rad] of its body, whose z is its axis, they lie at distances a and b from the
+    axis, an angle φ apart. With l_a = √(a² - r²) and α = acos(r/a), likewise b, the path touches along the arc
+
+        θ = φ - α - β,   length √((l_a + l_b + r·θ)² + Δz²),   straight where θ <= 0 or φ > 3π/2.
+
+    side: 1 where φ runs anticlockwise about z from the first point to the second, -1 clockwise, 0 the shorter way.
+    """
+
+    body: str
+    points: Sequence[int]
+    frame: Array
+    radius_mm: float
+    side: float
+
+    def excess(self, x: Any) -> Any:
+        """Of the points' coordinates (6) in the body's frame [mm]."""
+        place, r = inverse(frame(self.frame)), self.radius_mm
+        first, second = (place[0] + ca.mtimes(place[1], x[i : i + 3]) for i in (0, 3))
+        tangents = [ca.sqrt(ca.fmax(ca.sumsqr(p[:2]) - r**2, 1e-12)) for p in (first, second)]
+        turn, along = first[0] * second[1] - first[1] * second[0], ca.dot(first[:2], second[:2])
+        way = self.side if self.side else ca.if_else(turn < 0.0, -1.0, 1.0)
+        apart = np.pi + ca.atan2(-way * turn, -along)
+        arc = apart - sum(ca.atan2(tangent, r) for tangent in tangents)
+        touching = ca.logic_and(arc > 0.0, apart < 1.5 * np.pi)
+        wrapped = ca.sqrt((sum(tangents) + r * arc) ** 2 + (second[2] - first[2]) ** 2)
+        return ca.if_else(touching, wrapped - ca.sqrt(ca.sumsqr(second - first) + 1e-18), 0.0)
+
 
 @dataclass(frozen=True)
 class Path:
@@ -38,7 +75,7 @@ class Path:
     name: str
     bodies: Sequence[str]
     points_mm: Array
-    wrap: Wrap | None = None
+    wrap: Wrap | Roll | None = None
 
     def __post_init__(self) -> None:
         if len(self.bodies) < 2 or np.shape(self.points_mm) != (len(self.bodies), 3):
@@ -63,7 +100,7 @@ class Path:
         """Length [mm], as an SX expression."""
         if self.wrap is None:
             return self.straight(chain)
-        return self.straight(chain) + value_of(self.wrap.network, self.inputs(chain, self.wrap.body, self.wrap.points))
+        return self.straight(chain) + self.wrap.excess(self.inputs(chain, self.wrap.body, self.wrap.points))
 
 
 def value_of(network: Network, x: Any) -> Any:

@@ -2,13 +2,15 @@
 
 Coordinates are drawn about `centres`, states that the joint takes: half of the samples near them, half far from them.
 Where a path wraps, the points at both ends of that stretch, seen from the body that carries the surface, determine the
-excess; those that move against it are the network's inputs, three where one end does.
+excess: in closed form over a cylinder, where that agrees with the wheel, else by a network, whose inputs are those that
+move against the surface, three where one end does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any
 
 import casadi as ca
@@ -20,7 +22,9 @@ from casadi_contact.networks.network import Network, Regression
 from casadi_contact.networks.training.fit import fit
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.optimisation.assembly.jointed import JointedAssembly
+from casadi_contact.optimisation.assembly.paths import Roll, Wrap
 from casadi_contact.workflow.opensim_import.process import measure
+from casadi_contact.workflow.opensim_import.tables import pose_mm
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,8 @@ class Sampling:
     shift_mm: tuple[float, float] = (4.0, 15.0)
     widest_rad: float = 1.75  # that the first turn of a joint goes from its rest, within its range
     far_weight: float = 0.3
+    wrong_cylinder: float = 0.1  # share of samples outside of it in which a cylinder may differ
+    cylinder_mm: float = 0.1  # that it may differ by in all others: the wheel's own accuracy
     outliers: float = 0.005  # share of samples that may be left out, where the wheel's path leaps to another side
     tolerance_mm: float = 0.03
     sizes: tuple[tuple[int, ...], ...] = ((6,), (10,), (16,), (24,), (32,))
@@ -62,11 +68,9 @@ def draw(
 
 @dataclass(frozen=True)
 class Excess:
-    """One path's network with its inputs, and how wrong it is [mm], near the centres and in all samples (RMS)."""
+    """What one path's wrap adds, and how wrong it is [mm], near the centres and in all samples (RMS)."""
 
-    body: str
-    points: list[int]
-    network: Network
+    wrap: Wrap | Roll
     near_mm: float
     far_mm: float
 
@@ -74,51 +78,74 @@ class Excess:
 def fit_excesses(
     assembly: JointedAssembly,
     model: str,
-    wraps: Mapping[str, str],
+    wraps: Mapping[str, Mapping[str, Any]],
     centres: Array,
     given: Sequence[str],
     progress: Update | None = None,
     settings: Sampling | None = None,
 ) -> dict[str, Excess]:
-    """The excess of each path that wraps over a body's surface (wraps: body by path); paths that never touch it are
-    left out. model: the file for the wheel."""
+    """The excess of each path that wraps over a body's surface (wraps: by path, with radius and place of a
+    cylinder); paths that never touch it are left out. model: the file for the wheel."""
     settings = settings or Sampling()
     values, near = draw(assembly, centres, given, settings)
     found = measure(model, assembly.coordinates, values, list(wraps))
     paths = {path.name: path for path in (*assembly.ligaments, *assembly.muscles)}
     made = {}
-    for k, (name, body) in enumerate(wraps.items()):
-        path, stretch = paths[name], found["stretches"][:, k]
+    for k, (name, over) in enumerate(wraps.items()):
+        path, stretch, body = paths[name], found["stretches"][:, k], over["body"]
         wrapped = stretch[stretch[:, 0] >= 0]
         if not len(wrapped):
             continue
         points = list(range(int(wrapped.min()), int(wrapped.max()) + 1))
-        local = ca.Function(
-            "local", [assembly._q], [path.inputs(assembly._chain, body, points), path.straight(assembly._chain)]
-        )
-        inputs, straight = (np.asarray(each.full()).T for each in local(values.T))
+        parts = [path.inputs(assembly._chain, body, points), path.straight(assembly._chain)]
+        inputs, straight = (each.full().T for each in ca.Function("parts", [assembly._q], parts)(values.T))
         excess = 1e3 * found["lengths"][:, k] - straight[:, 0]
-        moving = [i for i, p in enumerate(points) if np.ptp(inputs[:, 3 * i : 3 * i + 3], axis=0).max() > 1e-6] or [0]
-        columns = [3 * i + j for i in moving for j in range(3)]
-        network, residual = _fitted(name, inputs[:, columns], excess, near, settings)
+        wrap, residual = _rolled(over, points, inputs, excess, settings) or _fitted(
+            name, body, points, inputs, excess, near, settings
+        )
         errors = (float(np.sqrt(np.mean(residual[rows] ** 2))) for rows in (near, near | True))
-        made[name] = Excess(body, [points[i] for i in moving], network, *errors)
+        made[name] = Excess(wrap, *errors)
         if progress:
             progress("paths", k + 1, len(wraps), name)
     return made
 
 
-def _fitted(name: str, x: Array, excess: Array, near: np.ndarray, settings: Sampling) -> tuple[Network, Array]:
-    """The network, and what it leaves of the excess (n,) [mm]; outliers are dropped, of both fit and errors."""
+def _rolled(
+    over: Mapping[str, Any], points: list[int], x: Array, excess: Array, settings: Sampling
+) -> tuple[Roll, Array] | None:
+    """The cylinder's closed form, on the side where it agrees with the wheel, and what it leaves (n,) [mm], but for
+    points within the cylinder, where the wheel does not wrap; None where it agrees on no side."""
+    if "radius" not in over or len(points) != 2:
+        return None
+    tried, place = [], np.asarray(over["place"])
+    local = (x.reshape(-1, 2, 3) - 1e3 * place[:, 3]) @ place[:, :3]
+    outside = (np.linalg.norm(local[..., :2], axis=2) > 1e3 * over["radius"]).all(axis=1)
+    for side in (0.0, 1.0, -1.0):
+        roll = Roll(over["body"], points, np.array(pose_mm(over["place"])), 1e3 * over["radius"], side)
+        symbol = ca.SX.sym("x", 6)
+        residual = ca.Function("roll", [symbol], [roll.excess(symbol)])(x.T).full()[0] - excess
+        most = float(np.quantile(np.abs(residual[outside]), 1.0 - settings.wrong_cylinder))
+        tried.append((most, roll, np.where(np.abs(residual) <= most, residual, 0.0)))
+    most, roll, residual = min(tried, key=itemgetter(0))
+    return (roll, residual) if most < settings.cylinder_mm else None
+
+
+def _fitted(
+    name: str, body: str, points: list[int], inputs: Array, excess: Array, near: np.ndarray, settings: Sampling
+) -> tuple[Wrap, Array]:
+    """The network of the points that move against the surface, and what it leaves (n,) [mm]; outliers are dropped, of
+    both fit and errors."""
+    moving = [i for i in range(len(points)) if np.ptp(inputs[:, 3 * i : 3 * i + 3], axis=0).max() > 1e-6] or [0]
+    x, chosen = inputs[:, [3 * i + j for i in moving for j in range(3)]], [points[i] for i in moving]
     if np.ptp(excess) < 1e-3:
         constant = Network(x[0], np.ones(x.shape[1]), (np.zeros((1, x.shape[1])),), (np.array([excess.mean()]),))
-        return constant, excess - excess.mean()
+        return Wrap(body, chosen, constant), excess - excess.mean()
     kept = excess <= np.quantile(excess, 1.0 - settings.outliers) + 1.0
     weights = np.where(near, 1.0, settings.far_weight)
     held_out = np.arange(len(x)) % 10 >= 8
     regression = Regression(name, x[kept], excess[kept], weights[kept], held_out[kept], settings.tolerance_mm)
     network = fit(regression, TrainingSettings(sizes=settings.sizes, max_cpu_s=settings.most_cpu_s)).network
-    return network, np.where(kept, network.value(x) - excess, 0.0)
+    return Wrap(body, chosen, network), np.where(kept, network.value(x) - excess, 0.0)
 
 
 def described(excess: Mapping[str, Excess], tolerance_mm: float = 0.1) -> list[str]:
@@ -133,4 +160,8 @@ def described(excess: Mapping[str, Excess], tolerance_mm: float = 0.1) -> list[s
 
 def plain(excess: Excess) -> dict[str, Any]:
     """The wrap of an assembly's table."""
-    return {"body": excess.body, "points": excess.points}
+    wrap = excess.wrap
+    table: dict[str, Any] = {"body": wrap.body, "points": list(wrap.points)}
+    if isinstance(wrap, Roll):
+        table |= {"frame": list(wrap.frame), "radius_mm": wrap.radius_mm, "side": wrap.side}
+    return table

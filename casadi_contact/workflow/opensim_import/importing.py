@@ -25,6 +25,7 @@ from casadi_contact.core.conventions import Array, Update
 from casadi_contact.core.files.writing import writable_folder, write_text
 from casadi_contact.optimisation.assembly.file import load_assembly, write_paths
 from casadi_contact.optimisation.assembly.jointed import JointedAssembly
+from casadi_contact.optimisation.assembly.paths import Wrap
 from casadi_contact.optimisation.assembly.settling import CoordinateSettling
 from casadi_contact.scenes.opensim import TIME, Table, read_opensim_table
 from casadi_contact.workflow.opensim_import.contacts import MeshFile, write_scene
@@ -91,7 +92,8 @@ def import_model(
     for name, found in excess.items():
         kind = "ligaments" if name in tables["ligaments"] else "muscles"
         tables[kind][name]["wrap"] = plain(found)
-    write_paths(out / "paths.h5", {name: found.network for name, found in excess.items()}, curves)
+    networks = {name: found.wrap.network for name, found in excess.items() if isinstance(found.wrap, Wrap)}
+    write_paths(out / "paths.h5", networks, curves)
     _written(out, tables)
     counts = ", ".join(
         f"{len(tables[kind])} {kind}" for kind in ("bodies", "coordinates", "contacts", "ligaments", "muscles")
@@ -178,13 +180,15 @@ def _names_of(joint: Any) -> list[str]:
     return list(dict.fromkeys(axis.of for axis in (*joint.rotations, *joint.translations) if axis.of))
 
 
-def _wraps(said: Mapping[str, Any], tables: Mapping[str, Any]) -> dict[str, str]:
-    """The body with the surface that a path wraps over, by path."""
+def _wraps(said: Mapping[str, Any], tables: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """The body with the surface that a path wraps over, and its radius and place where a cylinder is all, by path."""
     paths = {
         name: path for kind in ("ligaments", "muscles") for name, path in said[kind].items() if name in tables[kind]
     }
-    over = {name: said["wrap_bodies"][path["wraps"][0]] for name, path in paths.items() if path["wraps"]}
-    return over | {name: path["bodies"][0] for name, path in paths.items() if path["moving"] and name not in over}
+    over = {name: said["wrap_objects"][path["wraps"][0]] for name, path in paths.items() if path["wraps"]}
+    moving = {name: {"body": path["bodies"][0]} for name, path in paths.items() if path["moving"]}
+    several = {name: {"body": over[name]["body"]} for name in over if len(paths[name]["wraps"]) > 1}
+    return moving | over | several | {name: {"body": over[name]["body"]} for name in moving if name in over}
 
 
 def _centres(

@@ -131,10 +131,11 @@ class Model:
     def describe(self) -> dict[str, Any]:
         """All that `workflow.opensim_import` needs of it, as plain values."""
         bodies = self.model.getBodySet()
-        wrapped: dict[str, str] = {}
+        wrapped: dict[str, Any] = {}
         for frame in [self.model.getGround(), *(bodies.get(i) for i in range(bodies.getSize()))]:
             objects = frame.getWrapObjectSet()
-            wrapped |= {objects.get(i).getName(): frame.getName() for i in range(objects.getSize())}
+            for i in range(objects.getSize()):
+                wrapped[objects.get(i).getName()] = {"body": frame.getName(), **self._cylinder(objects.get(i))}
         joints = {}
         for joint in self.model.getJointList():
             parent, child = joint.getParentFrame(), joint.getChildFrame()
@@ -153,7 +154,7 @@ class Model:
             "bodies": {b.getName(): self._body(b) for b in (bodies.get(i) for i in range(bodies.getSize()))},
             "joints": joints,
             "coordinates": {name: self._coordinate(c) for name, c in self.coordinates.items()},
-            "wrap_bodies": wrapped,
+            "wrap_objects": wrapped,
             "frames": self._frames(),
             "ligaments": dict(self._ligaments()),
             "muscles": dict(self._muscles()),
@@ -170,6 +171,13 @@ class Model:
             place = transform(frame.findTransformInBaseFrame()).tolist()
             found[frame.getAbsolutePathString()] = {"body": base(frame), "place": place}
         return found
+
+    @staticmethod
+    def _cylinder(wrap: Any) -> dict[str, Any]:
+        """Radius and transform in its body of a wrapping cylinder, whose axis is z; nothing of other objects."""
+        if (cylinder := opensim.WrapCylinder.safeDownCast(wrap)) is None:
+            return {}
+        return {"radius": cylinder.get_radius(), "place": transform(cylinder.getTransform()).tolist()}
 
     @staticmethod
     def _known(force: Any) -> bool:
