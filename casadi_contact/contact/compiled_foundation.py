@@ -48,7 +48,7 @@ class CompiledFoundation(SlidingContact, SymbolicContact, PressureOutputs):
         if scene.varies and not self.varies:
             raise ValueError(f"scene {scene.name}: a layer whose thickness varies takes cc.ElasticFoundation")
         self.record: dict[str, Any] = {}
-        self._kernels: dict[tuple[tuple[str, ...], str], Path | None] = {}
+        self._kernels: dict[tuple[tuple[str, ...], str, int], Path | None] = {}
         self._compiled = compiled and scene.material.law in C_LAWS
         if compiled and not self._compiled:
             warn_once(f"the pressure law {scene.material.law!r} has no C; the contact model runs in NumPy, slower")
@@ -207,16 +207,33 @@ class CompiledFoundation(SlidingContact, SymbolicContact, PressureOutputs):
             return external_function(library, name, sizes, outputs, batch or 1)
         return model_callback(with_loads(self, loads), name, loads, outputs, batch)
 
-    def _source(self, loads: Sequence[str]) -> str:
-        return kernel_source(self.scene, loads, len(self.patch_names), self._code[0], self.lanes)
+    def _at_rates(self, name: str, loads: Sequence[str], compiled: bool, size: int) -> ca.Function:
+        """casadi.Function pose, its rates, and with size 17 coefficients of friction -> loads."""
+        function = super()._at_rates(name, loads, compiled, size)
+        if not compiled or (library := self._kernel(loads, inputs=size)) is None:
+            return function
+        return external_function(library, name, {"loads": len(loads), "roots": 0}, ["loads"], inputs=size)
 
-    def _kernel(self, loads: Sequence[str], more: str = "") -> Path | None:
+    def moving_wrenches(self, poses: Array, velocities: Array) -> Array:
+        """Wrenches (n, patches, 6) of poses that change at these rates (n, 6)."""
+        if (library := self._kernel(wrench_names(self.patch_names), inputs=12)) is None:
+            return super().moving_wrenches(poses, velocities)
+        wrenches = np.empty((len(poses), len(self.patch_names), 6))
+        call_in_shares(library, "values_of", np.hstack([poses, velocities]), wrenches, None)
+        return wrenches
+
+    def _source(self, loads: Sequence[str], inputs: int = 6) -> str:
+        roots = len(self.patch_names) if inputs == 6 else 0
+        return kernel_source(self.scene, loads, roots, self._code[0], self.lanes, inputs)
+
+    def _kernel(self, loads: Sequence[str], more: str = "", inputs: int = 6) -> Path | None:
         """The compiled kernel of these loads and of root loads, for CasADi and for arrays, and more C with it; None,
-        with one warning, where there is no compiler."""
+        with one warning, where there is no compiler. inputs: more than 6 for loads of moving bodies alone."""
         if not self._compiled:
             return None
-        if (key := (tuple(loads), more)) not in self._kernels:
-            texts = ["#define ENTRY", self._source(loads), c_text("batch.h", C_FOLDER), more]
+        if (key := (tuple(loads), more, inputs)) not in self._kernels:
+            arrays = c_text("batch.h", C_FOLDER) if inputs == 6 else ""
+            texts = ["#define ENTRY", self._source(loads, inputs), arrays, more]
             try:
                 self._kernels[key] = shared_library("\n".join(texts), data=self._code[1])
             except CompilerError as error:

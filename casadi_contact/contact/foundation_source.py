@@ -14,17 +14,23 @@ C_LAWS = ("linear", "log")
 C_FOLDER = "casadi_contact.contact.c"
 
 
-def kernel_source(scene: Scene, loads: Sequence[str], roots: int, patch_source: str, lanes: int) -> str:
+def kernel_source(
+    scene: Scene, loads: Sequence[str], roots: int, patch_source: str, lanes: int, inputs: int = 6
+) -> str:
     """C99 of a scene's named loads and root loads (of all patches, or 0), up to guarded_value, _jacobian, _hessian and
-    values_of, all static. patch_source defines ``patch_loads``, with up to `lanes` numbers in a vector."""
+    values_of, all static. patch_source defines ``patch_loads``, with up to `lanes` numbers in a vector.
+
+    inputs: of 12 or 17, loads depend on a pose and its rates, and on coefficients of friction; roots then has to be 0.
+    """
     selection = load_selection(loads, scene.patch_names)
     sizes = {
         **{"LOADS": len(loads), "ROOTS": roots, "PATCHES": len(scene.patch_names)},
         **_law_sizes(scene.material),
-        "MOST_LANES": lanes,
+        **{"MOST_LANES": lanes, "MOVING": int(inputs > 6), "COEFFICIENTS": 5 if inputs > 12 else 0},
         **{"REFERENCE_LOAD": float(scene.reference_load), "GAP_SLOPE": float(scene.gap_slope)},
     }
     picked = ", ".join(f"{{{', '.join(map(braces, selection[:, p]))}}}" for p in range(len(scene.patch_names)))
+    moves, coefficients = inputs > 6, braces(vars(scene.friction).values())
     components = ", ".join(str(-1 if n.index is None else n.index) for n in scene.normal_loads)
     return "\n".join(
         [
@@ -36,9 +42,11 @@ def kernel_source(scene: Scene, loads: Sequence[str], roots: int, patch_source: 
             f"static const double normal_sign[PATCHES] = {braces(n.sign for n in scene.normal_loads)};",
             c_text("lanes.h", C_FOLDER),
             c_text("foundation.h", C_FOLDER),
+            *([c_text("friction.h", C_FOLDER)] if moves else []),
             patch_source,
+            *([f"static const double friction[5] = {coefficients};", c_text("moving.h", C_FOLDER)] if moves else []),
             c_text("kernel.h", C_FOLDER),
-            guards(),
+            guards(inputs="INPUTS"),
         ]
     )
 

@@ -8,19 +8,21 @@ import casadi_contact as cc
 from casadi_contact.scenes.material import FRICTION_NAMES, Friction
 
 RUBBING = dict(zip(FRICTION_NAMES, (0.3, 0.2, 1e-3, 20.0, 2e-3), strict=True))
-POSE = np.array([0.3, 29.8, -0.2, 0.05, 0.1, -0.2])
+ON_PLANE, IN_GROOVE = [0.3, 29.8, -0.2, 0.05, 0.1, -0.2], [-49.7, 1.0, 0.3, 0.02, 0.05, 0.1]
 RATES = np.array([20.0, -30.0, 12.0, 0.5, -0.2, 0.4])
-MODELS = {
-    "elements": lambda scene: cc.ElasticFoundation(scene, (120, 120)),
-    "rays": lambda scene: cc.PolarFoundation(scene, cc.Rays(16, 4)),
-    "rays in NumPy": lambda scene: cc.PolarFoundation(scene, cc.Rays(16, 4), compiled=False),
-    "cells": cc.CellFoundation,
+MODELS = {  # scene, a pose, class, its resolution
+    "elements": ("sphere_on_plane", ON_PLANE, cc.ElasticFoundation, (120, 120)),
+    "rays": ("patellofemoral", IN_GROOVE, cc.PolarFoundation, cc.Rays(24, 4)),
+    "cells": ("sphere_on_plane", ON_PLANE, cc.CellFoundation, cc.Cells(1.2, 0.75)),
 }
 
 
 @pytest.fixture(scope="module", params=MODELS)
 def rubbing(request):
-    return MODELS[request.param](cc.load_scene("sphere_on_plane", **RUBBING))
+    """A model, by its kernel where it has one, the same in NumPy, and a pose."""
+    name, pose, kind, resolution = MODELS[request.param]
+    models = (kind(cc.load_scene(name, **RUBBING), resolution, compiled=compiled) for compiled in (True, False))
+    return *models, np.array(pose)
 
 
 def test_a_scene_without_friction_is_as_it_was_and_names_a_bad_coefficient():
@@ -35,8 +37,9 @@ def test_a_scene_without_friction_is_as_it_was_and_names_a_bad_coefficient():
 
 
 def test_at_rest_loads_are_those_without_velocity(rubbing):
-    still, resting = rubbing.wrenches(POSE), rubbing.wrenches(POSE, np.zeros(6))
-    np.testing.assert_allclose(resting, still, rtol=1e-12, atol=1e-11 * np.abs(still).max())
+    model, _, pose = rubbing
+    still, resting = model.wrenches(pose), model.wrenches(pose, np.zeros(6))
+    np.testing.assert_allclose(resting, still, rtol=1e-12, atol=1e-14 * np.abs(still).max())
 
 
 def test_what_takes_no_velocity_says_so():
@@ -44,30 +47,37 @@ def test_what_takes_no_velocity_says_so():
         with pytest.raises(ValueError, match="velocit"):
             model.function(velocity=True)
     with pytest.raises(ValueError, match="velocities have"):
-        cc.ElasticFoundation(cc.load_scene("sphere_on_plane"), (20, 20))(POSE, velocities=[1.0, 2.0])
+        cc.ElasticFoundation(cc.load_scene("sphere_on_plane"), (20, 20))(ON_PLANE, velocities=[1.0, 2.0])
 
 
-LOADS = ["Fx", "Fy", "Tz"]
-
-
-def test_functions_and_arrays_agree_with_derivatives_of_differences(rubbing):
-    names, given = ("dissipation", "static_friction", "youngs_modulus", "fixed_ty"), np.array([2e-3, 0.3, 463.0, 0.0])
-    function = rubbing.function(LOADS, velocity=True, parameters=names)
-    plain, expected = rubbing.function(LOADS, velocity=True), rubbing(POSE, LOADS, RATES)
-    for found in (function(POSE, RATES, given), plain(POSE, RATES)):
-        np.testing.assert_allclose(np.asarray(found).ravel(), expected, rtol=1e-10)
-    inputs = ca.MX.sym("inputs", 16)
-    loads = function(inputs[:6], inputs[6:12], inputs[12:])
-    slopes = ca.Function("slopes", [inputs], [loads, ca.jacobian(loads, inputs)])
-    x = np.concatenate([POSE, RATES, given])
-    steps = 1e-5 * np.maximum(np.abs(x), [*[1.0] * 12, *[1e-3] * 4])
-    plus, minus = (
-        np.stack([np.asarray(slopes(x + sign * step)[0]).ravel() for step in np.diag(steps)], 1) for sign in (1, -1)
-    )
-    differences, slope = (plus - minus) / (2.0 * steps), np.asarray(slopes(x)[1])
-    scale = np.abs(differences).max(axis=0) + 1.0
-    jumps = 3e-3 if isinstance(rubbing, cc.ElasticFoundation) else 1e-5  # elements meet the body one after the other
-    np.testing.assert_allclose(slope / scale, differences / scale, atol=jumps)
+def test_kernel_and_numpy_agree_with_derivatives_of_differences(rubbing):
+    """By pose, velocity, all coefficients, stiffness and place; differences of elements, which meet the body one after
+    the other, jump."""
+    model, plain, pose = rubbing
+    names = (*FRICTION_NAMES, "youngs_modulus", "fixed_ty")
+    x = np.concatenate([pose, RATES, [*RUBBING.values(), 463.0, 0.0]])
+    inputs, loads = ca.MX.sym("inputs", len(x)), model.load_names
+    weights, order = np.cos(np.arange(len(loads))), (slice(0, 6), slice(6, 12), slice(12, None))
+    of_all = [
+        each.function(velocity=True, parameters=names)(*(inputs[part] for part in order)) for each in (model, plain)
+    ]
+    forms = ca.Function("forms", [inputs], [part for each in of_all for part in (each, ca.jacobian(each, inputs))])
+    value, slope, same, same_slope = (np.asarray(part) for part in forms(x))
+    np.testing.assert_allclose(value.ravel(), model(pose, velocities=RATES), rtol=1e-10)
+    np.testing.assert_allclose(np.asarray(model.function(velocity=True)(pose, RATES)), value, rtol=1e-10)
+    size = np.abs(slope).max(axis=0) + 100.0
+    for found, expected in ((same, value), (same_slope / size, slope / size)):
+        np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
+    if isinstance(model, cc.ElasticFoundation):
+        return
+    bend = np.asarray(ca.Function("bend", [inputs], ca.hessian(ca.dot(weights, of_all[0]), inputs)[:1])(x))
+    bend_size = np.abs(bend).max(axis=0) + 100.0
+    for column, step in enumerate(np.diag([*[1e-5] * 12, *1e-4 * x[12:-1], 1e-5])):
+        up, down = ([np.asarray(part) for part in forms(x + way)[:2]] for way in (step, -step))
+        by, slopes_by = ((one - other) / (2.0 * step[column]) for one, other in zip(up, down, strict=True))
+        np.testing.assert_allclose(by[:, 0] / size[column], slope[:, column] / size[column], atol=1e-6)
+        found, expected = (each / bend_size[column] for each in (bend[:, column], weights @ slopes_by))
+        np.testing.assert_allclose(found, expected, atol=2e-6)  # of rays they are those of the integral
 
 
 def test_a_sphere_that_slides_is_held_back_by_the_dynamic_share_of_its_force():

@@ -78,6 +78,9 @@ INLINE void contact_sums(const Patch *p, const double *pose, const Frame *frame,
   }
   if (s->filled == order) return;
   fill_nodes(p, pose, frame, order, s);
+#if MOVING
+  rub_nodes(p, frame, s);
+#endif
   sum_cells(p, s, order, &s->sums);
   s->filled = order;
 }
@@ -103,6 +106,17 @@ INLINE void loads_of_patch(int patch, const double *pose, const Frame *frame, in
   for (int k = 0; k < 6; k++) {
     for (int a = 0; a < 6; a++) out->stiffness[k][a] = fade * by[k][a] - slope * sums->loads[k] * by[6][a];
   }
+#if MOVING
+  rub_sums(p, frame, s, order == SECOND ? weights : 0, out);
+  for (int b = 0; b < LOCALS; b++) {
+    double column[6], turned[6];
+    for (int a = 0; a < 6; a++) column[a] = out->mixed[a][b], out->by_motion[a][b] = fade * column[a];
+    to_fixed(frame, column, turned);
+    for (int a = 0; a < 6; a++) out->mixed[a][b] = fade * turned[a] - slope * by[6][a] * out->gradient[b];
+    out->gradient[b] *= fade;
+    for (int c = 0; c < LOCALS; c++) out->local[b][c] *= fade;
+  }
+#endif
   if (order == SECOND) {
     double whole_weights[7], pull = 0.0, by_pull[6] = {0.0};
     for (int k = 0; k < 6; k++) {

@@ -184,7 +184,7 @@ FUNCTION void contact_curvature(const Patch *p, const double *pose, const Frame 
   memset(&sum, 0, sizeof sum);
   memset(s->weight, 0, (s->nodes + BLOCK) * sizeof s->weight[0]);
   for (int i = 0; i < s->nodes; i++) { /* the eighth is free: what a corner's share of pressure adds to the sum */
-    const float *loads = p->nodes[s->ids[i]].loads;
+    const Load *loads = LOADS_AT(p, s, i);
     double pull = 0.0;
     for (int k = 0; k < 7; k++) pull -= weights[k] * loads[k];
     s->share[i][7] = pull;

@@ -125,11 +125,83 @@ FUNCTION void cell_weights(const Patch *p, const Scratch *s, const int *chosen, 
   for (int l = 0; l < count; l++) *cut |= p->cells[s->near_cells[chosen[l]]].rim && (full || deepest[l] > 0.0);
 }
 
+#if MOVING
+typedef double Load;
+#define LOADS_AT(p, s, slot) (s)->rubbed[slot]
+#define CORNER_LOADS(p, s, near, c) LOADS_AT(p, s, (s)->corners[near][c])
+#define PART_OF(loads) lanes_at(loads)
+
+/* What of the loads of BLOCK nodes depends on the motion; these loads at rest */
+INLINE void slip_of(const Patch *p, const int *ids, const Frame *frame, Lanes c[3], Lanes load[8], Slip *slip) {
+  const float *row[2][BLOCK];
+  Depth at;
+  for (int l = 0; l < BLOCK; l++) row[0][l] = p->nodes[ids[l]].loads, row[1][l] = row[0][l] + 4;
+  singles_to_columns(row[0], load), singles_to_columns(row[1], load + 4);
+  places_of(p->nodes, ids, c);
+  surface_of(p->nodes, ids, &at);
+  slip_at(frame->motion, c, at.n, load[6], slip);
+}
+
+FUNCTION void rub_nodes(const Patch *p, const Frame *frame, Scratch *s) {
+  KEEP_LOOP for (int k = 0; k < s->nodes; k += BLOCK) {
+    Lanes c[3], load[8];
+    Four row[2][BLOCK];
+    Slip slip;
+    slip_of(p, s->ids + k, frame, c, load, &slip);
+    rub(&slip, load);
+    to_rows(load, row[0]), to_rows(load + 4, row[1]);
+    for (int l = 0; l < BLOCK; l++) for (int h = 0; h < 2; h++) memcpy(s->rubbed[k + l] + 4 * h, row[h] + l, sizeof(Four));
+  }
+}
+
+/* Forces of BLOCK nodes, [6], and their derivatives by twist in the axes of the moving body; zero beyond the last node */
+INLINE void forces_of(const Scratch *s, int first, Lanes force[8]) {
+  const Lanes there = lanes_of(s->nodes - first);
+  Four row[2][BLOCK];
+  for (int l = 0; l < BLOCK; l++) for (int h = 0; h < 2; h++) row[h][l] = four_at(s->share[first + l] + 4 * h);
+  to_columns(row[0], force), to_columns(row[1], force + 4);
+  for (int k = 0; k < 8; k++) force[k] = pick(there > 0.0, -force[k], all(0.0));
+}
+
+/* Derivatives by the motion, not yet faded: of the loads, or of weighted ones with second derivatives, those by twist in
+ * the axes of the moving body */
+FUNCTION void rub_sums(const Patch *p, const Frame *frame, const Scratch *s, const double *weights, PatchLoads *out) {
+  Lanes local[LOCALS][LOCALS] = {{{0.0}}}, gradient[LOCALS] = {{0.0}}, mixed[6][LOCALS] = {{{0.0}}};
+  KEEP_LOOP for (int k = 0; k < s->nodes; k += BLOCK) {
+    Lanes c[3], load[8], force[8], by[LOCALS], rest = all(0.0);
+    Slip slip;
+    Pull of;
+    slip_of(p, s->ids + k, frame, c, load, &slip);
+    forces_of(s, k, force);
+    if (!weights) {
+      add_rub_slopes(&slip, frame->motion, c, load, force[6], mixed);
+      continue;
+    }
+    for (int i = 0; i < 6; i++) rest += weights[i] * load[i];
+    pull_of(&slip, frame->motion, c, weights, rest, &of, by);
+    add_rub_curvature(&slip, frame->motion, c, &of, force[6], local);
+    for (int b = 0; b < LOCALS; b++) {
+      gradient[b] += force[6] * by[b];
+      for (int a = 0; a < 6; a++) mixed[a][b] += force[a] * by[b];
+    }
+  }
+  for (int b = 0; b < LOCALS; b++) {
+    out->gradient[b] = sum_of(gradient[b]);
+    for (int a = 0; a < 6; a++) out->mixed[a][b] = sum_of(mixed[a][b]);
+    for (int d = b; d < LOCALS; d++) out->local[b][d] = out->local[d][b] = sum_of(local[b][d]);
+  }
+}
+#else
+typedef float Load;
+#define LOADS_AT(p, s, slot) (p)->nodes[(s)->ids[slot]].loads
+#define CORNER_LOADS(p, s, near, c) (p)->nodes[(p)->cells[(s)->near_cells[near]].corners[c]].loads
+#define PART_OF(loads) singles_at(loads)
+#endif
+
 /* The loads of one cell's corners by their weights, */
-INLINE void add_loads(const Patch *p, const int corners[4], int lane, const Lanes weight[4], Lanes loads[4][PARTS]) {
+INLINE void add_loads(const Load *const of[4], int lane, const Lanes weight[4], Lanes loads[4][PARTS]) {
   for (int c = 0; c < 4; c++) {
-    const float *of = p->nodes[corners[c]].loads;
-    for (int h = 0; h < PARTS; h++) loads[c][h] -= weight[c][lane] * singles_at(of + h * BLOCK);
+    for (int h = 0; h < PARTS; h++) loads[c][h] -= weight[c][lane] * PART_OF(of[c] + h * BLOCK);
   }
 }
 
@@ -162,14 +234,16 @@ INLINE void sum_cells(const Patch *p, Scratch *s, int order, Sums *sums) {
     for (int l = 0; l < BLOCK; l++) chosen[l] = s->chosen[l < count ? first + l : first];
     cell_weights(p, s, chosen, count < BLOCK ? count : BLOCK, is_full, order, weight, rate, &sums->cut);
     KEEP_LOOP for (int l = 0; l < (count < BLOCK ? count : BLOCK); l++) {
-      add_loads(p, p->cells[s->near_cells[chosen[l]]].corners, l, weight, loads);
+      const Load *of[4];
+      for (int c = 0; c < 4; c++) of[c] = CORNER_LOADS(p, s, chosen[l], c);
+      add_loads(of, l, weight, loads);
       if (order >= 2) add_slopes(s, s->corners[chosen[l]], l, weight, rate);
     }
   }
   for (int h = 0; h < PARTS; h++) loads[0][h] = (loads[0][h] + loads[1][h]) + (loads[2][h] + loads[3][h]);
   memcpy(sums->loads, loads, sizeof sums->loads);
   for (int k = 0; k < s->nodes && order >= 2; k++) {
-    const float *of = p->nodes[s->ids[k]].loads;
+    const Load *of = LOADS_AT(p, s, k);
     for (int h = 0; h < PARTS; h++) {
       const Lanes part = lanes_at(s->share[k] + h * BLOCK);
       for (int i = 0; i < 7; i++) sums->by_twist[i][h] -= of[i] * part;

@@ -3,12 +3,21 @@
  * where it is apart and the gap is asked for, the gap; from these come named loads and root loads, with derivatives by
  * the pose. */
 enum { VALUE, FIRST, SECOND, GAPS };
+#if MOVING
+#define LOCALS (6 + COEFFICIENTS) /* numbers of a motion */
+#define INPUTS (12 + COEFFICIENTS)
+#else
+#define INPUTS 6
+#endif
 
 typedef struct {
   double wrench[6], stiffness[6][6], curvature[6][6]; /* curvature: of the weighted wrench, [a][b]: b acts last */
   double gap, gap_slope[6], gap_curvature[6][6];      /* with_gap: where it is apart, and always with order GAPS */
   int apart;                                          /* there is no contact */
   int cut;                                            /* contact reaches the rim */
+#if MOVING /* by the motion, see friction.h: of the wrench, and of the weighted one, there also by twist and then by it */
+  double by_motion[6][LOCALS], gradient[LOCALS], mixed[6][LOCALS], local[LOCALS][LOCALS];
+#endif
 } PatchLoads;
 
 INLINE double larger(double a, double b) { return a > b ? a : b; }
@@ -68,5 +77,28 @@ INLINE void add_turning(const double force[3], const double arms[3][3], double h
     const int b = (a + 1) % 3, c = (a + 2) % 3;
     h[a][3 + b] -= force[c], h[3 + b][a] -= force[c];
     h[a][3 + c] += force[b], h[3 + c][a] += force[b];
+  }
+}
+
+/* Row of derivatives by twist -> by pose: the rotations turn the body about the frame's axes. */
+INLINE void row_by_pose(const Frame *frame, const double twist[6], double row[6]) {
+  for (int j = 0; j < 3; j++) {
+    row[j] = twist[j];
+    row[3 + j] = twist[3] * frame->e[j][0] + twist[4] * frame->e[j][1] + twist[5] * frame->e[j][2];
+  }
+}
+
+/* Second derivatives [a][b] by twist, b last, added as those by pose. An axis turns only with the angles before it, so
+ * for j <= i the pose's derivatives are e_j^T M e_i. */
+INLINE void add_by_pose(const Frame *frame, const double m[6][6], double *hessian) {
+  double half[6][6], column[6], turned[6];
+  for (int a = 0; a < 6; a++) row_by_pose(frame, m[a], half[a]);
+  for (int i = 0; i < 6; i++) {
+    for (int a = 0; a < 6; a++) column[a] = half[a][i];
+    row_by_pose(frame, column, turned);
+    for (int j = 0; j <= i; j++) {
+      hessian[INPUTS * i + j] += turned[j];
+      if (i != j) hessian[INPUTS * j + i] += turned[j];
+    }
   }
 }

@@ -33,43 +33,31 @@ INLINE double normal_load(int patch, const double wrench[6], double slope[3]) {
   return size;
 }
 
-/* Row of derivatives by twist -> by pose: the rotations turn the body about the frame's axes. */
-INLINE void row_by_pose(const Frame *frame, const double twist[6], double row[6]) {
-  for (int j = 0; j < 3; j++) {
-    row[j] = twist[j];
-    row[3 + j] = twist[3] * frame->e[j][0] + twist[4] * frame->e[j][1] + twist[5] * frame->e[j][2];
-  }
-}
+#if !MOVING
+#define FRAME_OF(pose) frame_of(pose)
+#endif
 
-/* Second derivatives [a][b] by twist, b last, added as those by pose. An axis turns only with the angles before it, so
- * for j <= i the pose's derivatives are e_j^T M e_i. */
-INLINE void add_by_pose(const Frame *frame, const double m[6][6], double *hessian) {
-  double half[6][6], column[6], turned[6];
-  for (int a = 0; a < 6; a++) row_by_pose(frame, m[a], half[a]);
-  for (int i = 0; i < 6; i++) {
-    for (int a = 0; a < 6; a++) column[a] = half[a][i];
-    row_by_pose(frame, column, turned);
-    for (int j = 0; j <= i; j++) {
-      hessian[6 * i + j] += turned[j];
-      if (i != j) hessian[6 * j + i] += turned[j];
-    }
-  }
-}
-
-INLINE void kernel_loads(const double *pose, int order, double *loads, double *roots, double (*loads_jacobian)[6],
-                         double (*roots_jacobian)[6]) {
-  const Frame frame = frame_of(pose);
+INLINE void kernel_loads(const double *pose, int order, double *loads, double *roots, double (*loads_jacobian)[INPUTS],
+                         double (*roots_jacobian)[INPUTS]) {
+  const Frame frame = FRAME_OF(pose);
   if (loads) memset(loads, 0, LOADS * sizeof(double));
-  if (loads && order == FIRST) memset(loads_jacobian, 0, LOADS * sizeof(double[6]));
+  if (loads && order == FIRST) memset(loads_jacobian, 0, LOADS * sizeof(double[INPUTS]));
+#if MOVING
+  double slopes[INPUTS][LOCALS];
+  if (order == FIRST) motion_slopes(pose, &frame, slopes);
+#endif
   for (int p = 0; p < PATCHES; p++) {
     PatchLoads of;
-    double rows[6][6], slope[3], normal;
+    double rows[6][INPUTS], slope[3], normal;
     patch_loads(p, pose, &frame, order, roots != 0, 0, &of);
     for (int k = 0; k < 6 && order == FIRST; k++) row_by_pose(&frame, of.stiffness[k], rows[k]);
+#if MOVING
+    for (int k = 0; k < 6 && order == FIRST; k++) add_row_of_motion(of.by_motion[k], slopes, rows[k]);
+#endif
     for (int i = 0; loads && i < LOADS; i++) {
       for (int k = 0; k < 6; k++) {
         loads[i] += selection[p][i][k] * of.wrench[k];
-        for (int j = 0; j < 6 && order == FIRST; j++) loads_jacobian[i][j] += selection[p][i][k] * rows[k][j];
+        for (int j = 0; j < INPUTS && order == FIRST; j++) loads_jacobian[i][j] += selection[p][i][k] * rows[k][j];
       }
     }
     if (!roots) continue;
@@ -89,8 +77,8 @@ FUNCTION void kernel_value(const double *pose, double *loads, double *roots) {
   kernel_loads(pose, VALUE, loads, roots, 0, 0);
 }
 
-FUNCTION void kernel_jacobian(const double *pose, double *loads, double *roots, double (*loads_jacobian)[6],
-                              double (*roots_jacobian)[6]) {
+FUNCTION void kernel_jacobian(const double *pose, double *loads, double *roots, double (*loads_jacobian)[INPUTS],
+                              double (*roots_jacobian)[INPUTS]) {
   kernel_loads(pose, FIRST, loads, roots, loads_jacobian, roots_jacobian);
 }
 
@@ -115,8 +103,11 @@ INLINE void weigh_root(int patch, const PatchLoads *of, double weight, double we
 
 FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, const double *roots_weight,
                              double *hessian) {
-  const Frame frame = frame_of(pose);
-  memset(hessian, 0, 36 * sizeof(double));
+  const Frame frame = FRAME_OF(pose);
+#if MOVING
+  MotionSums motion = {{0.0}, {{0.0}}, {{0.0}}};
+#endif
+  memset(hessian, 0, INPUTS * INPUTS * sizeof(double));
   for (int p = 0; p < PATCHES; p++) {
     PatchLoads of;
     double weights[6] = {0.0};
@@ -133,9 +124,15 @@ FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, con
     }
     patch_loads(p, pose, &frame, SECOND, roots_weight != 0, weights, &of);
     add_by_pose(&frame, of.curvature, hessian);
+#if MOVING
+    add_motion(&frame, &of, &motion);
+#endif
     if (roots_weight) {
       for (int a = 0; a < 6; a++) for (int b = 0; b < 6; b++) of.gap_curvature[a][b] *= -GAP_SLOPE * roots_weight[p];
       add_by_pose(&frame, of.gap_curvature, hessian);
     }
   }
+#if MOVING
+  bend_by_motion(pose, &frame, &motion, (double(*)[INPUTS])hessian);
+#endif
 }

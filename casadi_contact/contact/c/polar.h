@@ -30,6 +30,14 @@ INLINE void load_of(const Ray *ray, Lanes u, Lanes z, Lanes load[6]) {
   load[5] = u - ray->y * ray->n_x;
 }
 
+#if MOVING
+/* What of a ray's load depends on the motion */
+INLINE void slip_of(const Place *p, const Ray *ray, const Lanes c[3], Slip *slip) {
+  const Lanes inverse = 1.0 / ray->length, n[3] = {ray->n_x * inverse, inverse, ray->n_z * inverse};
+  slip_at(p->motion, c, n, ray->length, slip);
+}
+#endif
+
 /* Derivatives of the depth at a ray's end by the twist: -(G, arm x G)/sigma */
 INLINE void depth_slope(const Place *p, const Ray *ray, Lanes arm[3], Lanes slope[6]) {
   const Lanes sigma = ray->length / steepness(ray);
@@ -38,10 +46,12 @@ INLINE void depth_slope(const Place *p, const Ray *ray, Lanes arm[3], Lanes slop
   for (int k = 0; k < 6; k++) slope[k] *= -sigma;
 }
 
-/* -sum weight p V; with order FIRST also its slopes, -sum weight p' V d_a */
-INLINE void polar_wrench(const Surfaces *s, const Place *p, const Points *points, int order, double wrench[6],
-                         double stiffness[6][6]) {
+/* -sum weight p V; with order FIRST also its slopes, -sum weight p' V d_a, and those by the motion */
+INLINE void polar_wrench(const Surfaces *s, const Place *p, const Points *points, int order, PatchLoads *out) {
   Lanes load[6][ENDS], slope[6][ENDS], sum[6] = {{0.0}};
+#if MOVING
+  Lanes by_motion[6][LOCALS] = {{{0.0}}};
+#endif
   for (int i = 0; i < points->count; i++) {
     const Lanes u = points->at[i].u, v = points->at[i].v, weight = points->at[i].weight;
     Lanes here[6], d[6], arm[3], depth, force, scale;
@@ -50,6 +60,15 @@ INLINE void polar_wrench(const Surfaces *s, const Place *p, const Points *points
     depth = ray.step * ray.length;
     force = weight * pressure_at(depth);
     load_of(&ray, u, v + s->z_0, here);
+#if MOVING
+    {
+      const Lanes c[3] = {u, ray.y, v + s->z_0};
+      Slip slip;
+      slip_of(p, &ray, c, &slip);
+      if (order == FIRST) add_rub_slopes(&slip, p->motion, c, here, -force, by_motion);
+      rub(&slip, here);
+    }
+#endif
     for (int k = 0; k < 6; k++) sum[k] -= force * here[k];
     if (order != FIRST) continue;
     scale = -weight * pressure_slope_at(depth);
@@ -57,9 +76,12 @@ INLINE void polar_wrench(const Surfaces *s, const Place *p, const Points *points
     for (int k = 0; k < 6; k++) load[k][i] = here[k], slope[k][i] = scale * d[k];
   }
   KEEP_LOOP for (int k = 0; k < 6; k++) {
-    wrench[k] = sum_of(sum[k]);
+    out->wrench[k] = sum_of(sum[k]);
     if (order != FIRST) continue;
-    KEEP_LOOP for (int a = 0; a < 6; a++) stiffness[k][a] = sum_of(product_sum(points->count, load[k], slope[a]));
+    KEEP_LOOP for (int a = 0; a < 6; a++) out->stiffness[k][a] = sum_of(product_sum(points->count, load[k], slope[a]));
+#if MOVING
+    for (int b = 0; b < LOCALS; b++) out->by_motion[k][b] = sum_of(by_motion[k][b]);
+#endif
   }
 }
 
@@ -71,9 +93,13 @@ INLINE void polar_wrench(const Surfaces *s, const Place *p, const Points *points
 #define PRODUCTS (4 * ENDS + LINE_BLOCKS)
 
 INLINE void polar_curvature(const Surfaces *s, const Place *p, const Lines *lines, const Points *points,
-                            const double weights[6], double h[6][6]) {
+                            const double weights[6], PatchLoads *out) {
   const double k_1 = 1.0 / s->tube_radius;
   const int n = points->count;
+  double(*h)[6] = out->curvature;
+#if MOVING
+  Lanes moves[LOCALS][ENDS], drive[LOCALS] = {{0.0}}, local[LOCALS][LOCALS] = {{{0.0}}};
+#endif
   Lanes left[6][PRODUCTS], right[6][PRODUCTS], forces[3] = {{0.0}}, turning[3][3] = {{{0.0}}};
   double force[3], arms[3][3];
   for (int i = 0; i < n + lines->count; i++) {
@@ -90,6 +116,19 @@ INLINE void polar_curvature(const Surfaces *s, const Place *p, const Lines *line
     load_of(&ray, u, v + s->z_0, load);
     for (int k = 0; k < 6; k++) pull += weights[k] * load[k];
     depth_slope(p, &ray, arm, d);
+#if MOVING
+    {
+      const Lanes c[3] = {u, ray.y, v + s->z_0}, weight = edge < 0 ? -points->at[i].weight : all(0.0);
+      const Lanes force = weight * pressure_at(depth), stiff = weight * pressure_slope_at(depth);
+      Lanes by[LOCALS];
+      Slip slip;
+      Pull of;
+      slip_of(p, &ray, c, &slip);
+      pull = pull_of(&slip, p->motion, c, weights, pull, &of, by);
+      for (int b = 0; b < LOCALS && edge < 0; b++) drive[b] += force * by[b], moves[b][i] = stiff * by[b];
+      if (edge < 0) add_rub_curvature(&slip, p->motion, c, &of, force, local);
+    }
+#endif
     if (edge < 0) {
       const Lanes normal[3] = {ray.n_x * inverse, inverse, ray.n_z * inverse}, weight = -points->at[i].weight * pull;
       const Lanes mu = weight * pressure_slope_at(depth) * sigma, nu = 0.5 * weight * pressure_bend_at(depth);
@@ -124,6 +163,13 @@ INLINE void polar_curvature(const Surfaces *s, const Place *p, const Lines *line
     for (int b = 0; b < 3; b++) arms[a][b] = sum_of(turning[a][b]);
   }
   add_turning(force, arms, h);
+#if MOVING
+  KEEP_LOOP for (int b = 0; b < LOCALS; b++) {
+    out->gradient[b] = sum_of(drive[b]);
+    KEEP_LOOP for (int a = 0; a < 6; a++) out->mixed[a][b] = sum_of(product_sum(n, right[a] + 2 * n, moves[b]));
+    for (int c = b; c < LOCALS; c++) out->local[b][c] = out->local[c][b] = sum_of(local[b][c]);
+  }
+#endif
 }
 
 /* Second derivatives by twist of the gap at its nearest point, which slides along the patch as the body moves:
@@ -173,6 +219,10 @@ INLINE void gap_curvature(const Surfaces *s, const Spot *nearest, const Ray *ray
 
 INLINE Place place_of(const Surfaces *s, const double *pose, const Frame *frame) {
   Place p;
+#if MOVING
+  turn_twist(s->turn, frame->motion, p.motion);
+  memcpy(p.motion + 6, frame->motion + 6, sizeof(double[5]));
+#endif
   for (int i = 0; i < 3; i++) {
     p.t[i] = dot3(s->turn[i], pose);
     for (int j = 0; j < 3; j++) {
@@ -208,11 +258,11 @@ INLINE void loads_of_patch(int patch, const double *pose, const Frame *frame, in
     lines_of(s, &place, &middle, &lines);
     place_points(&lines, &points);
     out->cut = lines.cut;
-    if (order != SECOND) polar_wrench(s, &place, &points, order, out->wrench, out->stiffness);
+    if (order != SECOND) polar_wrench(s, &place, &points, order, out);
     if (order == SECOND) {
       double turned_weights[6];
       turn_twist(s->turn, weights, turned_weights);
-      polar_curvature(s, &place, &lines, &points, turned_weights, out->curvature);
+      polar_curvature(s, &place, &lines, &points, turned_weights, out);
     }
   }
   turn_back(s->turn, order, out);

@@ -19,10 +19,12 @@ INLINE void turn_back_row(const double turn[3][3], double x[6]) {
   for (int i = 0; i < 6; i += 3) turn_back_vector(turn, x + i, 1);
 }
 
-/* B^T h B with B = turn twice */
-INLINE void turn_back_square(const double turn[3][3], double h[6][6]) {
-  for (int i = 0; i < 6; i++) turn_back_row(turn, h[i]);
-  for (int j = 0; j < 6; j++) turn_back_vector(turn, (double *)h + j, 6), turn_back_vector(turn, (double *)h + 18 + j, 6);
+/* Of a matrix the first six rows, and the first six columns: B^T h B with B = turn twice */
+INLINE void turn_back_both(const double turn[3][3], double *h, int rows, int columns) {
+  for (int i = 0; i < rows; i++) turn_back_row(turn, h + columns * i);
+  for (int j = 0; j < columns; j++) {
+    turn_back_vector(turn, h + j, columns), turn_back_vector(turn, h + 3 * columns + j, columns);
+  }
 }
 #endif
 
@@ -31,11 +33,19 @@ INLINE void turn_back(const double turn[3][3], int order, PatchLoads *out) {
 #if TURNED
   turn_back_row(turn, out->wrench);
   turn_back_row(turn, out->gap_slope);
-  if (order == FIRST) turn_back_square(turn, out->stiffness);
+  if (order == FIRST) turn_back_both(turn, out->stiffness[0], 6, 6);
   if (order == SECOND) {
-    turn_back_square(turn, out->curvature);
-    turn_back_square(turn, out->gap_curvature);
+    turn_back_both(turn, out->curvature[0], 6, 6);
+    turn_back_both(turn, out->gap_curvature[0], 6, 6);
   }
+#if MOVING
+  if (order == FIRST) turn_back_both(turn, out->by_motion[0], 6, LOCALS);
+  if (order == SECOND) {
+    turn_back_row(turn, out->gradient);
+    turn_back_both(turn, out->mixed[0], 6, LOCALS);
+    turn_back_both(turn, out->local[0], LOCALS, LOCALS);
+  }
+#endif
 #else
   (void)turn, (void)order, (void)out;
 #endif
@@ -60,6 +70,9 @@ typedef struct {
 /* The moving body's place in chart axes. */
 typedef struct {
   double r[3][3], t[3];
+#if MOVING
+  double motion[11];
+#endif
 } Place;
 
 typedef struct {

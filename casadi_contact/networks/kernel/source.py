@@ -51,9 +51,9 @@ class Kernel:
         return "\n".join([*head, networks, "", self.code, guards(), beside.code if beside else ""])
 
 
-def guards(before: str = "", loads: str = "LOADS", roots: str = "ROOTS") -> str:
-    """C of ``guarded_value`` and its like of a kernel, whose functions' names begin with `before`."""
-    return Template(c_text("guards.h")).substitute(before=before, loads=loads, roots=roots)
+def guards(before: str = "", loads: str = "LOADS", roots: str = "ROOTS", inputs: str = "6") -> str:
+    """C of ``guarded_value`` and its like of a kernel, whose functions' names begin with `before`, of some inputs."""
+    return Template(c_text("guards.h")).substitute(before=before, loads=loads, roots=roots, inputs=inputs)
 
 
 @dataclass(frozen=True)
@@ -151,11 +151,11 @@ def _functions(name: str, outputs: Mapping[str, int], kernel: Sequence[str]) -> 
         places = {key: f"{of}[{first + step * place}]" for place, key in enumerate(keys)}
         return ", ".join(places.get(key, "0") for key in kernel)
 
-    of_pose: Pattern = ("dense", 6)
+    of_pose: Pattern = ("dense", "INPUTS")
     unused: list[Pattern] = [("empty", size, "FRAMES") for size in sizes]
     seeds: list[Pattern] = [("dense", size) for size in sizes]
 
-    def by_unused(rows: int, frames: str = "FRAMES * FRAMES") -> list[Pattern]:
+    def by_unused(rows: str, frames: str = "FRAMES * FRAMES") -> list[Pattern]:
         """Derivatives of so many rows by the inputs that are of no use."""
         return [("empty", f"{rows} * {frames}", f"{size} * FRAMES") for size in sizes]
 
@@ -164,7 +164,7 @@ def _functions(name: str, outputs: Mapping[str, int], kernel: Sequence[str]) -> 
         _function(
             f"jac_{name}",
             [of_pose, *unused],
-            [("blocks", size, 6) for size in sizes],
+            [("blocks", size, "INPUTS") for size in sizes],
             [f"jacobian_of_all(arg[0], {pair('res', 0)}, 0);"],
         ),
         _function(
@@ -175,8 +175,12 @@ def _functions(name: str, outputs: Mapping[str, int], kernel: Sequence[str]) -> 
         ),
         _function(
             f"jac_adj1_{name}",
-            [of_pose, *unused, *seeds, ("empty", 6, "FRAMES")],
-            [("blocks", 6, 6), *by_unused(6, "FRAMES"), *(("blocks", 6, size) for size in sizes)],
+            [of_pose, *unused, *seeds, ("empty", "INPUTS", "FRAMES")],
+            [
+                ("blocks", "INPUTS", "INPUTS"),
+                *by_unused("INPUTS", "FRAMES"),
+                *(("blocks", "INPUTS", size) for size in sizes),
+            ],
             [
                 f"hessian_of_all(arg[0], {pair('arg', 1 + n)}, res[0]);",
                 f"jacobian_of_all(arg[0], {pair('res', 1 + n)}, 1);",
@@ -184,8 +188,8 @@ def _functions(name: str, outputs: Mapping[str, int], kernel: Sequence[str]) -> 
         ),
         _function(
             f"jac_jac_{name}",
-            [of_pose, *unused, *(("empty", f"{size} * FRAMES", "6 * FRAMES") for size in sizes)],
-            [block for size in sizes for block in (("second_blocks", size), *by_unused(6 * size))],
+            [of_pose, *unused, *(("empty", f"{size} * FRAMES", "INPUTS * FRAMES") for size in sizes)],
+            [block for size in sizes for block in (("second_blocks", size), *by_unused(f"INPUTS * {size}"))],
             [f"seconds_of_all(arg[0], {pair('res', 0, 1 + n)});"],
         ),
     ]
@@ -210,9 +214,15 @@ def _stop_generated_code() -> None:
 
 
 def external_function(
-    library: Path, name: str, sizes: Mapping[str, int], outputs: Sequence[str], frames: int = 1, before: str = ""
+    library: Path,
+    name: str,
+    sizes: Mapping[str, int],
+    outputs: Sequence[str],
+    frames: int = 1,
+    before: str = "",
+    inputs: int = 6,
 ) -> ca.Function:
-    """casadi.Function pose (6 x frames) -> outputs of a kernel's library, with its first and second derivatives.
+    """casadi.Function pose (inputs x frames) -> outputs of a kernel's library, with its first and second derivatives.
 
     sizes: numbers of the kernel's two outputs, "loads" and "roots" or what stands for them in a kernel whose functions'
     names begin with `before`; outputs: some of them. A small library of its own, which every number of frames shares,
@@ -224,6 +234,7 @@ def external_function(
     renamed = [f"#define {function} {before}{function}" for function in called]
     numbers = [f"#define {key} {size}" for key, size in zip(("LOADS", "ROOTS"), sizes.values(), strict=True)]
     interface = casadi_interface({name: {key: sizes[key] for key in outputs}}, list(sizes))
+    renamed.append(f"#define INPUTS {inputs}")
     beside = shared_library("\n".join([*renamed, c_text("frames.h"), *numbers, interface]), linked=library)
     _stop_generated_code()
     return ca.external(name, str(beside if frames == 1 else copied_library(beside, f"x{frames}-{beside.name}")))

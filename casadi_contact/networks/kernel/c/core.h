@@ -46,14 +46,18 @@
 INLINE double bounded(double offset) { return offset > 1e100 ? 1e100 : (offset < -1e100 ? -1e100 : offset); }
 
 /* By its bits, so that no compiler option removes the question. */
-INLINE int finite_pose(const double *pose) {
+INLINE int all_finite(int n, const double *x) {
   const uint64_t infinity = UINT64_C(0x7ff0000000000000);
-  uint64_t bits[6];
   int finite = 1;
-  memcpy(bits, pose, sizeof bits);
-  for (int j = 0; j < 6; j++) finite &= (bits[j] & infinity) != infinity;
+  for (int j = 0; j < n; j++) {
+    uint64_t bits;
+    memcpy(&bits, x + j, sizeof bits);
+    finite &= (bits & infinity) != infinity;
+  }
   return finite;
 }
+
+INLINE int finite_pose(const double *pose) { return all_finite(6, pose); }
 
 INLINE void fill_nan(int n, double *values) {
   for (int i = 0; i < n; i++) values[i] = NAN;

@@ -3,6 +3,9 @@
 typedef struct {
   double r[3][3]; /* rotation */
   double e[3][3]; /* axes, row by row */
+#if MOVING
+  double motion[11]; /* see contact/c/friction.h */
+#endif
 } Frame;
 
 typedef struct {
