@@ -46,7 +46,7 @@ def kernel_source(
             patch_source,
             *([f"static const double friction[5] = {coefficients};", c_text("moving.h", C_FOLDER)] if moves else []),
             c_text("kernel.h", C_FOLDER),
-            guards(inputs="INPUTS"),
+            guards(inputs="VARIABLES"),
         ]
     )
 

@@ -30,7 +30,7 @@ typedef struct {
 /* Of a patch in one pose; one for each thread, since it would not fit on every stack. Kept: an optimiser asks for
  * value, Jacobian and Hessian in one pose after the other. What is found does not depend on what was asked before. */
 typedef struct {
-  double pose[INPUTS]; /* in which cells were chosen, where `searched`; `filled`: the order of what nodes and sums hold */
+  double pose[VARIABLES]; /* in which cells were chosen, where `searched`; `filled`: the order of what nodes and sums hold */
   int searched, filled;
   int nodes, ids[MOST_NODES + BLOCK]; /* evaluated: a slot each in what follows */
   unsigned mark[MOST_NODES], turn;    /* of a node: turn and slot; below the present turn before that */

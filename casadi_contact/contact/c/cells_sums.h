@@ -150,7 +150,7 @@ FUNCTION void rub_nodes(const Patch *p, const Frame *frame, Scratch *s) {
     slip_of(p, s->ids + k, frame, c, load, &slip);
     rub(&slip, load);
     to_rows(load, row[0]), to_rows(load + 4, row[1]);
-    for (int l = 0; l < BLOCK; l++) for (int h = 0; h < 2; h++) memcpy(s->rubbed[k + l] + 4 * h, row[h] + l, sizeof(Four));
+    for (int l = 0; l < 2 * BLOCK; l++) memcpy(s->rubbed[k + l / 2] + l % 2 * 4, row[l % 2] + l / 2, sizeof(Four));
   }
 }
 

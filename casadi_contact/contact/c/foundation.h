@@ -5,9 +5,9 @@
 enum { VALUE, FIRST, SECOND, GAPS };
 #if MOVING
 #define LOCALS (6 + COEFFICIENTS) /* numbers of a motion */
-#define INPUTS (12 + COEFFICIENTS)
+#define VARIABLES (12 + COEFFICIENTS)
 #else
-#define INPUTS 6
+#define VARIABLES 6
 #endif
 
 typedef struct {
@@ -97,8 +97,8 @@ INLINE void add_by_pose(const Frame *frame, const double m[6][6], double *hessia
     for (int a = 0; a < 6; a++) column[a] = half[a][i];
     row_by_pose(frame, column, turned);
     for (int j = 0; j <= i; j++) {
-      hessian[INPUTS * i + j] += turned[j];
-      if (i != j) hessian[INPUTS * j + i] += turned[j];
+      hessian[VARIABLES * i + j] += turned[j];
+      if (i != j) hessian[VARIABLES * j + i] += turned[j];
     }
   }
 }

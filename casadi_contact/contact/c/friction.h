@@ -98,9 +98,11 @@ INLINE void add_rub_curvature(const Slip *s, const double *motion, const Lanes c
   for (int i = 0; i < 3; i++) {
     Lanes row[3];
     for (int j = 0; j < 3; j++) {
-      const Lanes across = (i == j ? 1.0 : 0.0) - s->n[i] * s->n[j], both = s->slide[i] * of->y[j] + of->y[i] * s->slide[j];
+      const Lanes across = (i == j ? 1.0 : 0.0) - s->n[i] * s->n[j];
+      const Lanes both = s->slide[i] * of->y[j] + of->y[i] * s->slide[j];
       const Lanes bent = 4.0 * s->f[2] * of->b * s->slide[i] * s->slide[j] + 2.0 * s->f[1] * (of->b * across + both);
-      row[j] = force * (twice * s->n[i] * s->n[j] - s->whole * bent - once * (s->n[i] * of->slope[j] + of->slope[i] * s->n[j]));
+      const Lanes leant = s->n[i] * of->slope[j] + of->slope[i] * s->n[j];
+      row[j] = force * (twice * s->n[i] * s->n[j] - s->whole * bent - once * leant);
     }
     twist_of(row, c, rows[i]);
   }
@@ -113,8 +115,9 @@ INLINE void add_rub_curvature(const Slip *s, const double *motion, const Lanes c
     const int k = j - 6, last = 6 + DISSIPATION;
     Lanes mixed[3];
     for (int i = 0; i < 3; i++) {
+      const Lanes on_slide = s->by[k % 4] * of->y[i] + 2.0 * s->by_1[k % 4] * of->b * s->slide[i];
       mixed[i] = j == last ? slid * of->slope[i] - twice_slid * of->steady * s->n[i]
-                           : once * of->b * s->by[k] * s->n[i] - s->whole * (s->by[k] * of->y[i] + 2.0 * s->by_1[k] * of->b * s->slide[i]);
+                           : once * of->b * s->by[k] * s->n[i] - s->whole * on_slide;
       mixed[i] *= force;
     }
     twist_of(mixed, c, column);

@@ -37,18 +37,18 @@ INLINE double normal_load(int patch, const double wrench[6], double slope[3]) {
 #define FRAME_OF(pose) frame_of(pose)
 #endif
 
-INLINE void kernel_loads(const double *pose, int order, double *loads, double *roots, double (*loads_jacobian)[INPUTS],
-                         double (*roots_jacobian)[INPUTS]) {
+INLINE void kernel_loads(const double *pose, int order, double *loads, double *roots, double (*loads_jacobian)[VARIABLES],
+                         double (*roots_jacobian)[VARIABLES]) {
   const Frame frame = FRAME_OF(pose);
   if (loads) memset(loads, 0, LOADS * sizeof(double));
-  if (loads && order == FIRST) memset(loads_jacobian, 0, LOADS * sizeof(double[INPUTS]));
+  if (loads && order == FIRST) memset(loads_jacobian, 0, LOADS * sizeof(double[VARIABLES]));
 #if MOVING
-  double slopes[INPUTS][LOCALS];
+  double slopes[VARIABLES][LOCALS];
   if (order == FIRST) motion_slopes(pose, &frame, slopes);
 #endif
   for (int p = 0; p < PATCHES; p++) {
     PatchLoads of;
-    double rows[6][INPUTS], slope[3], normal;
+    double rows[6][VARIABLES], slope[3], normal;
     patch_loads(p, pose, &frame, order, roots != 0, 0, &of);
     for (int k = 0; k < 6 && order == FIRST; k++) row_by_pose(&frame, of.stiffness[k], rows[k]);
 #if MOVING
@@ -57,7 +57,7 @@ INLINE void kernel_loads(const double *pose, int order, double *loads, double *r
     for (int i = 0; loads && i < LOADS; i++) {
       for (int k = 0; k < 6; k++) {
         loads[i] += selection[p][i][k] * of.wrench[k];
-        for (int j = 0; j < INPUTS && order == FIRST; j++) loads_jacobian[i][j] += selection[p][i][k] * rows[k][j];
+        for (int j = 0; j < VARIABLES && order == FIRST; j++) loads_jacobian[i][j] += selection[p][i][k] * rows[k][j];
       }
     }
     if (!roots) continue;
@@ -77,8 +77,8 @@ FUNCTION void kernel_value(const double *pose, double *loads, double *roots) {
   kernel_loads(pose, VALUE, loads, roots, 0, 0);
 }
 
-FUNCTION void kernel_jacobian(const double *pose, double *loads, double *roots, double (*loads_jacobian)[INPUTS],
-                              double (*roots_jacobian)[INPUTS]) {
+FUNCTION void kernel_jacobian(const double *pose, double *loads, double *roots, double (*loads_jacobian)[VARIABLES],
+                              double (*roots_jacobian)[VARIABLES]) {
   kernel_loads(pose, FIRST, loads, roots, loads_jacobian, roots_jacobian);
 }
 
@@ -107,7 +107,7 @@ FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, con
 #if MOVING
   MotionSums motion = {{0.0}, {{0.0}}, {{0.0}}};
 #endif
-  memset(hessian, 0, INPUTS * INPUTS * sizeof(double));
+  memset(hessian, 0, VARIABLES * VARIABLES * sizeof(double));
   for (int p = 0; p < PATCHES; p++) {
     PatchLoads of;
     double weights[6] = {0.0};
@@ -133,6 +133,6 @@ FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, con
     }
   }
 #if MOVING
-  bend_by_motion(pose, &frame, &motion, (double(*)[INPUTS])hessian);
+  bend_by_motion(pose, &frame, &motion, (double(*)[VARIABLES])hessian);
 #endif
 }

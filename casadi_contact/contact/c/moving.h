@@ -23,10 +23,10 @@ INLINE void turns_of(const double *x, const Frame *frame, double by[6][3]) {
 }
 
 /* Derivatives of the motion by x */
-INLINE void motion_slopes(const double *x, const Frame *frame, double slopes[INPUTS][LOCALS]) {
+INLINE void motion_slopes(const double *x, const Frame *frame, double slopes[VARIABLES][LOCALS]) {
   double by[6][3];
   turns_of(x, frame, by);
-  memset(slopes, 0, sizeof(double[INPUTS][LOCALS]));
+  memset(slopes, 0, sizeof(double[VARIABLES][LOCALS]));
   for (int j = 0; j < 6; j++) {
     double *row = slopes[j < 3 ? 3 + j : 6 + j];
     cross(x, by[j], row);
@@ -41,8 +41,8 @@ INLINE void motion_slopes(const double *x, const Frame *frame, double slopes[INP
 }
 
 /* Row of derivatives by the pose, with those by the motion */
-INLINE void add_row_of_motion(const double *by_motion, double slopes[INPUTS][LOCALS], double row[INPUTS]) {
-  for (int i = 0; i < INPUTS; i++) {
+INLINE void add_row_of_motion(const double *by_motion, double slopes[VARIABLES][LOCALS], double row[VARIABLES]) {
+  for (int i = 0; i < VARIABLES; i++) {
     row[i] = i < 6 ? row[i] : 0.0;
     for (int b = 0; b < LOCALS; b++) row[i] += by_motion[b] * slopes[i][b];
   }
@@ -50,7 +50,7 @@ INLINE void add_row_of_motion(const double *by_motion, double slopes[INPUTS][LOC
 
 /* Of all patches' weighted loads: derivatives by the motion, of these by the pose, and by the motion again */
 typedef struct {
-  double gradient[LOCALS], mixed[INPUTS][LOCALS], local[LOCALS][LOCALS];
+  double gradient[LOCALS], mixed[VARIABLES][LOCALS], local[LOCALS][LOCALS];
 } MotionSums;
 
 INLINE void add_motion(const Frame *frame, const PatchLoads *of, MotionSums *sums) {
@@ -65,17 +65,17 @@ INLINE void add_motion(const Frame *frame, const PatchLoads *of, MotionSums *sum
 }
 
 /* + second derivatives by x that come with the motion; gradient . motion = g v + omega . (h - t x g) */
-INLINE void bend_by_motion(const double *x, const Frame *frame, MotionSums *sums, double h[INPUTS][INPUTS]) {
-  double slopes[INPUTS][LOCALS], by[6][3], lever[3], turned[3];
+INLINE void bend_by_motion(const double *x, const Frame *frame, MotionSums *sums, double h[VARIABLES][VARIABLES]) {
+  double slopes[VARIABLES][LOCALS], by[6][3], lever[3], turned[3];
   motion_slopes(x, frame, slopes);
   turns_of(x, frame, by);
-  for (int i = 0; i < INPUTS; i++) { /* half of the local part goes to each side */
+  for (int i = 0; i < VARIABLES; i++) { /* half of the local part goes to each side */
     for (int b = 0; b < LOCALS; b++) {
       for (int c = 0; c < LOCALS; c++) sums->mixed[i][b] += 0.5 * sums->local[b][c] * slopes[i][c];
     }
   }
-  for (int i = 0; i < INPUTS; i++) {
-    for (int j = 0; j < INPUTS; j++) {
+  for (int i = 0; i < VARIABLES; i++) {
+    for (int j = 0; j < VARIABLES; j++) {
       for (int b = 0; b < LOCALS; b++) h[i][j] += sums->mixed[i][b] * slopes[j][b] + slopes[i][b] * sums->mixed[j][b];
     }
   }

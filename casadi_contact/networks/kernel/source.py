@@ -151,7 +151,7 @@ def _functions(name: str, outputs: Mapping[str, int], kernel: Sequence[str]) -> 
         places = {key: f"{of}[{first + step * place}]" for place, key in enumerate(keys)}
         return ", ".join(places.get(key, "0") for key in kernel)
 
-    of_pose: Pattern = ("dense", "INPUTS")
+    of_pose: Pattern = ("dense", "VARIABLES")
     unused: list[Pattern] = [("empty", size, "FRAMES") for size in sizes]
     seeds: list[Pattern] = [("dense", size) for size in sizes]
 
@@ -164,7 +164,7 @@ def _functions(name: str, outputs: Mapping[str, int], kernel: Sequence[str]) -> 
         _function(
             f"jac_{name}",
             [of_pose, *unused],
-            [("blocks", size, "INPUTS") for size in sizes],
+            [("blocks", size, "VARIABLES") for size in sizes],
             [f"jacobian_of_all(arg[0], {pair('res', 0)}, 0);"],
         ),
         _function(
@@ -175,11 +175,11 @@ def _functions(name: str, outputs: Mapping[str, int], kernel: Sequence[str]) -> 
         ),
         _function(
             f"jac_adj1_{name}",
-            [of_pose, *unused, *seeds, ("empty", "INPUTS", "FRAMES")],
+            [of_pose, *unused, *seeds, ("empty", "VARIABLES", "FRAMES")],
             [
-                ("blocks", "INPUTS", "INPUTS"),
-                *by_unused("INPUTS", "FRAMES"),
-                *(("blocks", "INPUTS", size) for size in sizes),
+                ("blocks", "VARIABLES", "VARIABLES"),
+                *by_unused("VARIABLES", "FRAMES"),
+                *(("blocks", "VARIABLES", size) for size in sizes),
             ],
             [
                 f"hessian_of_all(arg[0], {pair('arg', 1 + n)}, res[0]);",
@@ -188,8 +188,8 @@ def _functions(name: str, outputs: Mapping[str, int], kernel: Sequence[str]) -> 
         ),
         _function(
             f"jac_jac_{name}",
-            [of_pose, *unused, *(("empty", f"{size} * FRAMES", "INPUTS * FRAMES") for size in sizes)],
-            [block for size in sizes for block in (("second_blocks", size), *by_unused(f"INPUTS * {size}"))],
+            [of_pose, *unused, *(("empty", f"{size} * FRAMES", "VARIABLES * FRAMES") for size in sizes)],
+            [block for size in sizes for block in (("second_blocks", size), *by_unused(f"VARIABLES * {size}"))],
             [f"seconds_of_all(arg[0], {pair('res', 0, 1 + n)});"],
         ),
     ]
@@ -234,7 +234,7 @@ def external_function(
     renamed = [f"#define {function} {before}{function}" for function in called]
     numbers = [f"#define {key} {size}" for key, size in zip(("LOADS", "ROOTS"), sizes.values(), strict=True)]
     interface = casadi_interface({name: {key: sizes[key] for key in outputs}}, list(sizes))
-    renamed.append(f"#define INPUTS {inputs}")
+    renamed.append(f"#define VARIABLES {inputs}")
     beside = shared_library("\n".join([*renamed, c_text("frames.h"), *numbers, interface]), linked=library)
     _stop_generated_code()
     return ca.external(name, str(beside if frames == 1 else copied_library(beside, f"x{frames}-{beside.name}")))

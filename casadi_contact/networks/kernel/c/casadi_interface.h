@@ -1,12 +1,12 @@
-/* The interface of casadi.external for FRAMES poses (one, but where it is defined before) of INPUTS numbers. Sparsity patterns are filled in
+/* The interface of casadi.external for FRAMES poses (one, but where it is defined before) of VARIABLES numbers. Sparsity patterns are filled in
  * when they are asked for. */
 #include <stdlib.h>
 #define casadi_int long long int
 #ifndef FRAMES
 #define FRAMES 1
 #endif
-#ifndef INPUTS
-#define INPUTS 6
+#ifndef VARIABLES
+#define VARIABLES 6
 #endif
 
 #if defined(_WIN32)
@@ -57,32 +57,32 @@ INLINE const casadi_int *blocks(casadi_int rows, casadi_int columns, casadi_int 
 
 /* d(Jacobian, stacked by columns)/d(pose): of each pose's block of the Jacobian, by that pose alone. */
 INLINE const casadi_int *second_blocks(casadi_int rows, casadi_int **kept) {
-  const casadi_int n = FRAMES, all = INPUTS * n;
-  casadi_int *pattern = pattern_of(rows * n * all, all, INPUTS * rows * all, kept), *start = pattern + 2;
+  const casadi_int n = FRAMES, all = VARIABLES * n;
+  casadi_int *pattern = pattern_of(rows * n * all, all, VARIABLES * rows * all, kept), *start = pattern + 2;
   casadi_int *row = start + all + 1;
-  for (casadi_int c = 0; pattern && c <= all; c++) start[c] = c * INPUTS * rows;
+  for (casadi_int c = 0; pattern && c <= all; c++) start[c] = c * VARIABLES * rows;
   for (casadi_int c = 0; pattern && c < all; c++) {
-    for (casadi_int j = 0; j < INPUTS; j++) {
-      for (casadi_int k = 0; k < rows; k++) *row++ = (INPUTS * (c / INPUTS) + j) * rows * n + rows * (c / INPUTS) + k;
+    for (casadi_int j = 0; j < VARIABLES; j++) {
+      for (casadi_int k = 0; k < rows; k++) *row++ = (VARIABLES * (c / VARIABLES) + j) * rows * n + rows * (c / VARIABLES) + k;
     }
   }
   return pattern;
 }
 
 /* Blocks by columns, as CasADi stores them, or (transpose) d(adjoint product)/d(adjoint). */
-INLINE void block_of(int rows, double (*jacobian)[INPUTS], double *to, int transpose) {
-  for (int j = 0; j < INPUTS; j++) {
-    for (int k = 0; k < rows; k++) to[transpose ? INPUTS * k + j : rows * j + k] = jacobian[k][j];
+INLINE void block_of(int rows, double (*jacobian)[VARIABLES], double *to, int transpose) {
+  for (int j = 0; j < VARIABLES; j++) {
+    for (int k = 0; k < rows; k++) to[transpose ? VARIABLES * k + j : rows * j + k] = jacobian[k][j];
   }
 }
 
 INLINE void jacobian_of_all(const double *pose, double *loads, double *roots, int transpose) {
   const casadi_int n = loads || roots ? FRAMES : 0;
   for (casadi_int i = 0; i < n; i++) {
-    double f[LOADS + 1], s[ROOTS + 1], df[LOADS + 1][INPUTS], ds[ROOTS + 1][INPUTS];
-    guarded_jacobian(pose + INPUTS * i, loads ? f : 0, roots ? s : 0, df, ds);
-    if (loads) block_of(LOADS, df, loads + INPUTS * LOADS * i, transpose);
-    if (roots) block_of(ROOTS, ds, roots + INPUTS * ROOTS * i, transpose);
+    double f[LOADS + 1], s[ROOTS + 1], df[LOADS + 1][VARIABLES], ds[ROOTS + 1][VARIABLES];
+    guarded_jacobian(pose + VARIABLES * i, loads ? f : 0, roots ? s : 0, df, ds);
+    if (loads) block_of(LOADS, df, loads + VARIABLES * LOADS * i, transpose);
+    if (roots) block_of(ROOTS, ds, roots + VARIABLES * ROOTS * i, transpose);
   }
 }
 
@@ -90,14 +90,14 @@ INLINE void jacobian_of_all(const double *pose, double *loads, double *roots, in
 INLINE void adjoint_of_all(const double *pose, const double *loads_seed, const double *roots_seed, double *product) {
   const casadi_int n = product ? FRAMES : 0;
   for (casadi_int i = 0; i < n; i++) {
-    double f[LOADS + 1], s[ROOTS + 1], df[LOADS + 1][INPUTS], ds[ROOTS + 1][INPUTS];
-    guarded_jacobian(pose + INPUTS * i, loads_seed ? f : 0, roots_seed ? s : 0, df, ds);
-    for (int j = 0; j < INPUTS; j++) product[INPUTS * i + j] = 0.0;
+    double f[LOADS + 1], s[ROOTS + 1], df[LOADS + 1][VARIABLES], ds[ROOTS + 1][VARIABLES];
+    guarded_jacobian(pose + VARIABLES * i, loads_seed ? f : 0, roots_seed ? s : 0, df, ds);
+    for (int j = 0; j < VARIABLES; j++) product[VARIABLES * i + j] = 0.0;
     for (int k = 0; k < LOADS + ROOTS; k++) {
       const double *seeds = k < LOADS ? loads_seed : roots_seed, *row = k < LOADS ? df[k] : ds[k - LOADS];
       const double seed = seeds ? seeds[k < LOADS ? LOADS * i + k : ROOTS * i + k - LOADS] : 0.0;
-      for (int j = 0; j < INPUTS && seed != 0.0; j++) { /* what has no weight may be NaN */
-        product[INPUTS * i + j] += seed * row[j];
+      for (int j = 0; j < VARIABLES && seed != 0.0; j++) { /* what has no weight may be NaN */
+        product[VARIABLES * i + j] += seed * row[j];
       }
     }
   }
@@ -106,8 +106,8 @@ INLINE void adjoint_of_all(const double *pose, const double *loads_seed, const d
 INLINE void hessian_of_all(const double *pose, const double *loads_seed, const double *roots_seed, double *hessian) {
   const casadi_int n = hessian ? FRAMES : 0;
   for (casadi_int i = 0; i < n; i++) {
-    guarded_hessian(pose + INPUTS * i, loads_seed ? loads_seed + LOADS * i : 0, roots_seed ? roots_seed + ROOTS * i : 0,
-                    hessian + INPUTS * INPUTS * i);
+    guarded_hessian(pose + VARIABLES * i, loads_seed ? loads_seed + LOADS * i : 0, roots_seed ? roots_seed + ROOTS * i : 0,
+                    hessian + VARIABLES * VARIABLES * i);
   }
 }
 
@@ -117,11 +117,11 @@ INLINE void seconds_of_all(const double *pose, double *loads, double *roots) {
   for (casadi_int i = 0; i < n; i++) {
     for (int m = 0; m < LOADS + ROOTS; m++) {
       int root = m >= LOADS, rows = root ? ROOTS : LOADS, k = root ? m - LOADS : m;
-      double *to = root ? roots : loads, weights[LOADS + ROOTS] = {0}, hessian[INPUTS * INPUTS];
+      double *to = root ? roots : loads, weights[LOADS + ROOTS] = {0}, hessian[VARIABLES * VARIABLES];
       if (!to) continue;
       weights[m] = 1.0;
-      guarded_hessian(pose + INPUTS * i, root ? 0 : weights, root ? weights + LOADS : 0, hessian);
-      for (int e = 0; e < INPUTS * INPUTS; e++) to[(INPUTS * INPUTS * i + e) * rows + k] = hessian[e];
+      guarded_hessian(pose + VARIABLES * i, root ? 0 : weights, root ? weights + LOADS : 0, hessian);
+      for (int e = 0; e < VARIABLES * VARIABLES; e++) to[(VARIABLES * VARIABLES * i + e) * rows + k] = hessian[e];
     }
   }
 }

@@ -9,8 +9,8 @@
 #define FRAMES frames()
 
 void guarded_value(const double *pose, double *loads, double *roots);
-void guarded_jacobian(const double *pose, double *loads, double *roots, double (*loads_jacobian)[INPUTS],
-                      double (*roots_jacobian)[INPUTS]);
+void guarded_jacobian(const double *pose, double *loads, double *roots, double (*loads_jacobian)[VARIABLES],
+                      double (*roots_jacobian)[VARIABLES]);
 void guarded_hessian(const double *pose, const double *loads_weight, const double *roots_weight, double *hessian);
 void values_of(long long n, const double *poses, double *loads, double *roots);
 
