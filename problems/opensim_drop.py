@@ -26,7 +26,8 @@ from casadi_contact.core.compiler import shared_library
 from casadi_contact.core.conventions import POSE_NAMES, POSE_UNITS, Array
 from casadi_contact.core.terminal import run_program
 from casadi_contact.export.c_source import c_source, header
-from casadi_contact.optimisation.joint_mechanics import angular_velocity_map, total_selection
+from casadi_contact.networks.frames import angular_velocity_map
+from casadi_contact.optimisation.joint_mechanics import total_selection
 from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.page import SURROGATE, TARGET, new_page, save_page

@@ -23,7 +23,7 @@ points. The C (``c/friction.h``) has the same formulas.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -45,28 +45,26 @@ def coefficients_of(friction: Friction) -> Array:
     return np.array([getattr(friction, name) for name in FRICTION_NAMES])
 
 
-def whole_pressure(y: Array) -> tuple[Array, Array]:
-    """S(y) and its slope."""
-    u = np.clip(2.0 * y, 0.0, 1.0)
-    slope = u * u * (18.0 - 32.0 * u + 15.0 * u * u)
-    return np.where(y < 0.5, 0.5 * u**3 * (6.0 - 8.0 * u + 3.0 * u * u), y), slope
+def whole_pressure(y: Any, maths: Any = np) -> tuple[Any, Any]:
+    """S(y) and its slope, of arrays or (maths: casadi) of expressions."""
+    u = maths.fmin(maths.fmax(2.0 * y, 0.0), 1.0)
+    whole = 0.5 * u**3 * (6.0 - 8.0 * u + 3.0 * u * u) + maths.fmax(y - 0.5, 0.0)
+    return whole, u * u * (18.0 - 32.0 * u + 15.0 * u * u)
 
 
-def friction_factor(coefficients: Array, square: Array) -> tuple[Array, Array, Array]:
-    """f [s/mm] at squares |w_t|² (...) [mm²/s²], its derivative by these, and by the coefficients (..., 5)."""
-    static, dynamic, viscous, transition, _ = coefficients
+def friction_factor(coefficients: Any, square: Any, maths: Any = np) -> tuple[Any, Any, tuple[Any, ...]]:
+    """f [s/mm] at squares |w_t|² [mm²/s²], its derivative by these, and by the first four coefficients, likewise."""
+    static, dynamic, viscous, transition = (coefficients[k] for k in range(4))
     s = square / transition**2
-    above = np.maximum(s, 1.0)
-    kinetic = np.where(s < 1.0, (15.0 - 10.0 * s + 3.0 * s * s) / 8.0, above**-0.5)
-    kinetic_slope = np.where(s < 1.0, (3.0 * s - 5.0) / 4.0, -0.5 * above**-1.5)
+    slow, by_fast = maths.fmin(s, 1.0), 1.0 / maths.sqrt(maths.fmax(s, 1.0))
+    kinetic = (15.0 - 10.0 * slow + 3.0 * slow * slow) / 8.0 * by_fast
+    kinetic_slope = (3.0 * slow - 5.0) / 4.0 * by_fast**3
     sticking = 16.0 / 9.0 / (1.0 + s / 3.0) ** 2
     sticking_slope = -2.0 / 3.0 * sticking / (1.0 + s / 3.0)
     dry = dynamic * kinetic + (static - dynamic) * sticking
     dry_slope = dynamic * kinetic_slope + (static - dynamic) * sticking_slope
     by_transition = -(dry + 2.0 * s * dry_slope) / transition**2
-    one, zero = np.ones_like(s), np.zeros_like(s)
-    by_shares = sticking / transition, (kinetic - sticking) / transition
-    by = np.stack([*by_shares, one, by_transition, zero], -1)
+    by = sticking / transition, (kinetic - sticking) / transition, 1.0 + 0.0 * s, by_transition
     return dry / transition + viscous, dry_slope / transition**3, by
 
 
@@ -112,8 +110,8 @@ class PressedPoints(NamedTuple):
         by_slide += 2.0 * f_slope[:, None, None] * slide[:, :, None] * slide[:, None]
         by_w = whole[:, None, None] * np.concatenate([by_slide, np.cross(c[:, :, None], by_slide, axis=1)], 1)
         by_w -= (dissipation * rise)[:, None, None] * steady[:, :, None] * n[:, None]
-        by_coefficients = whole[:, None, None] * drag[:, :, None] * f_by[:, None]
-        by_coefficients[:, :, 4] = (rise * approach)[:, None] * steady
+        by_whole = (rise * approach)[:, None] * steady
+        by_coefficients = np.stack([*(whole[:, None] * by[:, None] * drag for by in f_by), by_whole], -1)
         parts = wrench_about_origin(by_w, c[:, None]), by_coefficients
         by_motion, by_coefficients = (np.einsum("m,mka->ka", self.forces, part) for part in parts)
         return self.forces @ load, load.T @ self.slopes, by_motion, by_coefficients

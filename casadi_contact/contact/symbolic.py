@@ -164,7 +164,7 @@ class SymbolicContact(ContactFunctions, ContactModel):
 
     def _at_rates(self, name: str, loads: Sequence[str], compiled: bool, size: int) -> ca.Function:
         """casadi.Function pose, its rates, and with size 17 coefficients of friction -> loads."""
-        model = getattr(self, "model", self)
+        model = self.model if isinstance(self, CallbackContact) else self
         if not isinstance(model, SlidingContact):
             return super()._moving(name, loads, compiled, ())
         model.pressed_points(np.empty((0, 6)))  # refuses, where there are none

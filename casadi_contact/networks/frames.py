@@ -25,6 +25,12 @@ def rotation(angles: Any) -> Any:
     )
 
 
+def angular_velocity_map(angles: Any) -> Any:
+    """E (3 x 3) with ω = E·(ṙx, ṙy, ṙz), as a CasADi expression of the angles (3)."""
+    sx, sy, cx, cy = ca.sin(angles[0]), ca.sin(angles[1]), ca.cos(angles[0]), ca.cos(angles[1])
+    return ca.vertcat(ca.horzcat(1, 0, sy), ca.horzcat(0, cx, -sx * cy), ca.horzcat(0, sx, cx * cy))
+
+
 def placed(pose: Any, frame: Any) -> tuple[Any, Any]:
     """Origin (3) and rotation (3 x 3) in the ground of a frame (6) that is fixed to a body at a pose (6)."""
     R = rotation(pose[3:])

@@ -18,13 +18,8 @@ import numpy as np
 
 from casadi_contact.core.conventions import LEVER_MM, WRENCH_NAMES, Array, loads_of_total
 from casadi_contact.core.quantities import TORQUE, quantity
+from casadi_contact.networks.frames import angular_velocity_map
 from casadi_contact.scenes.scene import Scene
-
-
-def angular_velocity_map(angles: Any) -> Any:
-    """E (3 x 3) with ω = E·(ṙx, ṙy, ṙz), as a CasADi expression of the angles (3)."""
-    sx, sy, cx, cy = ca.sin(angles[0]), ca.sin(angles[1]), ca.cos(angles[0]), ca.cos(angles[1])
-    return ca.vertcat(ca.horzcat(1, 0, sy), ca.horzcat(0, cx, -sx * cy), ca.horzcat(0, sx, cx * cy))
 
 
 def generalised_forces(pose: Any, wrench: Any, *, about: str = "fixed") -> Any:

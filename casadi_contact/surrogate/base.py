@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from casadi_contact.contact.friction import checked_velocities
 from casadi_contact.core.conventions import POSE_NAMES, Array, batched, pose_index
 from casadi_contact.core.threads import thread_count
 from casadi_contact.networks.functions import as_weights, hessian_function, weighted_hessians
@@ -120,9 +121,13 @@ class Surrogate(SurrogateFunctions):
         return f"{type(self).__name__}({self.scene.name}, networks: {len(self.networks)})"
 
     @batched
-    def __call__(self, poses: Array, loads: Iterable[str] | None = None) -> Array:
-        """Loads (n, L) for poses (n, 6), or (L,) for a pose (6,): ``load_names``, or the loads asked for."""
+    def __call__(self, poses: Array, loads: Iterable[str] | None = None, velocities: ArrayLike | None = None) -> Array:
+        """Loads (n, L) for poses (n, 6), or (L,) for a pose (6,): ``load_names``, or the loads asked for; velocities:
+        rates (n, 6) of the poses, with which loads hold the scene's friction (`surrogate.sliding`)."""
         names = self.check_loads(loads)
+        if velocities is not None:
+            moving = self.function(names, velocity=True).map(len(poses))
+            return np.asarray(moving(poses.T, checked_velocities(poses, velocities).T)).T
         arrays = self._arrays(poses)
         if arrays is not None:
             return arrays.loads(poses, names)
@@ -207,9 +212,14 @@ class Surrogate(SurrogateFunctions):
         return map_in_chunks(lambda block: confidence.validity(block, self.confidence_roots(block)), poses)
 
     @batched
-    def expected_error(self, poses: Array) -> Array:
-        """Expected error (n, L) [N, N·mm] of ``load_names``: 95 % of unseen errors lie below it; see `confidence`."""
+    def expected_error(self, poses: Array, *, sliding: bool = False) -> Array:
+        """Expected error (n, L) [N, N·mm] of ``load_names``: 95 % of unseen errors lie below it; see `confidence`.
+        sliding: with what the scene's friction adds where bodies slide (`surrogate.sliding`)."""
         confidence, arrays = self.require_confidence(), self._arrays(poses)
+        if sliding:
+            pressed = self.scene.reference_load * np.sum(np.maximum(self.root_loads(poses)[0], 0.0) ** 2, axis=1)
+            coefficient = max(self.scene.friction.static_friction, self.scene.friction.dynamic_friction)
+            return self.expected_error(poses) + coefficient * pressed[:, None] * self.sliding.shares
         if arrays is not None:
             return arrays.expected_error(poses)
         return map_in_chunks(lambda block: confidence.expected_errors(block, self.confidence_roots(block)), poses)

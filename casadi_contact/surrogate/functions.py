@@ -5,19 +5,25 @@ from __future__ import annotations
 import hashlib
 from abc import abstractmethod
 from collections.abc import Iterable, Sequence
-from typing import ClassVar
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar
 
 import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.core.conventions import WRENCH_NAMES, loads_of_total, wrench_names
 from casadi_contact.networks.functions import checked_batch
 from casadi_contact.networks.graph import nan_if_not_finite
 from casadi_contact.networks.kernel.source import ExportedModel, Kernel
 from casadi_contact.networks.names import c_name, check_name
 from casadi_contact.networks.network import Network
+from casadi_contact.scenes.material import FRICTION_NAMES
 from casadi_contact.surrogate.confidence import Confidence
 from casadi_contact.surrogate.kernel import SurrogateArrays, compiled_arrays, confidence_kernel
+
+if TYPE_CHECKING:
+    from casadi_contact.surrogate.sliding import SlidingPatches
 
 _OUTSIDE = """\
 INLINE int outside(const double *pose) {{
@@ -98,6 +104,32 @@ class SurrogateFunctions(SymbolicContact):
         given = [nan_if_not_finite(pose, values[key]) for key in outputs]
         function = ca.Function(check_name(name), [pose], given, ["pose"], list(outputs), {"never_inline": True})
         return function if batch is None else function.map(batch)
+
+    @cached_property
+    def sliding(self) -> SlidingPatches:
+        """What its friction is made of, measured on the scene's elements when it is first asked for; raises ValueError
+        for a scene without geometry, and for a surrogate that was never calibrated."""
+        from casadi_contact.surrogate.sliding import SlidingPatches  # what evaluates a surrogate at rest needs none
+
+        _ = self.scene.material
+        return SlidingPatches(self, self.require_confidence().centre_poses)
+
+    def _moving(self, name: str, loads: Sequence[str], compiled: bool, parameters: Iterable[str]) -> ca.Function:
+        names = tuple([parameters] if isinstance(parameters, str) else parameters)
+        if learned := [each for each in names if each not in FRICTION_NAMES]:
+            raise ValueError(f"parameters {', '.join(learned)} of a surrogate, expected {', '.join(FRICTION_NAMES)}")
+        return super()._moving(name, loads, compiled, names)
+
+    def _at_rates(self, name: str, loads: Sequence[str], compiled: bool, size: int) -> ca.Function:
+        """casadi.Function pose, its rates, and with size 17 coefficients of friction -> loads."""
+        if self.structure != "patch" or not all(
+            loads_of_total(component, self.load_names, self.patch_names) for component in WRENCH_NAMES
+        ):
+            raise ValueError(
+                f"{self!r} knows no wrench of each patch, of which friction is made: expected a patch surrogate"
+            )
+        still = self._function(f"{name}_at_rest", wrench_names(self.patch_names), ("loads",), compiled, None)
+        return self.sliding.function(still, name, loads, size, self.scene.friction)
 
     def _compiled_kernel(self, loads: Sequence[str], *, roots: bool = True) -> SurrogateArrays | None:
         """The loads' kernel, compiled once; of all loads there is one that gives root loads and confidence as well."""

@@ -1,11 +1,19 @@
 """Friction and dissipation: closed forms, derivatives of all forms against differences, and rest."""
 
+import json
+
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import casadi_contact as cc
+from casadi_contact.contact.pressure_law import layer_modulus
+from casadi_contact.contact.symbolic import symbolic
 from casadi_contact.scenes.material import FRICTION_NAMES, Friction
+from tests.support.opensim import by_opensim
+from tests.support.ready_poses import KNEE
 
 RUBBING = dict(zip(FRICTION_NAMES, (0.3, 0.2, 1e-3, 20.0, 2e-3), strict=True))
 ON_PLANE, IN_GROOVE = [0.3, 29.8, -0.2, 0.05, 0.1, -0.2], [-49.7, 1.0, 0.3, 0.02, 0.05, 0.1]
@@ -43,7 +51,8 @@ def test_at_rest_loads_are_those_without_velocity(rubbing):
 
 
 def test_what_takes_no_velocity_says_so():
-    for model in (cc.load_surrogate("knee"), cc.foundation("hip")):
+    own = symbolic(cc.CallableModel(cc.load_scene("sphere_on_plane"), lambda poses: np.zeros((len(poses), 1, 6))))
+    for model in (own, cc.foundation("hip")):
         with pytest.raises(ValueError, match="velocit"):
             model.function(velocity=True)
     with pytest.raises(ValueError, match="velocities have"):
@@ -94,3 +103,114 @@ def test_a_sphere_that_spins_feels_the_torque_of_its_pressures():
     depth = np.sqrt(30.0**2 - r * r) - 29.8
     ratio = np.trapezoid(depth * r * r, r) / np.trapezoid(depth * r, r)
     np.testing.assert_allclose(load[4], 0.2 * -load[1] * ratio, rtol=5e-3)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.99, 1.01])
+def test_a_block_on_a_slope_creeps_below_the_cone_of_friction_and_slides_away_above_it(share):
+    """Below μ_s it creeps at less than the transition velocity, where friction holds it; above it goes on faster."""
+    static, dynamic, transition, gravity = 0.5, 0.4, 5.0, 9810.0
+    friction = {"static_friction": static, "dynamic_friction": dynamic, "transition_velocity": transition}
+    block = cc.ElasticFoundation(cc.load_scene("punch_on_plane", **friction), (4, 4))
+    slope = np.arctan(share * static)
+
+    def held(speed):
+        load = block([0.0, -0.05, 0.0, 0.0, 0.0, 0.0], velocities=[speed, 0.0, 0.0, 0.0, 0.0, 0.0])
+        return -load[0] / load[1]
+
+    motion = solve_ivp(
+        lambda _, v: gravity * (np.sin(slope) - np.cos(slope) * held(v[0])),
+        (0.0, 1.0),
+        [0.0],
+        rtol=1e-8,
+        method="LSODA",
+    )
+    assert held(transition) == pytest.approx(static, rel=1e-12)
+    if share < 1.0:
+        assert motion.y[0, -1] < transition
+        assert held(motion.y[0, -1]) == pytest.approx(np.tan(slope), rel=5e-3)
+    else:
+        run = motion.y[0, -1] - np.interp(0.9, motion.t, motion.y[0])
+        assert run == pytest.approx(0.1 * gravity * (np.sin(slope) - np.cos(slope) * dynamic), rel=5e-3)
+
+
+def test_a_sphere_bounces_back_with_the_speed_that_dissipation_leaves():
+    """m·v·dv = -F(d)·(1 + c·v)·dd, so that for any F the speeds v and e·v before and after have the same
+    ∫v/(1 + c·v) dv: x - ln(1 + x) = -y - ln(1 - y) with x = c·v, y = c·e·v; e = 1 - 2/3·c·v for small ones."""
+    mass, speed, x = 1e-3, 100.0, 0.3
+    ball = cc.PolarFoundation(cc.load_scene("sphere_on_plane", dissipation=x / speed))
+
+    def rate(_, state):
+        load = ball([0.0, state[0], *[0.0] * 4], velocities=[0.0, state[1], *[0.0] * 4])
+        return [state[1], -load[1] / mass]
+
+    bounce = solve_ivp(rate, (0.0, 0.1), [30.0, -speed], rtol=1e-8, atol=1e-8)  # then it flies on
+    y = brentq(lambda y: -y - np.log1p(-y) - (x - np.log1p(x)), 0.0, 0.9)
+    assert bounce.y[1, -1] / speed == pytest.approx(y / x, rel=5e-3)
+
+
+BY_OPENSIM = """
+import json, sys, opensim
+model, ball = opensim.Model(), opensim.Body("ball", 1.0, opensim.Vec3(0), opensim.Inertia(1.0))
+joint, down = opensim.FreeJoint("free", model.getGround(), ball), opensim.Vec3(0, 0, -1.5707963267948966)
+mesh = opensim.ContactMesh("ball.obj", opensim.Vec3(0), opensim.Vec3(0), ball, "mesh")
+plane = opensim.ContactHalfSpace(opensim.Vec3(0), down, model.getGround(), "plane")
+force = opensim.ElasticFoundationForce()
+model.addBody(ball), model.addJoint(joint), model.addForce(force)
+for geometry in (mesh, plane):
+    model.addContactGeometry(geometry), force.addGeometry(geometry.getName())
+for name, value in json.loads(sys.argv[1]).items():
+    getattr(force, "set" + name)(value)
+state, found = model.initSystem(), []
+for row in json.loads(sys.argv[2]):
+    for k in range(6):
+        joint.get_coordinates(k).setValue(state, row[k], False)
+        joint.get_coordinates(k).setSpeedValue(state, row[6 + k])
+    model.realizeDynamics(state)
+    values = force.getRecordValues(state)
+    found.append([values.get(k) for k in range(6, 12)])
+print(json.dumps(found))
+"""
+
+
+def test_opensim_s_elastic_foundation_rubs_as_ours_does(tmp_path):
+    """The same ball, a mesh there, on the same plane: normal forces differ by that mesh, in proportion all loads."""
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.creation.icosphere(subdivisions=6, radius=0.03).export(tmp_path / "ball.obj")
+    scene = cc.load_scene(
+        "sphere_on_plane",
+        **{"dynamic_friction": 0.2, "viscous_friction": 1e-3, "transition_velocity": 2.0, "dissipation": 2e-3},
+    )
+    law, friction = scene.material, scene.friction
+    stiffness = layer_modulus(law) / law.thickness * 1e9  # Pa/m
+    given = {"Stiffness": stiffness, "Dissipation": 1e3 * friction.dissipation, "StaticFriction": 0.2}
+    given |= {"DynamicFriction": 0.2, "ViscousFriction": 1e3 * friction.viscous_friction, "TransitionVelocity": 2e-3}
+    velocities = np.array([[0.0] * 6, [30.0, -20.0, -40.0, 0.0, 0.0, 0.0], [10.0, 20.0, 0.0, 0.5, 2.0, -0.3]])
+    poses = np.tile([0.0, 29.8, 0.0, 0.0, 0.0, 0.0], (3, 1))
+    rows = np.hstack([poses[:, [3, 4, 5, 0, 1, 2]] * [1, 1, 1, 1e-3, 1e-3, 1e-3], velocities[:, [3, 4, 5, 0, 1, 2]]])
+    rows[:, 9:] *= 1e-3
+    theirs = np.array(json.loads(by_opensim(BY_OPENSIM, tmp_path, json.dumps(given), json.dumps(rows.tolist()))))
+    theirs[:, 3:] *= 1e3
+    ours = cc.PolarFoundation(scene).wrenches(poses, velocities)[:, 0]
+    np.testing.assert_allclose(theirs[:, 1], ours[:, 1], rtol=0.02)
+    scale = ours[0, 1] / theirs[0, 1]
+    np.testing.assert_allclose(scale * theirs[:, :3], ours[:, :3], atol=2e-3 * np.abs(ours[0, 1]))
+    np.testing.assert_allclose(scale * theirs[:, 4], ours[:, 4], rtol=0.03, atol=1e-6)
+
+
+def test_a_surrogate_rubs_as_its_contact_model_does():
+    surrogate = cc.load_surrogate("knee", dynamic_friction=0.06, transition_velocity=2.0, dissipation=2e-4)
+    poses, rates = (
+        np.tile(KNEE, (8, 1)),
+        np.random.default_rng(0).normal(size=(8, 6)) * [30.0, 5.0, 10.0, 0.3, 0.5, 2.0],
+    )
+    still, moving = (cc.PolarFoundation(surrogate.scene)(poses, velocities=way) for way in (np.zeros(6), rates))
+    at_rest = surrogate(poses)
+    np.testing.assert_allclose(surrogate(poses, velocities=np.zeros(6)), at_rest, rtol=1e-10, atol=1e-8)
+    made = surrogate(poses, velocities=rates) - at_rest
+    missed = surrogate.expected_error(poses, sliding=True) - surrogate.expected_error(poses)
+    assert np.all(np.abs(made - (moving - still)) <= missed + 1e-2 * np.abs(made))
+    assert np.all(np.abs(made[:, 2]) > 20.0 * missed[:, 2])
+    with pytest.raises(ValueError, match="youngs_modulus"):
+        surrogate.function(velocity=True, parameters=["youngs_modulus"])
+    with pytest.raises(ValueError, match="radius"):
+        cc.load_surrogate("knee", radius=2.0)

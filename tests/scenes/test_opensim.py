@@ -2,9 +2,6 @@
 
 import json
 import re
-import subprocess
-import sys
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +25,7 @@ from casadi_contact.scenes.opensim import (
 )
 from casadi_contact.scenes.pose_file import poses_from_curves, read_poses
 from casadi_contact.scenes.walking import reference_cycle
+from tests.support.opensim import by_opensim
 from tests.support.shared_data import shared_file
 
 _TEXT = st.text(st.characters(min_codepoint=32, max_codepoint=126, exclude_characters='=,;"'), max_size=12)
@@ -257,16 +255,6 @@ def test_ligaments_of_jam_s_knee_are_as_long_as_it_stored():
         points = [1e3 * turn * np.array(text.split(), float) for text in re.findall("<location>(.*)</location>", path)]
         lengths = np.linalg.norm(poses[:, :3] + rotation(poses[:, 3:]) @ points[0] - points[1], axis=1)
         np.testing.assert_allclose(lengths, 1e3 * forces.column(f"{bundle}.length"), atol=1e-5)
-
-
-def by_opensim(code, folder, *arguments):
-    """The last line that OpenSim's Python prints, in a process of its own."""
-    if find_spec("opensim") is None:
-        pytest.skip("opensim is not installed")
-    command = [sys.executable, "-c", code, *map(str, arguments)]
-    ran = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
-    assert ran.returncode == 0, ran.stderr
-    return ran.stdout.strip().splitlines()[-1]
 
 
 def test_opensim_reads_what_is_written_and_what_it_writes_is_read(tmp_path):
