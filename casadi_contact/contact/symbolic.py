@@ -243,7 +243,11 @@ def check_parameters(parameters: Iterable[str], material: Material, *, moving: b
         raise ValueError(f"parameters {', '.join(names)}, expected some of {', '.join(known)}, each once{cure}")
     if "thickness" in names and material.law != "linear":
         raise ValueError(f"thickness is no factor of the loads under the law {material.law!r}, expected the law linear")
-    if material.moving and (material.thickness_map or material.law != "linear") and not set(names) <= set(PLACEMENT):
+    if (
+        material.moving
+        and (material.thickness_map or material.law != "linear")
+        and not set(names) <= {*PLACEMENT, *FRICTION_NAMES}
+    ):
         raise ValueError(
             f"{', '.join(names)}: the fixed layer in series with the moving one is no factor of the loads where its "
             "thickness varies, or under the law log; expected a placement alone, or one layer"

@@ -9,7 +9,6 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import casadi_contact as cc
-from casadi_contact.contact.pressure_law import layer_modulus
 from casadi_contact.contact.symbolic import symbolic
 from casadi_contact.scenes.material import FRICTION_NAMES, Friction
 from tests.support.opensim import by_opensim
@@ -181,7 +180,7 @@ def test_opensim_s_elastic_foundation_rubs_as_ours_does(tmp_path):
         **{"dynamic_friction": 0.2, "viscous_friction": 1e-3, "transition_velocity": 2.0, "dissipation": 2e-3},
     )
     law, friction = scene.material, scene.friction
-    stiffness = layer_modulus(law) / law.thickness * 1e9  # Pa/m
+    stiffness = law.modulus / law.thickness * 1e9  # Pa/m
     given = {"Stiffness": stiffness, "Dissipation": 1e3 * friction.dissipation, "StaticFriction": 0.2}
     given |= {"DynamicFriction": 0.2, "ViscousFriction": 1e3 * friction.viscous_friction, "TransitionVelocity": 2e-3}
     velocities = np.array([[0.0] * 6, [30.0, -20.0, -40.0, 0.0, 0.0, 0.0], [10.0, 20.0, 0.0, 0.5, 2.0, -0.3]])
