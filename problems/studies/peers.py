@@ -108,7 +108,7 @@ def tasks(samples: Samples, names: Sequence[str]) -> dict[str, list[Regression]]
     poses, loads = finite("poses", samples.poses[rows]), finite("loads", samples.loads(names)[rows])
     ones, free = np.ones(len(poses)), list(samples.scene.pose_space.free)
     raw = Regression(LOADS, poses[:, free], loads, ones, validation, 0.0, domain=samples.domain[rows])
-    return {LOADS: [raw], ROOTS: patch_regressions(samples)}
+    return {LOADS: [raw], ROOTS: patch_regressions(samples, deeper=False)}
 
 
 def fitted(method: Any, regressions: Sequence[Regression], *, near: bool) -> dict[str, Fit]:

@@ -44,9 +44,9 @@ def root_weight(target: Array, scene: Scene) -> Array:
     return 2.0 * scene.reference_load * floor * relative
 
 
-def patch_regressions(samples: Samples) -> list[Regression]:
+def patch_regressions(samples: Samples, *, deeper: bool = True) -> list[Regression]:
     """Regressions for the root load of every part of a patch, which validity goes by, and for the ratios that the
-    scene's loads need.
+    scene's loads need. deeper: with rows that go on beyond the largest load.
 
     Root: target `root_target`, weight `root_weight`, out of contact N0 as its false load. Ratios: target W_k/N, weight
     N/(τ_k·√m) for the m outputs of a network, so that the root mean square of its residuals is 1 where the error of
@@ -78,7 +78,7 @@ def patch_regressions(samples: Samples) -> list[Regression]:
         false_load = np.where(contact, 0.0, scene.reference_load)
         columns = (inputs, target, root_weight(target, scene), validation)
         root = Regression(root_name(part.name), *columns, root_tolerance, false_load, domain)
-        regressions.append(_with_deeper(root, part.normal.direction, scene))
+        regressions.append(_with_deeper(root, part.normal.direction, scene) if deeper else root)
         if not components[part.name]:
             continue
         used = [WRENCH_NAMES.index(name) for name in components[part.name]]
