@@ -106,4 +106,4 @@ def read_npz(path: Path) -> dict[str, np.ndarray]:
     except (FileNotFoundError, PermissionError, IsADirectoryError):
         raise
     except Exception as error:  # damaged bytes lead to errors of many types in zipfile and NumPy
-        raise ValueError(f"{path} is damaged ({one_line(error)})") from None
+        raise ValueError(f"{path} is damaged ({one_line(error)}): delete it, and run the same again") from None

@@ -1,17 +1,15 @@
 """Fit a network to a regression: grow, restart, stop, and go on from where an earlier run ended; and several networks
 side by side, through any ``concurrent.futures.Executor``.
 
-Its state lies in one .npz file, the checkpoint. A damaged one is not worth stopping for: the fit starts again, with one
-logged warning. One that belongs to other data or settings is refused, because it may be hours of somebody's work that
-must not be overwritten. The progress of workers is read from their checkpoints, which works across threads, processes
-and machines that share a folder.
+Its state lies in one .npz file, the checkpoint. One that is damaged, or belongs to other data or settings, is refused,
+because it may be hours of somebody's work that must not be overwritten. The progress of workers is read from their
+checkpoints, which works across threads, processes and machines that share a folder.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import logging
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
@@ -27,13 +25,10 @@ from threadpoolctl import threadpool_limits
 
 from casadi_contact.core.conventions import Array, Update
 from casadi_contact.core.files.containers import read_npz, write_npz
-from casadi_contact.core.files.reading import one_line
 from casadi_contact.core.workers import cancelled_if_left
 from casadi_contact.networks.network import Network, Regression, size_text
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.networks.training.trainer import Trainer
-
-_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -98,7 +93,8 @@ def fit(
     (workers are ended at once); a later call with the same regression and settings goes on from it (its budget too),
     or returns a finished fit at once. Higher limits than before continue a fit that those had ended.
 
-    Raises ValueError for a regression that cannot be fitted (NaN, shapes), and for a checkpoint of other data.
+    Raises ValueError for a regression that cannot be fitted (NaN, shapes), and for a checkpoint that is damaged or of
+    other data.
     """
     settings = settings or TrainingSettings()
     check(regression)
@@ -161,25 +157,17 @@ def _begun(
     checkpoint: Path | None,
     identity: dict[str, Any],
 ) -> Trainer:
-    """The fit as its checkpoint left it; a new one where there is none or it is damaged."""
-    try:
-        saved = read_npz(checkpoint) if checkpoint is not None and checkpoint.exists() else None
-    except (OSError, ValueError) as error:
-        _log.warning("checkpoint %s; the fit starts again", error)
-        saved = None
-    if saved is None:
+    """The fit as its checkpoint left it; a new one where there is none."""
+    if checkpoint is None or not checkpoint.exists():
         return Trainer(regression, settings, None, start)
+    saved = read_npz(checkpoint)
     digest, sums, expected = str(saved.get("digest")), saved.get("sums", np.empty(0)), identity["sums"]
     same = digest == identity["digest"] and (sums.shape, sums.dtype) == (expected.shape, expected.dtype)
     if not same or not (np.abs(sums - expected) <= 1e-9 * np.repeat(expected[::2], 2)).all():  # up to rounding
         raise ValueError(
             f"checkpoint {checkpoint} belongs to other data or settings: delete it, or choose another folder"
         )
-    try:
-        return Trainer(regression, settings, saved, start)
-    except (KeyError, TypeError, ValueError, IndexError) as error:
-        _log.warning("checkpoint %s is damaged (%s); the fit starts again", checkpoint, one_line(error))
-        return Trainer(regression, settings, None, start)
+    return Trainer(regression, settings, saved, start)
 
 
 def _result(regression: Regression, trainer: Trainer) -> Fit:
