@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.contact.approach import first_crossing
+from casadi_contact.contact.approach import trace_gap
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.pressures import PressureMap
 from casadi_contact.core.conventions import POSE_NAMES, Array, as_poses, load_selection
@@ -128,20 +128,19 @@ _FARTHEST_MM = 150.0
 def contact_pose(model: ElasticFoundation) -> Array:
     """The scene's start pose (6,), moved along the direction of pressing until the bodies overlap by 0.1 mm. Raises
     ValueError where that never brings them together."""
-    scene = model.scene
-    back = view_of(model).toward.pointing
+    scene, back = model.scene, view_of(model).toward.pointing
 
-    def pose_at(travel_mm: Array) -> Array:
-        return scene.pose_space.project(scene.start_pose + np.pad(travel_mm[:, None] * back, ((0, 0), (0, 3))))
+    def pose_at(way_mm: Array) -> Array:
+        travel_mm = (_FARTHEST_MM - way_mm)[:, None] * back
+        return scene.pose_space.project(scene.start_pose + np.pad(travel_mm, ((0, 0), (0, 3))))
 
-    def overlaps(_: np.ndarray, way_mm: Array) -> np.ndarray:
-        return model.gaps(pose_at(_FARTHEST_MM - way_mm)).min(axis=1) < -_OVERLAP_MM
+    def left_mm(_: np.ndarray, way_mm: Array) -> Array:
+        return model.gaps(pose_at(way_mm)).min(axis=1) + _OVERLAP_MM
 
-    step_mm, reach_mm = 2.0, 2.0 * _FARTHEST_MM
-    way_mm = first_crossing(overlaps, 1, step_mm, reach_mm, bisections=40)
-    if not step_mm < way_mm[0] < reach_mm:
+    way_mm, touching = trace_gap(left_mm, 1, reach_mm=2.0 * _FARTHEST_MM, touch_mm=1e-7)
+    if not touching[0] or way_mm[0] == 0.0:
         raise ValueError(f"scene {scene.name} has no contact along the direction of pressing: give a pose")
-    return pose_at(_FARTHEST_MM - way_mm)[0]
+    return pose_at(way_mm)[0]
 
 
 _UM_PER_MM = 1000.0

@@ -46,7 +46,9 @@ class Project:
         scene and for what was trained on it.
         The sensitive pose parameters of a scene that leaves them out are found, and kept in the folder's scene.toml.
         """
-        surrogate = surrogate_named(scene)
+        # "knee" is both a scene and a surrogate: the scene
+        named = Path(scene).suffix == ".h5" or (str(scene) in ready_surrogates() and str(scene) not in ready_scenes())
+        surrogate = load_surrogate(scene) if named else None
         loaded = load_scene(scene) if surrogate is None else surrogate.scene
         if preset not in PRESETS:
             raise ValueError(f"unknown preset {preset!r}, expected one of {', '.join(PRESETS)}")
@@ -103,12 +105,6 @@ class Project:
         """ValueError where what lies in the folder is of another scene, tolerances apart; made_for: what it is."""
         if scene.digest != self.scene.digest:
             raise ValueError(f"{made_for} another scene than {self.scene.name} now: choose another --out, or remove it")
-
-
-def surrogate_named(name: str | Path) -> Surrogate | None:
-    """The surrogate of a .h5 file or a ready name; None for what names a scene, as "knee" does, which is both."""
-    named = Path(name).suffix == ".h5" or (str(name) in ready_surrogates() and str(name) not in ready_scenes())
-    return load_surrogate(name) if named else None
 
 
 Given = ParamSpec("Given")

@@ -59,21 +59,17 @@ def refuse_without_elements(project: Project) -> None:
 
 
 def untrained_candidates(scene: Scene) -> Iterator[Candidate]:
-    """What learns nothing: grids of elements, and `cc.foundation` with coarser and finer ones."""
-    yield from _element_candidates(scene)
+    """What learns nothing: grids of elements up to the teacher's, laid both ways, timed as one batch of poses, which is
+    their cheapest form, and `cc.foundation` with coarser and finer ones."""
+    teacher = scene.grids["teacher"]
+    grids = {*GRIDS, *(grid[::-1] for grid in GRIDS), scene.grids["coarse"], scene.grids["fine"]}
+    for grid in sorted({*(grid for grid in grids if math.prod(grid) < math.prod(teacher)), teacher}, key=math.prod):
+        yield _batch_candidate(ElasticFoundation(scene, grid), EF_FAMILY)
     try:
         for model in foundation_ladder(scene):
             yield _symbolic_candidate(Point(f"{FOUNDATION_FAMILY} {model.resolution}", FOUNDATION_FAMILY), model)
     except ValueError as error:  # of a shape without one, or where none is good enough
         yield Candidate(Point(FOUNDATION_FAMILY, FOUNDATION_FAMILY, failure=" ".join(str(error).split())))
-
-
-def _element_candidates(scene: Scene) -> Iterator[Candidate]:
-    """EF grids up to the teacher's, laid both ways, timed as one batch of poses, which is their cheapest form."""
-    teacher = scene.grids["teacher"]
-    grids = {*GRIDS, *(grid[::-1] for grid in GRIDS), scene.grids["coarse"], scene.grids["fine"]}
-    for grid in sorted({*(grid for grid in grids if math.prod(grid) < math.prod(teacher)), teacher}, key=math.prod):
-        yield _batch_candidate(ElasticFoundation(scene, grid), EF_FAMILY)
 
 
 def _batch_candidate(model: Any, family: str) -> Candidate:
