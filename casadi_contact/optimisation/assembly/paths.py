@@ -131,8 +131,9 @@ class Bundle(Path):
         check_above_zero(**{f"{self.name}: {key}": getattr(self, key) for key in ("stiffness_n", "slack_length_mm")})
 
 
-def tensions(bundles: Sequence[Bundle], lengths_mm: Any, rates_mm_per_s: Any) -> Any:
-    """Tensions (n) [N] of bundles, zero while slack."""
+def tensions(bundles: Sequence[Bundle], lengths_mm: Any, rates_mm_per_s: Any, *, soft: bool = False) -> Any:
+    """Tensions (n) [N] of bundles, zero while slack. Damping leaps where a bundle becomes taut or turns; soft: it rises
+    within a strain of about 1e-3 and a rate of 0.01/s, so that IPOPT converges."""
     if not bundles:
         return ca.SX(0, 1)
     k, slack, toe, damping = (
@@ -142,7 +143,10 @@ def tensions(bundles: Sequence[Bundle], lengths_mm: Any, rates_mm_per_s: Any) ->
     strain, rate = lengths_mm / slack - 1.0, rates_mm_per_s / slack
     taut = ca.fmax(strain, 0.0)
     spring = ca.if_else(taut < 2.0 * toe, 0.25 * taut**2 / toe, taut - toe)
-    return k * (spring + damping * ca.if_else(strain > 0.0, ca.fmax(rate, 0.0), 0.0))
+    lengthening = ca.if_else(strain > 0.0, ca.fmax(rate, 0.0), 0.0)
+    if soft:
+        lengthening = 0.5 * (rate + ca.sqrt(rate**2 + 1e-4)) * taut**2 / (taut**2 + 1e-7)
+    return k * (spring + damping * lengthening)
 
 
 @dataclass(frozen=True)

@@ -58,10 +58,10 @@ class ModelFile:
     rest: str
 
 
-def read_model(path: str | Path) -> ModelFile:
-    """Raises FileNotFoundError, and ValueError for a file that is no model, holds entities, or names a mesh that it
-    lacks."""
-    path = existing_file(path, "OpenSim model", "an .osim file")
+def opensim_root(path: str | Path) -> ET.Element:
+    """The root of an .osim file, or of settings of an OpenSim tool. Raises FileNotFoundError, and ValueError for a file
+    that is no such XML, or holds entities."""
+    path = existing_file(path, "OpenSim file", "an .osim or .xml file")
     checked_size(path, MOST_MODEL)
     text = path.read_text("utf-8-sig", errors="replace")
     if re.search(r"<!\s*(DOCTYPE|ENTITY)", text):
@@ -69,9 +69,18 @@ def read_model(path: str | Path) -> ModelFile:
     try:
         root = ET.fromstring(text)
     except ET.ParseError as error:
-        raise ValueError(f"{path} is no XML ({error}), expected an .osim file") from None
-    if root.tag != "OpenSimDocument" or root.find("Model") is None:
-        raise ValueError(f"{path} holds <{root.tag}>, expected an <OpenSimDocument> with a <Model>")
+        raise ValueError(f"{path} is no XML ({error}), expected an .osim or .xml file") from None
+    if root.tag != "OpenSimDocument":
+        raise ValueError(f"{path} holds <{root.tag}>, expected an <OpenSimDocument>")
+    return root
+
+
+def read_model(path: str | Path) -> ModelFile:
+    """Raises FileNotFoundError, and ValueError for a file that is no model, holds entities, or names a mesh that it
+    lacks."""
+    root = opensim_root(path)
+    if root.find("Model") is None:
+        raise ValueError(f"{path} holds no <Model>, expected an .osim file")
     meshes = {mesh.name: mesh for mesh in map(_mesh, root.iter(f"{CONTACT_PREFIX}ContactMesh"))}
     contacts = tuple(map(_contact, root.iter(f"{CONTACT_PREFIX}ArticularContactForce")))
     for contact in contacts:

@@ -1,0 +1,365 @@
+"""COMAK's question in one problem: which muscles pull how hard in a measured motion, and how do the bones lie?
+
+    min Σ V_m·a_m² + 1000·Σ r²   so that   forces(x_k, (x_k - x_{k-1})/Δt, F0·a_k; motion_k) + r_k = 0,   0.01 ≤ a ≤ 1
+
+over all frames k at once, by IPOPT with exact derivatives. Unknown are activations a, secondary coordinates x of an
+imported model (`casadi-contact import`) and small reserves r. Given are the measured motion, filtered, with its rates
+and accelerations, and the ground's loads. The forces are those on primary and secondary coordinates; the latter do not
+accelerate. V are muscles' volumes times given weights. COMAK (Smith et al. 2018) solves one frame after the other,
+linearised about the last: its settings file is read as it is, its results are compared with where they are given.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from scipy import signal, sparse
+from scipy.interpolate import CubicSpline
+
+import casadi_contact as cc
+from casadi_contact.core.conventions import LEVER_MM, Array
+from casadi_contact.core.terminal import run_program
+from casadi_contact.optimisation.assembly.balance import FrameBalance
+from casadi_contact.optimisation.assembly.file import ray_casting
+from casadi_contact.optimisation.assembly.jointed import JointedAssembly
+from casadi_contact.optimisation.ipopt import IpoptOutcome, settled_options
+from casadi_contact.pictures.page import SURROGATE, TARGET, frame, new_page, save_page
+from casadi_contact.scenes.columns import write_columns
+from casadi_contact.scenes.opensim import TIME, Table, read_opensim_table, write_table
+from casadi_contact.workflow.opensim_import.importing import states_of
+from casadi_contact.workflow.opensim_import.model_file import opensim_root
+from problems.summary import write_summary
+
+LEAST, MOST = 0.01, 1.0  # activations
+RESERVE_WEIGHT, MOST_RESERVE = 1000.0, 50.0  # per N² or (N·m)², as COMAK's default; N or N·m
+FARTHEST_MM = 25.0  # from the start, rotations at 25 mm
+REST = 0.02  # activation while secondary coordinates settle
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Of a COMAK settings file: times [s], cut-off [Hz] (0: no filter), coordinates by name, muscles' weights."""
+
+    start_s: float
+    stop_s: float
+    step_s: float
+    cutoff_hz: float
+    primary: tuple[str, ...]
+    secondary: tuple[str, ...]
+    weights: Mapping[str, float]
+
+    @classmethod
+    def read(cls, path: Path) -> Settings:
+        """Raises ValueError for a file without the settings that are needed."""
+        root = opensim_root(path)
+        texts = {element.tag: (element.text or "").strip() for element in root.iter()}
+        try:
+            start, stop, step, cutoff = (
+                float(texts[key]) for key in ("start_time", "stop_time", "time_step", "lowpass_filter_frequency")
+            )
+            weights = {
+                str(each.findtext("actuator")).strip().split("/")[-1]: float(next(each.iter("value")).text or "")
+                for each in root.iter()
+                if each.find("actuator") is not None
+            }
+            primary = tuple(word.split("/")[-1] for word in texts["primary_coordinates"].split())
+        except (KeyError, ValueError, StopIteration) as error:
+            raise ValueError(f"{path} lacks settings of COMAK, or has others than numbers: {error}") from None
+        found = [str(each.findtext("coordinate")).strip() for each in root.iter("COMAKSecondaryCoordinate")]
+        secondary = tuple(word.split("/")[-1] for word in found)
+        return cls(start, stop, step, max(cutoff, 0.0), primary, secondary, weights)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Times (n,), coordinates with rates and accelerations (n, c) [m, rad], and loads (n, 6, bodies) [N, N·m] on bodies
+    in the ground about its origin."""
+
+    time_s: Array
+    q: Array
+    u: Array
+    udot: Array
+    bodies: tuple[str, ...] = ()
+    loads: Array | None = None
+
+    def inputs(self, rows: Any = slice(None)) -> list[Array]:
+        """q, u, udot and loads of some frames, as `FrameBalance` takes them: frames side by side."""
+        loads = np.zeros((len(self.time_s), 6, 0)) if self.loads is None else self.loads
+        return [self.q[rows].T, self.u[rows].T, self.udot[rows].T, np.concatenate(list(loads[rows]), axis=1)]
+
+
+def read_motion(assembly: JointedAssembly, settings: Settings, coordinates: Path, loads: Path | None) -> Motion:
+    """A measured motion as OpenSim's tools prepare it: resampled, padded by its reflection, filtered there and back by
+    a Butterworth filter of third order, its derivatives those of cubic splines."""
+    table = read_opensim_table(coordinates)
+    measured, values = table.columns[TIME], states_of(assembly, table)
+    step = settings.step_s if settings.step_s > 0.0 else float(np.diff(measured).mean())
+    t = measured[0] + step * np.arange(int((measured[-1] - measured[0]) / step + 1e-6) + 1)
+    x = np.column_stack([np.interp(t, measured, curve) for curve in values.T])
+    if settings.cutoff_hz:
+        filtered = signal.butter(3, 2.0 * step * settings.cutoff_hz)
+        x = signal.filtfilt(*filtered, x, axis=0, padlen=len(x) // 2)
+    kept = t[(t > settings.start_s - 0.5 * step) & (t < settings.stop_s + 0.5 * step)]
+    spline = CubicSpline(t, x)
+    bodies, wrenches = read_loads(loads, kept) if loads else ((), None)
+    return Motion(kept, spline(kept), spline(kept, 1), spline(kept, 2), bodies, wrenches)
+
+
+def read_loads(path: Path, time_s: Array) -> tuple[tuple[str, ...], Array]:
+    """Bodies and their loads (n, 6, bodies) [N, N·m] about the ground's origin of an OpenSim ExternalLoads file."""
+    root = opensim_root(path)
+    table = read_opensim_table(path.parent / (root.findtext(".//datafile") or "").strip())
+    found: dict[str, Array] = {}
+    for force in root.iter("ExternalForce"):
+        told = {key.tag: (key.text or "").strip() for key in force}
+        if {told["force_expressed_in_body"], told["point_expressed_in_body"]} != {"ground"}:
+            raise ValueError(f"{path}: {force.get('name')} is told in a body, expected force and point in ground")
+        F, point, T = (
+            np.column_stack([np.interp(time_s, table.columns[TIME], table.column(told[key] + axis)) for axis in "xyz"])
+            for key in ("force_identifier", "point_identifier", "torque_identifier")
+        )
+        wrench = np.column_stack([F, T + np.cross(point, F)])
+        body = told["applied_to_body"].split("/")[-1]
+        found[body] = found.get(body, 0.0) + wrench
+    return tuple(found), np.stack(list(found.values()), axis=2)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Activations (n, m), secondary coordinates (n, f) [m, rad], reserves (n, b) [N, N·m], and how IPOPT ended, of
+    several solutions the worst."""
+
+    activations: Array
+    secondary: Array
+    reserves: Array
+    outcome: IpoptOutcome
+
+
+class Walk:
+    """The problem of a motion's frames, one given the last, or all at once."""
+
+    def __init__(self, assembly: JointedAssembly, motion: Motion, settings: Settings) -> None:
+        self.assembly, self.motion, self.settings = assembly, motion, settings
+        self.balanced = (*settings.primary, *settings.secondary)
+        self.balance = FrameBalance(assembly, self.balanced, settings.secondary, motion.bodies)
+        self.free, self.step_s = self.balance.free, float(np.diff(motion.time_s).mean())
+        self.strength = np.array([muscle.max_force_n for muscle in assembly.muscles])
+        volume = self.strength * [muscle.optimal_fibre_mm for muscle in assembly.muscles]
+        weights = [settings.weights.get(name, 1.0) for name in assembly.muscle_names]
+        self.weights = volume / volume.max() * weights
+        kinds = [assembly.coordinate_table[name].kind for name in self.balanced]
+        self.in_mm = np.array([1000.0 if kind == "translation" else LEVER_MM for kind in kinds])
+
+    def cost(self, activations: Array) -> Array:
+        """Σ V·a² of each frame, the volumes in units of the largest."""
+        found: Array = np.square(activations) @ self.weights
+        return found
+
+    @cached_property
+    def before(self) -> Array:
+        """Secondary coordinates (f) before the first frame: at rest in it, without loads, muscles at `REST`, all others
+        having moved there from the model's default."""
+        rest, x = self.assembly.default, self.assembly.default[self.free]
+        nothing = [np.zeros(len(rest)), np.zeros(len(rest)), np.zeros((6, len(self.motion.bodies)))]
+        for share in np.linspace(0.0, 1.0, 9):
+            q = (1.0 - share) * rest + share * self.motion.q[0]
+            x, _ = self.balance.settle(x, REST * self.strength, [q, *nothing])
+        return x
+
+    def solver(self, n: int, **options: Any) -> Callable[[int, Array, Array, Array], Solution]:
+        """IPOPT for n frames in a row -> function of the first frame's number, activations (n, m) and secondary
+        coordinates (n, f) to start from, and those of the frame before (f)."""
+        p, m, f, b = len(self.settings.primary), len(self.strength), len(self.free), len(self.balanced)
+        size, scale = m + f + b, self.in_mm[p:]
+        own, rates = np.zeros((m + 2 * f, size)), np.zeros((m + 2 * f, size))
+        own[:m, :m], own[m : m + f, m : m + f] = np.diag(self.strength), np.diag(1.0 / scale)
+        rates[m + f :, m : m + f] = np.diag(1.0 / scale) / self.step_s
+        D = constant(sparse.kron(sparse.eye(n), own) + sparse.kron(sparse.eye(n) - sparse.eye(n, k=-1), rates))
+        shapes = [(f, n), (f, 1), *(each.shape for each in self.motion.inputs(slice(0, n)))]
+        ends = np.cumsum([0, *(rows * columns for rows, columns in shapes)]).tolist()
+        X, P = ca.MX.sym("X", n * size), ca.MX.sym("P", ends[-1])
+        lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", n * b)
+        given = [ca.reshape(part, *shape) for part, shape in zip(ca.vertsplit(P, ends), shapes, strict=True)]
+        x, before, *motion = given
+        v = (x - ca.horzcat(before, x)[:, :n]) / self.step_s
+        Z = ca.vertcat(ca.MX(m, n), x, v) + ca.reshape(ca.mtimes(D, X), m + 2 * f, n)
+        inputs = ca.vertsplit(Z, [0, m, m + f, m + 2 * f])
+
+        rows = ca.DM(np.tile(10.0 / self.in_mm, n))  # forces count in 100 N, moments in 100 N at 25 mm
+        square = np.tile(np.concatenate([self.weights, np.zeros(f), np.full(b, RESERVE_WEIGHT)]), n)
+        of_reserves = constant(sparse.kron(sparse.eye(n), np.hstack([np.zeros((b, m + f)), np.eye(b)])))
+        forces = ca.vec(self.balance.forces.map(n)(*inputs, *motion)) + ca.mtimes(of_reserves, X)
+        J = ca.diagcat(*ca.horzsplit(self.balance.jacobian.map(n)(*inputs, *motion), m + 2 * f))
+        J = ca.mtimes(ca.diag(rows), ca.mtimes(J, D) + of_reserves)
+        multipliers = ca.reshape(lam_g * rows, b, n)
+        H = ca.diagcat(*ca.horzsplit(self.balance.hessian.map(n)(*inputs, multipliers, *motion), m + 2 * f))
+        H = ca.mtimes(D.T, ca.mtimes(H, D)) + lam_f * ca.diag(ca.DM(2.0 * square))
+        nlp: dict[str, Any] = {"x": X, "p": P, "f": ca.dot(ca.DM(square), X**2), "g": rows * forces}
+        derivatives: dict[str, Any] = {
+            "jac_g": ca.Function("jac_g", [X, P], [nlp["g"], J]),
+            "hess_lag": ca.Function("hess_lag", [X, P, lam_f, lam_g], [ca.triu(H)]),
+        }
+        settings = settled_options(tolerance=1e-6, acceptable_tol=1e-4, acceptable_iter=5, **options)
+        solver = ca.nlpsol("comak", "ipopt", nlp, {**derivatives, **settings})
+        low = np.concatenate([np.full(m, LEAST), np.full(f, -FARTHEST_MM), np.full(b, -MOST_RESERVE)])
+        high = np.concatenate([np.full(m, MOST), np.full(f, FARTHEST_MM), np.full(b, MOST_RESERVE)])
+
+        def solve(first: int, a: Array, x: Array, before: Array) -> Solution:
+            motion = self.motion.inputs(slice(first, first + n))
+            parameters = np.concatenate([each.ravel(order="F") for each in (x.T, before, *motion)])
+            guess = np.column_stack([a, np.zeros((n, f + b))]).ravel()
+            found = solver(x0=guess, p=parameters, lbx=np.tile(low, n), ubx=np.tile(high, n), lbg=0.0, ubg=0.0)
+            values = np.asarray(found["x"]).reshape(n, size)
+            moved = x + values[:, m : m + f] / scale
+            return Solution(values[:, :m], moved, values[:, m + f :], IpoptOutcome.of(solver))
+
+        return solve
+
+    def frame_by_frame(self) -> Solution:
+        """COMAK's own question: the least cost of each frame, given the frame before; at first that at rest."""
+        x, a, solve = self.before, np.full(len(self.strength), REST), self.solver(1, mu_init=1e-3)
+        found = []
+        for k in range(len(self.motion.time_s)):
+            found.append(solve(k, a[None], x[None], x))
+            a, x = found[-1].activations[0], found[-1].secondary[0]
+        worst = max((one.outcome for one in found), key=lambda outcome: (not outcome.solved, outcome.iterations))
+        return Solution(
+            np.vstack([one.activations for one in found]),
+            np.vstack([one.secondary for one in found]),
+            np.vstack([one.reserves for one in found]),
+            worst,
+        )
+
+    def all_frames(self) -> Solution:
+        """The least cost of all frames together, from that of each by itself."""
+        start = self.frame_by_frame()
+        solve = self.solver(len(self.motion.time_s), mu_init=1e-4)
+        return solve(0, start.activations, start.secondary, self.before)
+
+
+def constant(matrix: Any) -> ca.DM:
+    """A sparse matrix for CasADi."""
+    return ca.DM(sparse.csc_matrix(matrix))
+
+
+def replay(walk: Walk, assembly: JointedAssembly, x: Array, force_n: Array) -> tuple[Array, Array]:
+    """Forces (n, b) [N, N·m] left on the balanced coordinates, and those of contacts (n, contacts) [N], by the
+    assembly's own function, from secondary coordinates (n, f) and muscles' forces (n, m)."""
+    q, u, udot, loads = (each.copy() for each in walk.motion.inputs())
+    q[walk.free], udot[walk.free] = x.T, 0.0
+    u[walk.free] = np.diff(np.vstack([walk.before, x]), axis=0).T / walk.step_s
+    function = assembly.function(
+        ["forces", "contact_wrenches"], coordinates=walk.balanced, loaded=walk.motion.bodies, by_force=True
+    )
+    forces, wrenches = (np.asarray(part) for part in function.map(len(x))(q, u, udot, force_n.T, loads))
+    return forces.T, np.linalg.norm(wrenches.reshape(6, len(x), -1)[:3], axis=0)
+
+
+def read_result(walk: Walk, folder: Path) -> tuple[Array, Array]:
+    """Secondary coordinates (n, f) and muscles' forces (n, m) of COMAK's values.sto and force.sto."""
+    values, force = (read_opensim_table(next(folder.glob(f"*{name}.sto"))) for name in ("values", "force"))
+    at = np.abs(values.columns[TIME] - walk.motion.time_s[:, None]).argmin(axis=1)
+    forces = np.column_stack([force.column(f"/forceset/{name}") for name in walk.assembly.muscle_names])
+    return states_of(walk.assembly, values)[at][:, walk.free], forces[at]
+
+
+def main(
+    model: Path,
+    settings: Path,
+    coordinates: Path,
+    loads: Path | None = None,
+    against: Path | None = None,
+    whole: bool = True,
+    out: Path = Path("results/comak"),
+) -> None:
+    """Find muscle and contact forces of a measured motion with an imported model.
+
+    model: the folder that `casadi-contact import` wrote; settings: of COMAK, .xml; coordinates: measured, .mot or .sto;
+    loads: ExternalLoads, .xml; against: a folder with COMAK's values.sto and force.sto, to compare with. no-whole: each
+    frame given the last, as COMAK has it. Exit status 3: not solved.
+    """
+    assembly, told = cc.load_assembly(model), Settings.read(settings)
+    begun = time.perf_counter()
+    walk = Walk(assembly, read_motion(assembly, told, coordinates, loads), told)
+    found = walk.all_frames() if whole else walk.frame_by_frame()
+    seconds, ours = time.perf_counter() - begun, found.activations * walk.strength
+    left, contact = replay(walk, assembly, found.secondary, ours)
+    turns = walk.in_mm < 1000.0
+    worst = [float(np.abs(left[:, which]).max()) for which in (turns, ~turns)]
+    summary: dict[str, Any] = {
+        "frames": len(ours),
+        "outcome": str(found.outcome),
+        "seconds": round(seconds, 1),
+        "cost": float(walk.cost(found.activations).sum()),
+        "left [N·m, N]": worst,
+        "largest reserve": float(np.abs(found.reserves).max()),
+        "largest contact force [N]": dict(zip(assembly.contact_names, contact.max(axis=0).tolist(), strict=True)),
+    }
+    curves = {"IPOPT": (contact, ours)}
+    if against is not None:
+        x, theirs = read_result(walk, against)
+        rays = cc.load_assembly(model, contact=ray_casting)
+        by_rays = [replay(walk, rays, *each)[1] for each in ((found.secondary, ours), (x, theirs))]
+        muscles = np.sqrt(np.mean((ours - theirs) ** 2, axis=0))
+        moved = np.sqrt(np.mean(((found.secondary - x) * walk.in_mm[len(told.primary) :]) ** 2, axis=0))
+        share = np.abs(by_rays[0] - by_rays[1]) / by_rays[1].max(axis=0)
+        summary |= {
+            "COMAK's cost": float(walk.cost(theirs / walk.strength).sum()),
+            "muscles, RMS difference, mean and largest [N]": [float(muscles.mean()), float(muscles.max())],
+            "secondary, RMS difference [mm, turns at 25 mm]": dict(zip(told.secondary, moved.tolist(), strict=True)),
+            "contact by rays, RMS and largest difference over COMAK's peak": {
+                name: [float(np.sqrt(np.mean(part**2))), float(part.max())]
+                for name, part in zip(assembly.contact_names, share.T, strict=True)
+            },
+        }
+        curves["COMAK"] = (by_rays[1], theirs)
+    for key, value in summary.items():
+        print(f"{key}: {value}")
+    out.mkdir(parents=True, exist_ok=True)
+    write(out, walk, found, contact)
+    write_summary(out / "summary.json", summary)
+    draw(out / "comak.png", walk, curves)
+    print(f"results in {out}")
+    raise SystemExit(0 if found.outcome.solved else 3)
+
+
+def write(out: Path, walk: Walk, found: Solution, contact_n: Array) -> None:
+    """Coordinates, activations and muscles' forces as COMAK writes them, for OpenSim, and contact forces as CSV."""
+    q, muscles, time_s = walk.motion.q.copy(), walk.assembly.muscle_names, walk.motion.time_s
+    q[:, walk.free] = found.secondary
+    turns = [c.kind == "rotation" for c in walk.assembly.coordinate_table.values()]
+    values = dict(zip(walk.assembly.coordinates, np.where(turns, np.degrees(q), q).T, strict=True))
+    write_table(Table("values", {TIME: time_s, **values}, in_degrees=True), out / "values.sto")
+    for name, curves in (("activation", found.activations), ("force", found.activations * walk.strength)):
+        columns = {f"/forceset/{muscle}": curve for muscle, curve in zip(muscles, curves.T, strict=True)}
+        write_table(Table(name, {TIME: time_s, **columns}), out / f"{name}.sto")
+    contacts = {f"{name}_N": curve for name, curve in zip(walk.assembly.contact_names, contact_n.T, strict=True)}
+    write_columns(out / "contact.csv", {"time_s": time_s, **contacts}, digits=9)
+
+
+def draw(path: Path, walk: Walk, curves: Mapping[str, tuple[Array, Array]]) -> None:
+    """Forces of contacts and of the strongest muscles over time, ours and COMAK's."""
+    muscles = np.argsort(-curves["IPOPT"][1].max(axis=0))[:6].tolist()
+    names = [*walk.assembly.contact_names, *(walk.assembly.muscle_names[i] for i in muscles)]
+    page = new_page(13.0, 6.0)
+    axes = page.subplots(2, (len(names) + 1) // 2).ravel()
+    for label, look in (("COMAK", TARGET), ("IPOPT", SURROGATE)):
+        if label in curves:
+            contact, forces = curves[label]
+            for axis, name, curve in zip(axes, names, (*contact.T, *forces[:, muscles].T), strict=False):
+                axis.plot(walk.motion.time_s, curve, label=label, **look)
+                axis.set(title=name, ylabel="force [N]")
+    axes[0].legend()
+    frame(axes, "time [s]")
+    save_page(page, path)
+
+
+if __name__ == "__main__":
+    run_program(main)

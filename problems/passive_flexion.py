@@ -1,0 +1,145 @@
+"""The passive motion of an imported joint: where do its secondary coordinates go while it is bent?
+
+    forces(x_k, (x_k - x_{k-1})/Δt, muscles; motion_k) = 0
+
+on the secondary coordinates x, frame after frame by Newton's method (`FrameBalance.settle`): contact, ligaments with
+their damping, gravity and muscles, which have one activation and rigid tendons, or forces from a file. Prescribed
+coordinates come from a file, all others keep the model's default. So does JAM's forward
+simulation, whose settings file is read as it is and whose states.sto and forces.sto are compared with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+import casadi_contact as cc
+from casadi_contact.core.conventions import Array
+from casadi_contact.core.terminal import run_program
+from casadi_contact.optimisation.assembly.balance import FrameBalance
+from casadi_contact.optimisation.assembly.file import ray_casting
+from casadi_contact.optimisation.assembly.jointed import JointedAssembly
+from casadi_contact.pictures.page import SURROGATE, TARGET, frame, new_page, save_page
+from casadi_contact.scenes.columns import write_columns
+from casadi_contact.scenes.opensim import TIME, Table, read_opensim_table, write_table
+from casadi_contact.workflow.opensim_import.importing import states_of
+from casadi_contact.workflow.opensim_import.model_file import opensim_root
+from problems.comak import Motion
+from problems.summary import write_summary
+
+
+def move(
+    assembly: JointedAssembly, motion: Motion, secondary: list[str], activation: float, force_n: Array | None = None
+) -> tuple[Array, Array]:
+    """Coordinates (n, c) with the secondary ones in balance, and the force [N] left in each frame (n,). force_n (n, m):
+    of muscles, in place of their activation."""
+    balance = FrameBalance(assembly, secondary, secondary, by_force=force_n is not None)
+    drive = np.full((len(motion.q), len(assembly.muscles)), activation) if force_n is None else force_n
+    steps, rest = np.diff(motion.time_s), motion.inputs(slice(0, 1))
+    rest[1:3] = [np.zeros_like(each) for each in rest[1:3]]
+    x, left = balance.settle(assembly.default[balance.free], drive[0], rest)
+    q, residuals = motion.q.copy(), [left]
+    q[0, balance.free] = x
+    for k, step in enumerate(steps, start=1):
+        x, left = balance.settle(x, drive[k], motion.inputs(slice(k, k + 1)), x, float(step))
+        q[k, balance.free] = x
+        residuals.append(left)
+    return q, np.array(residuals)
+
+
+def main(
+    model: Path,
+    settings: Path,
+    prescribed: Path,
+    forces: Path | None = None,
+    against: Path | None = None,
+    out: Path = Path("results/passive_flexion"),
+) -> None:
+    """Settle an imported joint along a prescribed motion.
+
+    model: the folder that `casadi-contact import` wrote; settings: of JAM's forsim, .xml; prescribed: .sto,
+    angles in degrees unless it says otherwise; forces: of muscles [N] by name, .sto, in place of the settings' control;
+    against: a folder with JAM's states.sto and forces.sto, to compare with. Exit status 3: some frames do not settle.
+    """
+    assembly, root = cc.load_assembly(model), opensim_root(settings)
+    words = (root.findtext(".//unconstrained_coordinates") or "").split()
+    secondary = [word.split("/")[-1] for word in words]
+    table = read_opensim_table(prescribed)
+    table = replace(table, in_degrees=table.in_degrees is not False)
+    time_s, q = table.columns[TIME], states_of(assembly, table)
+    spline = CubicSpline(time_s, q)
+    motion = Motion(time_s, q, spline(time_s, 1), spline(time_s, 2))
+    given = None
+    if forces is not None:
+        known = read_opensim_table(forces)
+        columns = (known.column(name) for name in assembly.muscle_names)
+        given = np.column_stack([np.interp(time_s, known.columns[TIME], column) for column in columns])
+    found, left = move(assembly, motion, secondary, float(root.findtext(".//constant_muscle_control") or 0.02), given)
+    settled = left <= 0.1
+    print(f"{int(settled.sum())} of {len(left)} frames settled, up to {left.max():.2g} N left")
+    ours = quantities(assembly, found, secondary)
+    summary: dict[str, Any] = {"frames": len(left), "settled": int(settled.sum()), "left_n": float(left.max())}
+    theirs = None
+    if against is not None:
+        states = read_opensim_table(against / "states.sto")
+        stored = np.column_stack(
+            [np.interp(time_s, states.columns[TIME], column) for column in states_of(assembly, states).T]
+        )
+        rays = cc.load_assembly(model, contact=ray_casting)
+        theirs = quantities(rays, stored, secondary)
+        off = {name: float(np.sqrt(np.mean((curve - theirs[name]) ** 2))) for name, curve in ours.items()}
+        peaks = {name: float(np.abs(theirs[name]).max()) for name in off}
+        summary |= {"RMS difference": off, "their peak": peaks}
+        for name in (name for name in off if not name.startswith("ligament")):
+            print(f"{name:28s} RMS difference {off[name]:8.3f}, their peak {peaks[name]:8.2f}")
+        ligaments = [off[name] for name in off if name.startswith("ligament")]
+        print(f"ligaments: RMS difference {np.mean(ligaments):.2f} N in the mean, {max(ligaments):.2f} N at most")
+    out.mkdir(parents=True, exist_ok=True)
+    write_columns(out / "passive_flexion.csv", {"time_s": time_s, **ours, "settled": settled.astype(int)}, digits=9)
+    turns = [c.kind == "rotation" for c in assembly.coordinate_table.values()]
+    values = dict(zip(assembly.coordinates, np.where(turns, np.degrees(found), found).T, strict=True))
+    write_table(Table("values", {TIME: time_s, **values}, in_degrees=True), out / "values.sto")
+    write_summary(out / "summary.json", summary)
+    draw(out / "passive_flexion.png", time_s, ours, theirs)
+    print(f"results in {out}")
+    raise SystemExit(0 if settled.all() else 3)
+
+
+def quantities(assembly: JointedAssembly, q: Array, secondary: list[str]) -> dict[str, Array]:
+    """Curves (n,) by name: secondary coordinates [mm, degrees], contact forces [N] and ligaments' tensions [N]."""
+    rows = assembly.rows(secondary)
+    kinds = [assembly.coordinate_table[name].kind for name in secondary]
+    curves = {
+        f"{name}_{'mm' if kind == 'translation' else 'deg'}": q[:, i]
+        * (1e3 if kind == "translation" else np.degrees(1))
+        for name, i, kind in zip(secondary, rows, kinds, strict=True)
+    }
+    function = assembly.function(["contact_wrenches", "ligament_tensions"]).map(len(q))
+    wrenches, tensions = (np.asarray(part) for part in function(q.T, 0.0, 0.0, 0.0))
+    contact = np.linalg.norm(wrenches.reshape(6, len(q), -1)[:3], axis=0)
+    curves |= {f"{name}_N": curve for name, curve in zip(assembly.contact_names, contact.T, strict=True)}
+    return curves | {f"ligament_{n}_N": curve for n, curve in zip(assembly.ligament_names, tensions, strict=True)}
+
+
+def draw(path: Path, time_s: Array, ours: Mapping[str, Array], theirs: Mapping[str, Array] | None) -> None:
+    """Secondary coordinates and contact forces over time, ours and JAM's."""
+    names = [name for name in ours if not name.startswith("ligament")]
+    page = new_page(14.0, 7.0)
+    axes = page.subplots(3, (len(names) + 2) // 3, squeeze=False).ravel()
+    for axis, name in zip(axes, names, strict=False):
+        if theirs is not None:
+            axis.plot(time_s, theirs[name], label="JAM", **TARGET)
+        axis.plot(time_s, ours[name], label="here", **SURROGATE)
+        axis.set_title(name, fontsize=9)
+    axes[0].legend()
+    frame(axes, "time [s]")
+    save_page(page, path)
+
+
+if __name__ == "__main__":
+    run_program(main)
