@@ -6,9 +6,12 @@ the direction that multipliers λ of the balanced coordinates span, the Lagrangi
     ℓ = λᵀ·forces = r(x, v, λ) + φ(c, ∂c/∂q·u, ∂c/∂q·d, muscles),       φ = - Σ T·dL - Σ Q(pose, wrench)·dpose
 
 where r is the virtual work of gravity, inertia, springs and loads, c(x) are lengths of paths, straight where a network
-adds what wrapping does, the points that it depends on, and poses of contacts. c and r are functions of scalars, sparse in every derivative; φ holds networks
-and contact, and is block diagonal. The chain rule, H = ∇²(r + μᵀc) + Bᵀ·∇²φ·B with μ = ∇φ and B = ∂c, joins them: some
-20 times faster than CasADi's colouring of the whole function, and as exact.
+adds what wrapping does, the points that it depends on, and poses of contacts. c and r are functions of scalars, sparse
+in every derivative; φ holds networks and contact, and is block diagonal. With μ = ∇φ and B = ∂c, the chain rule joins
+
+    ∇²ℓ = ∇²(r + μᵀc) + Bᵀ·∇²φ·B,
+
+some 20 times faster than CasADi's colouring of the whole function, and as exact.
 """
 
 from __future__ import annotations
