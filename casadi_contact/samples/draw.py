@@ -112,7 +112,7 @@ def draw_samples(
     _draw_missing(partial(_draw, *worker), chunks, drawn, folder, executor, progress or (lambda done, total: None))
     samples = _gather(scene, chunks, [drawn[number] for number in range(len(chunks))], identity, settings)
     write_samples(path, samples)
-    folder.remove()
+    shutil.rmtree(folder.folder)
     return samples
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -67,10 +66,6 @@ class ChunkFolder:
         """Write chunk `number`; raises OSError in one line."""
         arrays = {name: getattr(chunk, name) for name in (*COLUMNS, "dropped_poses")}
         write_npz(self._file(number), **arrays, dropped=np.array(json.dumps(dict(chunk.dropped), sort_keys=True)))
-
-    def remove(self) -> None:
-        """Delete the folder, once the samples file is complete."""
-        shutil.rmtree(self.folder)
 
 
 def check_same_plan(before: Mapping[str, Any], now: Mapping[str, Any], where: Path) -> None:

@@ -199,8 +199,6 @@ def fit_all(
     Raises ValueError for what `fit` refuses; the fits still waiting are then cancelled, those running go on in their
     workers until the executor is shut down.
     """
-    for regression in regressions:
-        check(regression)
     with tempfile.TemporaryDirectory(prefix="casadi_contact_") as temporary:
         folder = Path(temporary if checkpoint_folder is None else checkpoint_folder)
         folder.mkdir(parents=True, exist_ok=True)
