@@ -1,12 +1,13 @@
 """COMAK's question in one problem: which muscles pull how hard in a measured motion, and how do the bones lie?
 
-    min Σ V_m·a_m² + 1000·Σ r²   so that   forces(x_k, (x_k - x_{k-1})/Δt, F0·a_k; motion_k) + r_k = 0,   0.01 ≤ a ≤ 1
+    min Σ w·V·a² + 1000·Σ r² + w_E·E   so that   forces(x_k, (x_k - x_{k-1})/Δt, F0·a_k) + r_k = 0,   0.01 ≤ a ≤ 1
 
 over all frames k at once, by IPOPT with exact derivatives. Unknown are activations a, secondary coordinates x of an
 imported model (`casadi-contact import`) and small reserves r. Given are the measured motion, filtered, with its rates
 and accelerations, and the ground's loads. The forces are those on primary and secondary coordinates; the latter do not
-accelerate. V are muscles' volumes times given weights. COMAK (Smith et al. 2018) solves one frame after the other,
-linearised about the last: its settings file is read as it is, its results are compared with where they are given.
+accelerate. V are muscles' volumes [cm³] at 0.35 MPa, E is the energy [J] of contacts, w and w_E are weights. COMAK
+(Smith et al. 2018) solves one frame after the other, linearised about the last: its settings file is read as it is, its
+results are compared with where they are given.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from casadi_contact.workflow.opensim_import.model_file import opensim_root
 from problems.summary import write_summary
 
 LEAST, MOST = 0.01, 1.0  # activations
+STRESS_MPA = 0.35  # of muscles, as COMAK has it
 RESERVE_WEIGHT, MOST_RESERVE = 1000.0, 50.0  # per N² or (N·m)², as COMAK's default; N or N·m
 FARTHEST_MM = 25.0  # from the start, rotations at 25 mm
 REST = 0.02  # activation while secondary coordinates settle
@@ -45,7 +47,8 @@ REST = 0.02  # activation while secondary coordinates settle
 
 @dataclass(frozen=True)
 class Settings:
-    """Of a COMAK settings file: times [s], cut-off [Hz] (0: no filter), coordinates by name, muscles' weights."""
+    """Of a COMAK settings file: times [s] (-1: the motion's), cut-off [Hz] (-1: no filter), names of coordinates and
+    weights of muscles by name, and of the contacts' energy."""
 
     start_s: float
     stop_s: float
@@ -54,6 +57,7 @@ class Settings:
     primary: tuple[str, ...]
     secondary: tuple[str, ...]
     weights: Mapping[str, float]
+    energy_weight: float = 0.0
 
     @classmethod
     def read(cls, path: Path) -> Settings:
@@ -64,6 +68,7 @@ class Settings:
             start, stop, step, cutoff = (
                 float(texts[key]) for key in ("start_time", "stop_time", "time_step", "lowpass_filter_frequency")
             )
+            energy = float(texts.get("contact_energy_weight") or 0.0)
             weights = {
                 str(each.findtext("actuator")).strip().split("/")[-1]: float(next(each.iter("value")).text or "")
                 for each in root.iter()
@@ -74,7 +79,7 @@ class Settings:
             raise ValueError(f"{path} lacks settings of COMAK, or has others than numbers: {error}") from None
         found = [str(each.findtext("coordinate")).strip() for each in root.iter("COMAKSecondaryCoordinate")]
         secondary = tuple(word.split("/")[-1] for word in found)
-        return cls(start, stop, step, max(cutoff, 0.0), primary, secondary, weights)
+        return cls(start, stop, step, cutoff, primary, secondary, weights, energy)
 
 
 @dataclass(frozen=True)
@@ -103,10 +108,11 @@ def read_motion(assembly: JointedAssembly, settings: Settings, coordinates: Path
     step = settings.step_s if settings.step_s > 0.0 else float(np.diff(measured).mean())
     t = measured[0] + step * np.arange(int((measured[-1] - measured[0]) / step + 1e-6) + 1)
     x = np.column_stack([np.interp(t, measured, curve) for curve in values.T])
-    if settings.cutoff_hz:
+    if settings.cutoff_hz > 0.0:
         filtered = signal.butter(3, 2.0 * step * settings.cutoff_hz)
         x = signal.filtfilt(*filtered, x, axis=0, padlen=len(x) // 2)
-    kept = t[(t > settings.start_s - 0.5 * step) & (t < settings.stop_s + 0.5 * step)]
+    stop = settings.stop_s if settings.stop_s >= 0.0 else t[-1]
+    kept = t[(t > settings.start_s - 0.5 * step) & (t < stop + 0.5 * step)]
     spline = CubicSpline(t, x)
     bodies, wrenches = read_loads(loads, kept) if loads else ((), None)
     return Motion(kept, spline(kept), spline(kept, 1), spline(kept, 2), bodies, wrenches)
@@ -151,14 +157,13 @@ class Walk:
         self.balance = FrameBalance(assembly, self.balanced, settings.secondary, motion.bodies)
         self.free, self.step_s = self.balance.free, float(np.diff(motion.time_s).mean())
         self.strength = np.array([muscle.max_force_n for muscle in assembly.muscles])
-        volume = self.strength * [muscle.optimal_fibre_mm for muscle in assembly.muscles]
-        weights = [settings.weights.get(name, 1.0) for name in assembly.muscle_names]
-        self.weights = volume / volume.max() * weights
+        volume = 1e-3 * self.strength * [muscle.optimal_fibre_mm for muscle in assembly.muscles] / STRESS_MPA  # cm³
+        self.weights = volume * [settings.weights.get(name, 1.0) for name in assembly.muscle_names]
         kinds = [assembly.coordinate_table[name].kind for name in self.balanced]
         self.in_mm = np.array([1000.0 if kind == "translation" else LEVER_MM for kind in kinds])
 
     def cost(self, activations: Array) -> Array:
-        """Σ V·a² of each frame, the volumes in units of the largest."""
+        """Σ w·V·a² [cm³] of each frame."""
         found: Array = np.square(activations) @ self.weights
         return found
 
@@ -185,7 +190,7 @@ class Walk:
         shapes = [(f, n), (f, 1), *(each.shape for each in self.motion.inputs(slice(0, n)))]
         ends = np.cumsum([0, *(rows * columns for rows, columns in shapes)]).tolist()
         X, P = ca.MX.sym("X", n * size), ca.MX.sym("P", ends[-1])
-        lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", n * b)
+        lam, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", n * b)
         given = [ca.reshape(part, *shape) for part, shape in zip(ca.vertsplit(P, ends), shapes, strict=True)]
         x, before, *motion = given
         v = (x - ca.horzcat(before, x)[:, :n]) / self.step_s
@@ -200,11 +205,18 @@ class Walk:
         J = ca.mtimes(ca.diag(rows), ca.mtimes(J, D) + of_reserves)
         multipliers = ca.reshape(lam_g * rows, b, n)
         H = ca.diagcat(*ca.horzsplit(self.balance.hessian.map(n)(*inputs, multipliers, *motion), m + 2 * f))
+        lam_f = lam / self.weights.max()  # costs count in units of the largest weight
         H = ca.mtimes(D.T, ca.mtimes(H, D)) + lam_f * ca.diag(ca.DM(2.0 * square))
-        nlp: dict[str, Any] = {"x": X, "p": P, "f": ca.dot(ca.DM(square), X**2), "g": rows * forces}
+        cost = ca.dot(ca.DM(square), X**2)
+        if weight := self.settings.energy_weight:
+            energy, bent = (call.map(n)(inputs[1], motion[0]) for call in self.balance.energy)
+            blocks = [ca.diagcat(ca.MX(m, m), each, ca.MX(f, f)) for each in ca.horzsplit(bent, f)]
+            cost += weight * ca.sum2(energy)
+            H += weight * lam_f * ca.mtimes(D.T, ca.mtimes(ca.diagcat(*blocks), D))
+        nlp: dict[str, Any] = {"x": X, "p": P, "f": cost / self.weights.max(), "g": rows * forces}
         derivatives: dict[str, Any] = {
             "jac_g": ca.Function("jac_g", [X, P], [nlp["g"], J]),
-            "hess_lag": ca.Function("hess_lag", [X, P, lam_f, lam_g], [ca.triu(H)]),
+            "hess_lag": ca.Function("hess_lag", [X, P, lam, lam_g], [ca.triu(H)]),
         }
         settings = settled_options(tolerance=1e-6, acceptable_tol=1e-4, acceptable_iter=5, **options)
         solver = ca.nlpsol("comak", "ipopt", nlp, {**derivatives, **settings})

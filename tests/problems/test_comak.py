@@ -1,5 +1,6 @@
 """Muscles and secondary coordinates of a small imported model: the balance's derivatives, whole motions, files."""
 
+from dataclasses import replace
 from importlib.util import find_spec
 
 import numpy as np
@@ -92,6 +93,25 @@ def test_all_frames_balance_at_no_more_cost_than_one_after_the_other(walk, capsy
     assert costs[1] <= costs[0] * (1.0 + 1e-4)
     activation = read_opensim_table(walk / "all" / "activation.sto").column("/forceset/back")
     assert activation.min() >= comak.LEAST - 1e-6
+
+
+def test_weight_on_the_contacts_energy_lowers_it_by_exact_derivatives(walk):
+    assembly, q = cc.load_assembly(walk / "knee"), np.array([0.1, 0.2, -RADIUS + 0.0004])
+    energy, bent = FrameBalance(assembly, ["sink_r"], ["sink_r"]).energy
+    depths = -RADIUS + np.array([0.0003, 0.0004, 0.0005])
+    values = [float(energy(each, q)) for each in depths]
+    wrench = assembly.function(["contact_wrenches"])(q, 0.0, 0.0, 0.0)
+    np.testing.assert_allclose((values[2] - values[0]) / 2e-4, abs(float(wrench[1])), rtol=0.02)
+    np.testing.assert_allclose(float(bent(depths[1], q)), (values[2] - 2 * values[1] + values[0]) / 1e-8, rtol=0.05)
+    given = walk / "motion.mot", walk / "loads.xml"
+    pressed = []
+    for weight in (0.0, 1e4):
+        told = replace(comak.Settings.read(walk / "comak.xml"), energy_weight=weight)
+        problem = comak.Walk(assembly, comak.read_motion(assembly, told, *given), told)
+        found = problem.all_frames()
+        assert found.outcome.solved
+        pressed.append(sum(float(energy(x, at)) for x, at in zip(found.secondary, problem.motion.q, strict=True)))
+    assert pressed[1] < pressed[0]
 
 
 def test_a_joint_settles_along_a_prescribed_motion_and_a_stored_one_is_compared(walk):
