@@ -65,17 +65,18 @@ def load_cycle(scene: Scene, path: Path | None = None) -> Cycle:
     return reference_motion_cycles(scene, [] if path is None else [path])[0]
 
 
-def wrench_function(model: ContactModel, name: str = "contact_wrench") -> ca.Function:
-    """casadi.Function pose (6) -> total contact wrench on the fixed body (6), about its origin [N, N·mm].
+def wrench_function(model: ContactModel, name: str = "contact_wrench", *, velocity: bool = False) -> ca.Function:
+    """casadi.Function pose (6), and velocity (6) if asked for -> total contact wrench on the fixed body (6), about its
+    origin [N, N·mm].
 
     A surrogate or foundation gives its own compiled function with exact derivatives; any other contact model is called
     back, with its analytic Jacobian and differences of that. Raises ValueError where the model lacks a component of the
     wrench.
     """
     total = ca.sparsify(ca.DM(total_selection(model.load_names, model.patch_names)))
-    pose = ca.MX.sym("pose", 6)
-    loads = symbolic(model).function(name=f"{name}_loads")(pose)
-    return ca.Function(name, [pose], [ca.mtimes(total, loads)])
+    inputs = [ca.MX.sym(key, 6) for key in ("pose", "velocity")[: 1 + velocity]]
+    loads = symbolic(model).function(name=f"{name}_loads", velocity=velocity)(*inputs)
+    return ca.Function(name, inputs, [ca.mtimes(total, loads)])
 
 
 def _poses_on_elements(scene: Scene, cycles: Sequence[Cycle], frames: int = 25) -> Array:

@@ -9,7 +9,8 @@ integrator:
 
     work of given loads + work of the flexion drive = Δkinetic + Δsprings + dissipation + work against contact
 
-The same equations run on the surrogate and on the foundation of its scene, by CVODES with the exact Jacobian.
+Where the scene has friction, contact depends on q̇ as well. The same equations run on the surrogate and on the
+foundation of its scene, by CVODES with the exact Jacobian.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.optimisation.starts import KNEE_STEPS, press_together
 from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.page import new_page, save_page
+from casadi_contact.scenes.material import Friction
 from casadi_contact.scenes.pose_file import write_poses
 from problems.contact_source import wrench_function
 
@@ -70,7 +72,7 @@ def constant(flexion_deg: float, axial_n: float, ap_n: float = 0.0, ie_nmm: floa
 
 @dataclass(frozen=True)
 class KneeSimulator:
-    """CasADi functions. pose: (q, t) -> pose (6); contact: pose -> wrench on the insert (6); rate: (x, t) -> ẋ (10);
+    """CasADi functions. pose, contact: (q, t) -> pose (6), (x, t) -> wrench on the insert (6); rate: (x, t) -> ẋ (10);
     powers: (x, t) -> powers [N·mm/s] of given loads with flexion drive, of the damper, against contact; x = (q, v)."""
 
     model: ContactModel
@@ -105,14 +107,16 @@ def build(
     powers = ca.vertcat(ca.dot(by_given, speed) + drive, ca.dot(v, damper), -ca.dot(by_contact, speed))
     pose_of = ca.Function("pose", [q, t], [pose])
     moved = ca.Function("moved", [q, v, t, wrench], [ca.vertcat(v, forces / ca.DM(rig.inertia)), powers])
-    contact = wrench_function(model)
+    rubs, speed_of = model.scene.friction != Friction(), ca.Function("speed", [v, t], [speed])
+    contact = wrench_function(model, velocity=rubs)
     x, at = ca.MX.sym("x", 10), ca.MX.sym("t")
-    rate, power = moved(x[:5], x[5:], at, contact(pose_of(x[:5], at)))
+    pressed = contact(pose_of(x[:5], at), *([speed_of(x[5:], at)] if rubs else []))
+    rate, power = moved(x[:5], x[5:], at, pressed)
     return KneeSimulator(
         model,
         rig,
         pose_of,
-        contact,
+        ca.Function("contact", [x, at], [pressed]),
         ca.Function("rate", [x, at], [rate]),
         ca.Function("powers", [x, at], [power]),
         ca.Function("given", [t], [given]),
@@ -158,7 +162,7 @@ def simulate(
     time_s = np.linspace(0.0, cycles * simulator.rig.period_s, frames)
     states, work, steps, seconds = integrated(simulator.rate, simulator.powers, start, time_s, tolerance)
     poses = np.asarray(simulator.pose.map(frames)(states[:, :5].T, time_s[None])).T
-    wrenches = np.asarray(simulator.contact.map(frames)(poses.T)).T
+    wrenches = np.asarray(simulator.contact.map(frames)(states.T, time_s[None])).T
     return Motion(time_s, states, poses, wrenches, work, steps, seconds)
 
 
@@ -179,11 +183,21 @@ def integrated(
     return states, work, int(integrate.stats()["nsteps"]), seconds
 
 
+def rubbing(friction: float, transition_velocity: float = 2.0) -> dict[str, float]:
+    """What a coefficient of friction replaces in a scene; nothing for none. Knees slide at some 10 mm/s."""
+    return {"dynamic_friction": friction, "transition_velocity": transition_velocity} if friction else {}
+
+
 def main(
-    surrogate: str = "knee", load_scale: float = 0.8, cycles: float = 1.0, out: Path = Path("results/knee_simulator")
+    surrogate: str = "knee",
+    load_scale: float = 0.8,
+    cycles: float = 1.0,
+    friction: float = 0.0,
+    out: Path = Path("results/knee_simulator"),
 ) -> None:
-    """Simulate cycles on a surrogate and on the foundation of its scene; compare times and poses."""
-    model = cc.load_surrogate(surrogate)
+    """Simulate cycles on a surrogate and on the foundation of its scene; compare times and poses. friction: of
+    polyethylene 0.04 to 0.07."""
+    model = cc.load_surrogate(surrogate, **rubbing(friction))
     models = {"surrogate": model, "foundation": cc.foundation(model.scene)}
     simulators = {name: build(each, load_scale=load_scale) for name, each in models.items()}
     start = start_state(simulators["surrogate"])

@@ -90,11 +90,12 @@ def main(
     frames: int = 200,
     wear_factor: float = 1e-7,
     cycles: float = 1e6,
+    friction: float = 0.0,
     out: Path = Path("results/wear"),
 ) -> None:
     """Wear of a scene's fixed body on its finest elements, over the knee simulator's cycle or one closed cycle from a
-    file of poses (CSV with tx_mm ... rz_rad, or .sto)."""
-    contact = cc.load_scene(scene)
+    file of poses (CSV with tx_mm ... rz_rad, or .sto). friction: of the simulated knee; it does the work μ·V/k."""
+    contact = cc.load_scene(scene, **knee_simulator.rubbing(friction))
     model = cc.ElasticFoundation(contact, contact.grids["teacher"])
     path = simulated_cycle(model, frames) if poses is None else read_poses(poses)
     deepest, thickness = float(model.summary(path).penetration_mm.max()), contact.material.thickness
@@ -109,6 +110,8 @@ def main(
     for patch in wear:
         area = patch.areas_mm2[patch.depth_mm > 0.0].sum()
         print(f"{patch.patch:5s} {cycles * patch.volume_mm3:13.3f} {cycles * patch.depth_mm.max():13.4f} {area:16.1f}")
+    if friction:
+        print(f"friction of {friction:g} takes {friction * total / wear_factor:.3g} J a cycle")
     print(f"with every other pose the volume is {100.0 * (every_other / total - 1.0):+.2g} %")
 
     out.mkdir(parents=True, exist_ok=True)

@@ -29,13 +29,11 @@ from casadi_contact.scenes.material import Friction
 if TYPE_CHECKING:
     from casadi_contact.surrogate.functions import SurrogateFunctions
 
-_PAIRS = np.triu_indices(3)
-
 
 def fitted_quadric(elements: ElementGrid) -> tuple[Array, Array, float]:
     """A (3, 3), b (3,) and d of the quadric through the elements' centres that has their normals as gradients."""
     c, n = elements.centres_mm, elements.normals
-    i, j = _PAIRS
+    i, j = np.triu_indices(3)
     size = max(float(np.abs(c).max()), 1.0)  # [mm], so that what is fitted counts alike
     values = np.hstack([c[:, i] * c[:, j], size * c, np.full((len(c), 1), size**2)]) / size**2
     unit = np.eye(3)

@@ -4,6 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+import casadi_contact as cc
 from casadi_contact.optimisation.joint_mechanics import generalised_forces
 from problems import knee_simulator
 
@@ -60,3 +61,12 @@ def test_the_program_compares_surrogate_and_elements(tmp_path, capsys):
     assert "foundation" in capsys.readouterr().out
     assert (tmp_path / "knee_simulator.csv").read_text("utf-8").count("\n") == 102
     assert (tmp_path / "knee_simulator.png").stat().st_size > 1000
+
+
+def test_friction_takes_energy_that_is_accounted_for():
+    scene = cc.load_scene("knee", **knee_simulator.rubbing(0.05))
+    simulator = knee_simulator.build(cc.PolarFoundation(scene, cc.Rays(8, 2)))
+    start = knee_simulator.start_state(simulator)
+    motion = knee_simulator.simulate(simulator, start, cycles=0.2, frames=11, tolerance=1e-8)
+    assert motion.work[-1, 2] > 300.0  # N·mm, against contact, which stores less than 100
+    assert np.abs(motion.energy_error(simulator.rig)).max() < 1e-6 * np.abs(motion.work).max()
