@@ -183,7 +183,7 @@ def integrated(
     return states, work, int(integrate.stats()["nsteps"]), seconds
 
 
-def rubbing(friction: float, transition_velocity: float = 2.0) -> dict[str, float]:
+def rubbing(friction: float, transition_velocity: float = 2.0) -> dict[str, Any]:
     """What a coefficient of friction replaces in a scene; nothing for none. Knees slide at some 10 mm/s."""
     return {"dynamic_friction": friction, "transition_velocity": transition_velocity} if friction else {}
 
