@@ -94,9 +94,9 @@ class PressedPoints(NamedTuple):
     forces: Array
     slopes: Array
 
-    def wrench(self, coefficients: Array, twist: Array) -> tuple[Array, Array, Array, Array]:
-        """Wrench (6,) on the fixed body under a twist about the origin (6,), and its derivatives: by the twist that
-        displaces the body (6, 6), by the twist at which it moves (6, 6), by the coefficients (6, 5)."""
+    def wrench(self, coefficients: Array, twist: Array, *, derivatives: bool = True) -> tuple[Array, ...]:
+        """Wrench (6,) on the fixed body under a twist about the origin (6,), and if asked its derivatives: by the twist
+        that displaces the body (6, 6), by the twist at which it moves (6, 6), by the coefficients (6, 5)."""
         c, n, dissipation = self.places, self.normals, coefficients[4]
         w = twist[:3] + np.cross(twist[3:], c)
         approach = -np.sum(n * w, 1)
@@ -106,6 +106,8 @@ class PressedPoints(NamedTuple):
         drag = wrench_about_origin(slide, c)
         steady = f[:, None] * drag - self.loads
         load = whole[:, None] * steady
+        if not derivatives:
+            return (self.forces @ load,)
         by_slide = f[:, None, None] * (np.eye(3) - n[:, :, None] * n[:, None])
         by_slide += 2.0 * f_slope[:, None, None] * slide[:, :, None] * slide[:, None]
         by_w = whole[:, None, None] * np.concatenate([by_slide, np.cross(c[:, :, None], by_slide, axis=1)], 1)
@@ -164,4 +166,7 @@ class SlidingContact(WrenchLoads):
 
     def moving_wrenches(self, poses: Array, velocities: Array) -> Array:
         """Wrenches (n, patches, 6) of poses that change at these rates (n, 6)."""
-        return self.moving_jacobian(poses, velocities)[0]
+        theta, twists = coefficients_of(self.scene.friction), twist_about_origin(poses, velocities)[0]
+        found = zip(self.pressed_points(poses), twists, strict=True)
+        loads = [[points.wrench(theta, twist, derivatives=False)[0] for points in each] for each, twist in found]
+        return np.array(loads).reshape(len(poses), len(self.patch_names), 6)

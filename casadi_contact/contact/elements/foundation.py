@@ -12,7 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from casadi_contact.contact.elements.loops import gap_many, overlap_many, point_distances, wrench_many
+from casadi_contact.contact.elements.loops import (
+    gap_many,
+    near_elements,
+    overlap_many,
+    point_distances,
+    wrench_many,
+)
 from casadi_contact.contact.foundation_source import C_FOLDER, C_LAWS, law_source
 from casadi_contact.contact.friction import PressedPoints, SlidingContact, checked_velocities
 from casadi_contact.contact.pressure_law import law_of, pressure_derivatives, pressures
@@ -161,12 +167,14 @@ class ElasticFoundation(SlidingContact):
 
     def _pressed(self, bed: PatchElements, R: Array, t: Array) -> PressedPoints:
         surface, (centres, normals, areas, *_) = bed.surface, bed.elements
-        depths, by_twist = overlap_many(surface.family, surface.parameters, centres, normals, R, t, 0.0)
-        on = depths > 0.0
+        near = near_elements(surface.family, surface.parameters, bed.elements, R, t)
+        depths, by_twist = overlap_many(surface.family, surface.parameters, centres[near], normals[near], R, t, 0.0)
+        pressed = depths > 0.0
+        depths, by_twist, on = depths[pressed], by_twist[pressed], near[pressed]
         number, modulus, thickness = bed.law
-        p, slope = pressure_derivatives(number, modulus, thickness[on], depths[on])
+        p, slope = pressure_derivatives(number, modulus, thickness[on], depths)
         c, n, area = centres[on], normals[on], areas[on]
-        return PressedPoints(c, n, wrench_about_origin(n, c), p * area, (slope * area)[:, None] * by_twist[on])
+        return PressedPoints(c, n, wrench_about_origin(n, c), p * area, (slope * area)[:, None] * by_twist)
 
     def function(self, loads: Iterable[str] | None = None, name: str = "contact_loads", **options: Any) -> ca.Function:
         """`ContactFunctions.function` of this model called back from CasADi."""

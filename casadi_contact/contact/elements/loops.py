@@ -187,6 +187,22 @@ def _patch_gap(family, parameters, elements, R, t, slope):
     return best
 
 
+@njit()
+def near_elements(family, parameters, elements, R, t):
+    """Numbers (k,) of the elements of blocks that the body may meet, those that it may lie over."""
+    centres, _, _, blocks, boxes = elements
+    found, count = np.empty(len(centres), np.int64), 0
+    for b in range(len(boxes)):
+        tangent = tangent_at(family, parameters, R, t, boxes, b)
+        if block_bound(family, tangent, boxes, b) > 0.0:
+            continue
+        for e in range(blocks[b], blocks[b + 1]):
+            dx, dy, dz = centres[e, 0] - boxes[b, 0], centres[e, 1] - boxes[b, 1], centres[e, 2] - boxes[b, 2]
+            found[count] = e
+            count += point_bound(tangent, dx, dy, dz) < 0.0
+    return found[:count]
+
+
 @njit(nogil=True)
 def wrench_many(family, parameters, elements, law, modulus, thickness, derivatives, rotations, translations):
     """Wrenches (n, 6) and stiffnesses d wrench / d twist (n, 6, 6) of one patch for n poses; thickness (m,): under each
