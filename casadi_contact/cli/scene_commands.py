@@ -81,7 +81,7 @@ def import_(
     model: Annotated[Path, typer.Argument(help="an OpenSim or JAM model, .osim")],
     out: Annotated[Path, typer.Option(help="folder of the assembly")],
     joint: Annotated[
-        str | None, typer.Option(help="whose first coordinate moves; that of the first contact if left out")
+        str | None, typer.Option(help="whose first coordinate moves; that of most contacts if left out")
     ] = None,
     geometry: Annotated[
         Path | None, typer.Option(help="folder with the contact meshes; the model's if left out")

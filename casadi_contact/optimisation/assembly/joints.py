@@ -155,6 +155,7 @@ class Chain:
             raise ValueError(
                 f"joints carry {', '.join(joint.child for joint in joints)}, expected each of {', '.join(bodies)} once"
             )
+        self._known: dict[tuple[str, str], Place] = {}
         self._ground, self._places = ground, {joint.child: joint.place(coordinates) for joint in joints}
         for body in bodies:
             self.ancestors(body)
@@ -174,10 +175,12 @@ class Chain:
         return self._above[body]
 
     def place(self, body: str, within: str) -> Place:
-        """A body in another one."""
-        up, down = self.ancestors(within), self.ancestors(body)
-        common = next(each for each in down if each in up)
-        return compose(inverse(self._down(up, common)), self._down(down, common))
+        """A body in another one; expressions are made once, so that all that lies on the body shares them."""
+        if (body, within) not in self._known:
+            up, down = self.ancestors(within), self.ancestors(body)
+            common = next(each for each in down if each in up)
+            self._known[body, within] = compose(inverse(self._down(up, common)), self._down(down, common))
+        return self._known[body, within]
 
     def _down(self, line: Sequence[str], common: str) -> Place:
         """The first body of a line of ancestors, in one of them."""

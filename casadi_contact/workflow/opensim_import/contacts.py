@@ -87,13 +87,13 @@ class MeshFile:
 
 def pressing(casting: TriangleMesh, target: TriangleMesh, pose: tuple[Array, Array]) -> list[float]:
     """Where to the target presses the casting mesh, as a unit vector in the casting mesh's frame: against the mean
-    normal of the triangles from which a ray, out- or inwards, meets the target in its rest pose (R, t)."""
+    normal of the triangles from which a ray outwards, or a short one inwards, meets the target at rest (R, t)."""
     R, t = pose
     caster, normals, centres = RayCaster(target), casting.normals, casting.corners_mm.mean(axis=1)
     near = np.zeros(len(normals), dtype=bool)
-    for side in (1.0, -1.0):
+    for side, reach_mm in ((1.0, DEEPEST_MM), (-1.0, THIN_MM)):
         depth, face = caster.first_hits((centres - t) @ R, side * normals @ R)
-        near |= (face >= 0) & (depth < DEEPEST_MM)
+        near |= (face >= 0) & (depth < reach_mm)
     vectors = casting.area_vectors_mm2
     mean = -(vectors[near] if np.linalg.norm(vectors[near].sum(axis=0)) > 1.0 else vectors).sum(axis=0)
     return [round(float(v), 3) + 0.0 for v in mean / max(float(np.linalg.norm(mean)), 1e-9)]

@@ -34,12 +34,13 @@ class Sampling:
     count: int = 3000
     turn_rad: tuple[float, float] = (0.12, 0.35)
     shift_mm: tuple[float, float] = (4.0, 15.0)
-    widest_rad: float = 1.75  # that the first turn of a joint goes from its rest, within its range
+    widest_rad: float = 1.2  # that the first turn of a joint goes from its rest, within its range
     far_weight: float = 0.3
     wrong_cylinder: float = 0.1  # share of samples outside of it in which a cylinder may differ
     cylinder_mm: float = 0.1  # that it may differ by in all others: the wheel's own accuracy
-    outliers: float = 0.005  # share of samples that may be left out, where the wheel's path leaps to another side
-    tolerance_mm: float = 0.03
+    leap_mm: float = 0.1  # beyond what nine tenths of the samples are off, six times, a sample is left out
+    tolerance_mm: float = 0.02
+    first: tuple[tuple[int, ...], ...] = ((8,),)
     sizes: tuple[tuple[int, ...], ...] = ((6,), (10,), (16,), (24,), (32,))
     most_cpu_s: float = 4.0  # of one path
 
@@ -133,19 +134,21 @@ def _rolled(
 def _fitted(
     name: str, body: str, points: list[int], inputs: Array, excess: Array, near: np.ndarray, settings: Sampling
 ) -> tuple[Wrap, Array]:
-    """The network of the points that move against the surface, and what it leaves (n,) [mm]; outliers are dropped, of
-    both fit and errors."""
+    """The network of the points that move against the surface, and what it leaves (n,) [mm]. A small network first
+    finds samples where the wheel's path leaps to another side, which are dropped, of both fit and errors."""
     moving = [i for i in range(len(points)) if np.ptp(inputs[:, 3 * i : 3 * i + 3], axis=0).max() > 1e-6] or [0]
     x, chosen = inputs[:, [3 * i + j for i in moving for j in range(3)]], [points[i] for i in moving]
     if np.ptp(excess) < 1e-3:
         constant = Network(x[0], np.ones(x.shape[1]), (np.zeros((1, x.shape[1])),), (np.array([excess.mean()]),))
         return Wrap(body, chosen, constant), excess - excess.mean()
-    kept = excess <= np.quantile(excess, 1.0 - settings.outliers) + 1.0
-    weights = np.where(near, 1.0, settings.far_weight)
-    held_out = np.arange(len(x)) % 10 >= 8
-    regression = Regression(name, x[kept], excess[kept], weights[kept], held_out[kept], settings.tolerance_mm)
-    network = fit(regression, TrainingSettings(sizes=settings.sizes, max_cpu_s=settings.most_cpu_s)).network
-    return Wrap(body, chosen, network), np.where(kept, network.value(x) - excess, 0.0)
+    weights, held_out, kept = np.where(near, 1.0, settings.far_weight), np.arange(len(x)) % 10 >= 8, near | True
+    for sizes in (settings.first, settings.sizes):
+        rows = Regression(name, x[kept], excess[kept], weights[kept], held_out[kept], settings.tolerance_mm)
+        network = fit(rows, TrainingSettings(sizes=sizes, max_cpu_s=settings.most_cpu_s)).network
+        residual = np.abs(network.value(x) - excess)
+        if sizes is settings.first:
+            kept = residual <= settings.leap_mm + 6.0 * np.quantile(residual, 0.9)
+    return Wrap(body, chosen, network), np.where(kept, residual, 0.0)
 
 
 def described(excess: Mapping[str, Excess], tolerance_mm: float = 0.1) -> list[str]:

@@ -12,6 +12,7 @@ settle. About these states, or those of a given motion, lengths are sampled and 
 from __future__ import annotations
 
 import tempfile
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -61,8 +62,8 @@ def import_model(
 ) -> Imported:
     """Read an OpenSim or JAM model file and write an assembly.
 
-    joint: whose first coordinate moves while the others of the joints in contact follow; that between the first
-    contact's meshes if left out. geometry: a folder that holds the meshes. motion: a .sto or .mot file of coordinates,
+    joint: whose first coordinate moves while the others of the joints in contact follow; that between the
+    meshes of most contacts if left out. geometry: a folder that holds the meshes. motion: a .sto or .mot file of coordinates,
     whose states take the place of the passive motion. Raises ImportError without the opensim wheel or the extra `mesh`,
     FileNotFoundError for a missing file, ValueError for a model that cannot be read.
     """
@@ -160,20 +161,14 @@ def _coordinates(assembly: JointedAssembly, joint: str | None) -> tuple[list[str
     joints = {each.name: each for each in assembly.joints}
     if joint is not None and joint not in joints:
         raise ValueError(f"joint is {joint!r}, expected one of {', '.join(joints)}")
-    between: dict[str, list[str]] = {}
+    counts = Counter[str]()
     for contact in assembly.contacts:
         up, down = (assembly._chain.ancestors(body) for body in contact.bodies)
-        for body in [*(b for b in up if b not in down), *(b for b in down if b not in up)]:
-            found = assembly._chain.above(body)
-            between[found.name] = _names_of(found)
-    between = {name: names for name, names in between.items() if names}
-    if joint is not None:
-        between = {joint: _names_of(joints[joint])} | between
-    if not between:
-        return [], []
-    first = joint or next(iter(between))
-    names = [name for each in between.values() for name in each]
-    return between[first][:1], [name for name in dict.fromkeys(names) if name != between[first][0]]
+        between = [*(body for body in up if body not in down), *(body for body in down if body not in up)]
+        counts.update(each.name for each in map(assembly._chain.above, between) if _names_of(each))
+    chosen = ([joint] if joint else []) + [name for name, _ in counts.most_common() if name != joint]
+    names = list(dict.fromkeys(name for each in chosen for name in _names_of(joints[each])))
+    return names[:1], names[1:]
 
 
 def _names_of(joint: Any) -> list[str]:
@@ -211,13 +206,10 @@ def _centres(
         q = q.copy()
         q[row] = c.default + way * turn
         found = rest(q, ACTIVATION)
-        if found.converged:
-            q, told = found.q, told + 1
-            centres.append(q)
-    if not centres:
-        return assembly.default[None], f"no state of {moving[0]} settles: paths are fitted about the model's rest"
-    degrees = np.degrees(abs(centres[-1][row] - c.default))
-    return np.array(centres), f"paths are fitted about {told} passive states, {moving[0]} to {degrees:.0f} degrees"
+        q, told = (found.q, told + 1) if found.converged else (q, told)
+        centres.append(q)
+    of = f"{moving[0]} to {np.degrees(abs(q[row] - c.default)):.0f} degrees"
+    return np.array(centres), f"paths are fitted about passive motion, {of}: {told} of {len(centres)} states settle"
 
 
 def states_of(assembly: JointedAssembly, table: Table) -> Array:

@@ -101,9 +101,9 @@ def find_mesh(name: str, folders: list[Path]) -> Path:
     words. Raises FileNotFoundError naming --geometry."""
     wanted = Path(name.replace("\\", "/"))
     searched = [place for folder in folders for place in (folder, folder / "Geometry")]
-    for folder in searched:
-        if (folder / wanted).is_file():
-            return folder / wanted
+    for file in (folder / each for folder in searched for each in (wanted, wanted.name)):
+        if file.is_file():
+            return file
     for fits in (_same, _ends_alike):
         for folder in searched:
             found = [file for file in sorted(folder.glob("*")) if file.suffix.lower() in _MESHES and fits(file, wanted)]

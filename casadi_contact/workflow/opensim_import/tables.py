@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -26,7 +27,7 @@ def assembly_tables(model: Mapping[str, Any]) -> tuple[Table, dict[str, MuscleCu
     scales = {name: 1e3 if c["kind"] == "translation" else 1.0 for name, c in model["coordinates"].items()}
     tables = {
         "format": 1,
-        "name": "".join(c if c.isalnum() else "_" for c in model["name"]) or "model",
+        "name": re.sub(r"^(?![A-Za-z])", "model_", re.sub(r"[^A-Za-z0-9_]", "_", model["name"]))[:64],
         "ground": "ground",
         "gravity_m_s2": model["gravity"],
         "paths": "paths.h5",
