@@ -62,8 +62,8 @@ def import_model(
 ) -> Imported:
     """Read an OpenSim or JAM model file and write an assembly.
 
-    joint: whose first coordinate moves while the others of the joints in contact follow; that between the
-    meshes of most contacts if left out. geometry: a folder that holds the meshes. motion: a .sto or .mot file of coordinates,
+    joint: whose first coordinate moves while the others of the joints in contact follow; that between the meshes of
+    most contacts if left out. geometry: a folder that holds the meshes. motion: a .sto or .mot file of coordinates,
     whose states take the place of the passive motion. Raises ImportError without the opensim wheel or the extra `mesh`,
     FileNotFoundError for a missing file, ValueError for a model that cannot be read.
     """
