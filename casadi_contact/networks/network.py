@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import h5py
 import numpy as np
 
 from casadi_contact.core.conventions import Array
@@ -154,3 +155,27 @@ class Regression:
 def size_text(hidden: Sequence[int]) -> str:
     """Neurons per hidden layer as people write them: "12-12"."""
     return "-".join(map(str, hidden))
+
+
+def write_network(group: h5py.Group, network: Network) -> None:
+    """Fill a group with a network's numbers."""
+    group.attrs["activation"] = network.activation
+    group.attrs["output_scale"] = network.output_scale
+    group["input_shift"] = np.asarray(network.input_shift, dtype="<f8")
+    group["input_scale"] = np.asarray(network.input_scale, dtype="<f8")
+    for layer, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
+        group[f"weight_{layer}"] = np.asarray(weight, dtype="<f8")
+        group[f"bias_{layer}"] = np.asarray(bias, dtype="<f8")
+
+
+def read_network(group: h5py.Group) -> Network:
+    """The network of a group that `write_network` filled; raises ValueError for numbers that are none."""
+    layers, scale = sum(key.startswith("weight_") for key in group), group.attrs["output_scale"]
+    return Network(
+        input_shift=group["input_shift"][()],
+        input_scale=group["input_scale"][()],
+        weights=tuple(group[f"weight_{layer}"][()] for layer in range(layers)),
+        biases=tuple(group[f"bias_{layer}"][()] for layer in range(layers)),
+        output_scale=float(scale) if np.ndim(scale) == 0 else np.asarray(scale, dtype=float),
+        activation=str(group.attrs["activation"]),
+    )

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.contact.friction import checked_velocities
-from casadi_contact.core.conventions import POSE_NAMES, Array, batched, pose_index
+from casadi_contact.core.conventions import POSE_NAMES, Array, batched, check_loads, pose_index
 from casadi_contact.core.threads import thread_count
 from casadi_contact.networks.functions import as_weights, hessian_function, weighted_hessians
 from casadi_contact.networks.network import Network, Regression
@@ -124,7 +124,7 @@ class Surrogate(SurrogateFunctions):
     def __call__(self, poses: Array, loads: Iterable[str] | None = None, velocities: ArrayLike | None = None) -> Array:
         """Loads (n, L) for poses (n, 6), or (L,) for a pose (6,): ``load_names``, or the loads asked for; velocities:
         rates (n, 6) of the poses, with which loads hold the scene's friction (`surrogate.sliding`)."""
-        names = self.check_loads(loads)
+        names = check_loads(self.load_names, loads)
         if velocities is not None:
             moving = self.function(names, velocity=True).map(len(poses))
             return np.asarray(moving(poses.T, checked_velocities(poses, velocities).T)).T
@@ -136,7 +136,7 @@ class Surrogate(SurrogateFunctions):
     @batched
     def jacobian(self, poses: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
         """Loads (n, L) and d loads / d pose (n, L, 6) for poses (n, 6); (L,) and (L, 6) for a pose (6,)."""
-        names = self.check_loads(loads)
+        names = check_loads(self.load_names, loads)
         arrays = self._arrays(poses)
         if arrays is not None:
             return arrays.jacobian(poses, names)
@@ -148,7 +148,7 @@ class Surrogate(SurrogateFunctions):
 
         Raises ValueError for weights of another shape.
         """
-        names = self.check_loads(loads)
+        names = check_loads(self.load_names, loads)
         wanted = as_weights(weights, len(poses), names)
         arrays = self._arrays(poses)
         if arrays is not None:

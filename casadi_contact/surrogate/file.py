@@ -23,7 +23,7 @@ import numpy as np
 
 from casadi_contact.core.files.containers import new_hdf5, open_hdf5
 from casadi_contact.core.files.reading import existing_file, one_line
-from casadi_contact.networks.network import Network
+from casadi_contact.networks.network import Network, read_network, write_network
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.confidence import Confidence
 
@@ -67,17 +67,6 @@ def write_file(path: str | Path, content: Content) -> None:
             write_network(group.create_group("network"), content.confidence.network)
 
 
-def write_network(group: h5py.Group, network: Network) -> None:
-    """Fill a group with a network's numbers."""
-    group.attrs["activation"] = network.activation
-    group.attrs["output_scale"] = network.output_scale
-    group["input_shift"] = np.asarray(network.input_shift, dtype="<f8")
-    group["input_scale"] = np.asarray(network.input_scale, dtype="<f8")
-    for layer, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
-        group[f"weight_{layer}"] = np.asarray(weight, dtype="<f8")
-        group[f"bias_{layer}"] = np.asarray(bias, dtype="<f8")
-
-
 def read_file(path: str | Path) -> Content:
     """Read a surrogate file.
 
@@ -106,19 +95,6 @@ def read_file(path: str | Path) -> Content:
             )
         except (TypeError, ValueError, RecursionError) as error:
             raise ValueError(f"{path}: {one_line(error)}") from None
-
-
-def read_network(group: h5py.Group) -> Network:
-    """The network of a group that `write_network` filled; raises ValueError for numbers that are none."""
-    layers, scale = sum(key.startswith("weight_") for key in group), group.attrs["output_scale"]
-    return Network(
-        input_shift=group["input_shift"][()],
-        input_scale=group["input_scale"][()],
-        weights=tuple(group[f"weight_{layer}"][()] for layer in range(layers)),
-        biases=tuple(group[f"bias_{layer}"][()] for layer in range(layers)),
-        output_scale=float(scale) if np.ndim(scale) == 0 else np.asarray(scale, dtype=float),
-        activation=str(group.attrs["activation"]),
-    )
 
 
 def _read_confidence(group: h5py.Group) -> Confidence:

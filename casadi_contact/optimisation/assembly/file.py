@@ -52,7 +52,7 @@ from casadi_contact.contact.ray_cast import RayCastFoundation
 from casadi_contact.contact.symbolic import SymbolicContact, symbolic
 from casadi_contact.core.files.containers import new_hdf5, open_hdf5
 from casadi_contact.core.files.reading import toml_tables, toml_text
-from casadi_contact.networks.network import Network
+from casadi_contact.networks.network import Network, read_network, write_network
 from casadi_contact.optimisation.assembly.connections import Contact
 from casadi_contact.optimisation.assembly.jointed import CoordinateSpring, JointedAssembly
 from casadi_contact.optimisation.assembly.joints import Axis, Body, Coordinate, Joint, free_joint
@@ -61,7 +61,6 @@ from casadi_contact.optimisation.joint_mechanics import whole_wrench
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.checks import fail, identifier, number, plain_values, scene_name, table_of
-from casadi_contact.surrogate.file import read_network, write_network
 
 FORMAT = 1
 _PACKAGE = "casadi_contact.optimisation.assembly"
