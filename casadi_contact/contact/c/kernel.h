@@ -104,9 +104,6 @@ INLINE void weigh_root(int patch, const PatchLoads *of, double weight, double we
 FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, const double *roots_weight,
                              double *hessian) {
   const Frame frame = FRAME_OF(pose);
-#if MOVING
-  MotionSums motion = {{0.0}, {{0.0}}, {{0.0}}};
-#endif
   memset(hessian, 0, VARIABLES * VARIABLES * sizeof(double));
   for (int p = 0; p < PATCHES; p++) {
     PatchLoads of;
@@ -125,14 +122,11 @@ FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, con
     patch_loads(p, pose, &frame, SECOND, roots_weight != 0, weights, &of);
     add_by_pose(&frame, of.curvature, hessian);
 #if MOVING
-    add_motion(&frame, &of, &motion);
+    bend_by_motion(pose, &frame, &of, (double(*)[VARIABLES])hessian);
 #endif
     if (roots_weight) {
       for (int a = 0; a < 6; a++) for (int b = 0; b < 6; b++) of.gap_curvature[a][b] *= -GAP_SLOPE * roots_weight[p];
       add_by_pose(&frame, of.gap_curvature, hessian);
     }
   }
-#if MOVING
-  bend_by_motion(pose, &frame, &motion, (double(*)[VARIABLES])hessian);
-#endif
 }

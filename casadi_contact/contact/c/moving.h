@@ -48,42 +48,31 @@ INLINE void add_row_of_motion(const double *by_motion, double slopes[VARIABLES][
   }
 }
 
-/* Of all patches' weighted loads: derivatives by the motion, of these by the pose, and by the motion again */
-typedef struct {
-  double gradient[LOCALS], mixed[VARIABLES][LOCALS], local[LOCALS][LOCALS];
-} MotionSums;
-
-INLINE void add_motion(const Frame *frame, const PatchLoads *of, MotionSums *sums) {
+/* + second derivatives by x that come with the motion, of one patch's weighted loads; gradient . motion = g v + omega .
+ * (h - t x g) */
+INLINE void bend_by_motion(const double *x, const Frame *frame, const PatchLoads *of, double h[VARIABLES][VARIABLES]) {
+  double slopes[VARIABLES][LOCALS], mixed[VARIABLES][LOCALS] = {{0.0}}, by[6][3], lever[3], turned[3];
+  motion_slopes(x, frame, slopes);
+  turns_of(x, frame, by);
   for (int b = 0; b < LOCALS; b++) {
     double by_twist[6], by_pose[6];
     for (int a = 0; a < 6; a++) by_twist[a] = of->mixed[a][b];
     row_by_pose(frame, by_twist, by_pose);
-    for (int a = 0; a < 6; a++) sums->mixed[a][b] += by_pose[a];
-    for (int c = 0; c < LOCALS; c++) sums->local[b][c] += of->local[b][c];
-    sums->gradient[b] += of->gradient[b];
+    for (int a = 0; a < 6; a++) mixed[a][b] = by_pose[a];
   }
-}
-
-/* + second derivatives by x that come with the motion; gradient . motion = g v + omega . (h - t x g) */
-INLINE void bend_by_motion(const double *x, const Frame *frame, MotionSums *sums, double h[VARIABLES][VARIABLES]) {
-  double slopes[VARIABLES][LOCALS], by[6][3], lever[3], turned[3];
-  motion_slopes(x, frame, slopes);
-  turns_of(x, frame, by);
   for (int i = 0; i < VARIABLES; i++) { /* half of the local part goes to each side */
-    for (int b = 0; b < LOCALS; b++) {
-      for (int c = 0; c < LOCALS; c++) sums->mixed[i][b] += 0.5 * sums->local[b][c] * slopes[i][c];
-    }
+    for (int b = 0; b < LOCALS; b++) for (int c = 0; c < LOCALS; c++) mixed[i][b] += 0.5 * of->local[b][c] * slopes[i][c];
   }
   for (int i = 0; i < VARIABLES; i++) {
     for (int j = 0; j < VARIABLES; j++) {
-      for (int b = 0; b < LOCALS; b++) h[i][j] += sums->mixed[i][b] * slopes[j][b] + slopes[i][b] * sums->mixed[j][b];
+      for (int b = 0; b < LOCALS; b++) h[i][j] += mixed[i][b] * slopes[j][b] + slopes[i][b] * mixed[j][b];
     }
   }
-  cross(x, sums->gradient, lever);
-  for (int i = 0; i < 3; i++) lever[i] = sums->gradient[3 + i] - lever[i];
+  cross(x, of->gradient, lever);
+  for (int i = 0; i < 3; i++) lever[i] = of->gradient[3 + i] - lever[i];
   for (int j = 0; j < 6; j++) {
     const int column = j < 3 ? 3 + j : 6 + j;
-    cross(by[j], sums->gradient, turned);
+    cross(by[j], of->gradient, turned);
     for (int i = 0; i < 3; i++) h[i][column] += turned[i], h[column][i] += turned[i];
     for (int i = 0; i < 3 && (j < 3 ? i <= j : i < j - 3); i++) {
       cross(frame->e[i], by[j], turned);
