@@ -1,0 +1,233 @@
+"""A foot on the ground: contact parameters from a measured step, tried on another one.
+
+    unknowns    z: stiffness, dissipation, friction, where the sole lies in the foot; and the foot's true pose q_k
+    minimise    ½ Σ_k |(L(q, q̇; p) - L̂)/σ_L|² + ½ Σ_k |(q_k - q̂_k)/σ_q|² + ½ r Σ_k |second differences of these|² + ½ |z|²
+
+with measured poses q̂ of markers that are wrong by some mm and degrees, and loads L̂ of a force plate. Loads are taken in
+the middle between frames, q = (q_k + q_{k+1})/2 and q̇ = (q_{k+1} - q_k)/Δt: the three forces, and the moments about the
+measured centre of pressure, which vanish but for the free one. One IPOPT problem with the exact Hessian. Another step
+is fitted with the same sole: only its poses are free.
+
+Input columns: time_s, foot_tx_mm ... foot_rz_rad (the calcaneus in a ground with x forward, y up, z to the right, x-y-z
+body-fixed angles), Fx_N Fy_N Fz_N on the foot, cop_x_mm and cop_z_mm at y = 0, free_Ty_Nmm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+import casadi_contact as cc
+from casadi_contact.contact.compiled_foundation import CompiledFoundation
+from casadi_contact.contact.symbolic import PLACEMENT
+from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, WRENCH_NAMES, Array
+from casadi_contact.core.quantities import quantity
+from casadi_contact.core.terminal import run_program
+from casadi_contact.networks.frames import relative_pose, rotation
+from casadi_contact.optimisation.ipopt import IpoptOutcome, ipopt_options
+from casadi_contact.pictures.page import TARGET, new_page, save_page
+from casadi_contact.scenes.columns import read_columns, write_columns
+
+COEFFICIENTS = ("youngs_modulus", "dissipation", "dynamic_friction", "transition_velocity")
+PARAMETERS = (*COEFFICIENTS, *PLACEMENT)
+LOADED_N = 40.0  # less tells no centre of pressure
+
+
+@dataclass(frozen=True)
+class Step:
+    """Times (n,) [s], poses (n, 6) of the foot in the ground [mm, rad] and the wrench (n, 6) of the ground on it about
+    the origin [N, N·mm]."""
+
+    time_s: Array
+    poses: Array
+    wrench: Array
+
+    @property
+    def middles(self) -> Array:
+        """Wrenches (n - 1, 6) between the frames."""
+        return 0.5 * (self.wrench[1:] + self.wrench[:-1])
+
+
+def read_step(path: Path, *, left: bool = False, every: int = 2, rest: int = 3) -> Step:
+    """A measured step, each `every`-th frame from `rest` of these before the load to as many after. A left foot is
+    mirrored into a right one. The ground's origin moves below the foot."""
+    names = [f"foot_{quantity(name).column}" for name in POSE_NAMES]
+    loads = ["Fx_N", "Fy_N", "Fz_N", "cop_x_mm", "cop_z_mm", "free_Ty_Nmm"]
+    found = read_columns(path, required=["time_s", *names, *loads], what="step")
+    poses, (Fx, Fy, Fz, x, z, free) = np.column_stack([found[name] for name in names]), (found[name] for name in loads)
+    on = np.flatnonzero(Fy > LOADED_N)
+    rows = np.arange(max(on[0] - rest * every, 0), min(on[-1] + rest * every + 1, len(Fy)), every)
+    origin = poses[on[len(on) // 2], :3] * [1.0, 0.0, 1.0]
+    poses[:, :3] -= origin
+    x, z = x - origin[0], z - origin[2]
+    wrench = np.column_stack([Fx, Fy, Fz, -z * Fy, free + z * Fx - x * Fz, x * Fy])
+    wrench[Fy <= 0.0] = 0.0
+    mirror = np.array([1.0, 1.0, -1.0, -1.0, -1.0, 1.0]) if left else np.ones(6)
+    return Step(found["time_s"][rows], (poses * mirror)[rows], (wrench * mirror)[rows])
+
+
+def pressure_centre(wrench: Array) -> Array:
+    """x, z (n, 2) [mm] of the centre of pressure on the ground y = 0 and the free moment about it [N·mm]: (n, 3)."""
+    Fx, Fy, Fz, Tx, Ty, Tz = wrench.T
+    x, z = Tz / np.maximum(Fy, 1.0), -Tx / np.maximum(Fy, 1.0)
+    return np.column_stack([x, z, Ty - (z * Fx - x * Fz)])
+
+
+def ground_wrench(model: CompiledFoundation) -> ca.Function:
+    """(pose of the foot (6), its rates (6), parameters) -> wrench (6) of the ground on the foot about the ground's
+    origin. The model has the ground in the foot, and static friction besides."""
+    names = (*PARAMETERS, "static_friction")
+    pose, rates, p = (ca.MX.sym(name, rows) for name, rows in (("pose", 6), ("rates", 6), ("p", len(PARAMETERS))))
+    R = rotation(pose[3:])
+    ground = relative_pose((pose[:3], R), (ca.MX.zeros(3), ca.MX.eye(3)))
+    function = model.function(WRENCH_NAMES, velocity=True, parameters=names)
+    own = function(ground, ca.jtimes(ground, pose, rates), ca.vertcat(p, p[PARAMETERS.index("dynamic_friction")]))
+    force = R @ own[:3]
+    return ca.Function("ground", [pose, rates, p], [ca.vertcat(force, R @ own[3:] + ca.cross(pose[:3], force))])
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Standard deviations: of forces [N], of centres of pressure [mm], of the free moment [N·mm], of poses [mm, rad];
+    roughness r; most a pose is corrected by, in its deviations; of a placement's prior [mm]."""
+
+    shear_n: float = 5.0
+    vertical_n: float = 8.0
+    centre_mm: float = 3.0
+    free_nmm: float = 600.0
+    length_mm: float = 2.5
+    angle_rad: float = 0.0175
+    rough: float = 4.0
+    most: float = 6.0
+    placed_mm: float = 10.0
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Parameters by name, corrected poses (n, 6), wrenches (n - 1, 6) between the frames; how IPOPT ended."""
+
+    parameters: dict[str, float]
+    poses: Array
+    wrench: Array
+    ipopt: IpoptOutcome
+
+
+def start_heights(wrench: ca.Function, step: Step, p: Array, reach_mm: float = 20.0) -> Array:
+    """How far (n,) [mm] to lift the foot so that it carries its vertical force at rest: by bisection."""
+    low, high = np.full(len(step.poses), -reach_mm), np.full(len(step.poses), reach_mm)
+    at = wrench.map(len(low))
+    for _ in range(12):
+        middle = 0.5 * (low + high)
+        force = np.asarray(at((step.poses + np.outer(middle, np.eye(6)[1])).T, 0.0, p))[1]
+        deep = force > step.wrench[:, 1]
+        low, high = np.where(deep, middle, low), np.where(deep, high, middle)
+    return np.where(step.wrench[:, 1] > 0.0, low, 0.0)
+
+
+def fit(
+    model: CompiledFoundation, step: Step, known: dict[str, float] | None = None, weights: Weights | None = None
+) -> Fit:
+    """Fit poses, and the parameters unless they are known. Raises ValueError where IPOPT finds no solution."""
+    w, n = weights or Weights(), len(step.time_s)
+    scene = {**vars(model.scene.friction), **vars(model.scene.material), **dict.fromkeys(PLACEMENT, 0.0)}
+    start = np.array([(known or scene)[name] for name in PARAMETERS])
+    z, D = ca.MX.sym("z", 0 if known else len(PARAMETERS)), ca.MX.sym("D", 6, n)
+    p = ca.DM(start) if known else ca.vertcat(ca.DM(start[:4]) * ca.exp(z[:4]), w.placed_mm * z[4:] / POSE_IN_MM)
+    unit, wrench = np.repeat([w.length_mm, w.angle_rad], 3), ground_wrench(model)
+    poses = ca.DM(step.poses.T) + ca.diag(unit) @ D
+    middle = 0.5 * (poses[:, 1:] + poses[:, :-1])
+    rates = (poses[:, 1:] - poses[:, :-1]) @ ca.diag(1.0 / np.diff(step.time_s))
+    found = wrench.map(n - 1)(middle, rates, ca.repmat(p, 1, n - 1))
+
+    measured, on = step.middles, (step.wrench[1:, 1] > LOADED_N) & (step.wrench[:-1, 1] > LOADED_N)
+    c = pressure_centre(measured) * on[:, None]
+    off = found - ca.DM(measured.T)
+    x_c, z_c = ca.DM(c[:, 0]).T, ca.DM(c[:, 1]).T
+    arm = ca.DM(on / (w.centre_mm * (measured[:, 1] + 60.0))).T
+    moments = [
+        arm * (off[5, :] - x_c * off[1, :]),
+        arm * (off[3, :] + z_c * off[1, :]),
+        ca.DM(on).T * (off[4, :] - z_c * off[0, :] + x_c * off[2, :]) / w.free_nmm,
+    ]
+    misfit = ca.vertcat(off[0, :] / w.shear_n, off[1, :] / w.vertical_n, off[2, :] / w.shear_n, *moments)
+    bend = D[:, 2:] - 2.0 * D[:, 1:-1] + D[:, :-2]
+    cost = ca.sumsqr(misfit) + ca.sumsqr(D) + w.rough * ca.sumsqr(bend) + ca.sumsqr(z)
+    unknowns = ca.vertcat(z, ca.vec(D))
+    solver = ca.nlpsol("step", "ipopt", {"x": unknowns, "f": 0.5 * cost}, ipopt_options(tolerance=1e-4))
+    lifted = np.outer(start_heights(wrench, step, start) / w.length_mm, np.eye(6)[1])
+    free = z.numel()
+    bound = np.append(np.full(free, 3.0), np.full(6 * n, w.most))
+    answer = solver(x0=np.append(np.zeros(free), np.clip(lifted, -w.most, w.most).ravel()), lbx=-bound, ubx=bound)
+    outcome = IpoptOutcome.of(solver)
+    if not outcome.solved:
+        raise ValueError(f"not solved ({outcome}): are poses in mm and rad, forces in N, and is y up?")
+    values = ca.Function("values", [unknowns], [p, poses, found])(answer["x"])
+    p_found, q, loads = (np.asarray(value).T for value in values)
+    return Fit(dict(zip(PARAMETERS, p_found[0].tolist(), strict=True)), q, loads, outcome)
+
+
+def misfits(step: Step, found: Fit) -> dict[str, float]:
+    """Root mean squares: vertical and fore-aft force [N], centre of pressure [mm], free moment [N·m], and the pose's
+    correction where the foot is loaded [mm, °], also about its mean, which a marker's place on the foot explains."""
+    measured, on = step.middles, step.middles[:, 1] > LOADED_N
+    off = found.wrench - measured
+    c = (pressure_centre(found.wrench) - pressure_centre(measured))[on]
+    moved = (found.poses - step.poses)[step.wrench[:, 1] > 0.0] / np.repeat([1.0, np.pi / 180.0], 3)
+
+    def rms(values: Array) -> float:
+        return float(np.sqrt(np.mean(np.sum(np.reshape(values, (len(values), -1)) ** 2, axis=1))))
+
+    return {
+        "vertical_N": rms(off[:, 1]),
+        "fore_aft_N": rms(off[:, 0]),
+        "cop_mm": rms(c[:, :2]),
+        "free_moment_Nm": 1e-3 * rms(c[:, 2]),
+        "moved_mm": rms(moved[:, :3]),
+        "turned_deg": rms(moved[:, 3:]),
+        "moved_about_mean_mm": rms((moved - moved.mean(axis=0))[:, :3]),
+        "turned_about_mean_deg": rms((moved - moved.mean(axis=0))[:, 3:]),
+    }
+
+
+def main(
+    fitted: Path = Path("../shared/data/jam_knee/steps/right_step.csv"),
+    unseen: Path = Path("../shared/data/jam_knee/steps/left_step_1.csv"),
+    scene: str = "foot_on_ground",
+    every: int = 2,
+    out: Path = Path("results/ground_contact"),
+) -> None:
+    """Fit a right foot's step (CSV), then a left foot's poses with what was found."""
+    model = cc.foundation(scene)
+    steps = {"fitted": read_step(fitted, every=every), "unseen": read_step(unseen, left=True, every=every)}
+    found = {"fitted": fit(model, steps["fitted"])}
+    found["unseen"] = fit(model, steps["unseen"], known=found["fitted"].parameters)
+    for name, value in found["fitted"].parameters.items():
+        print(f"{name:20s} {value:10.4g}")
+    table = {name: misfits(steps[name], found[name]) for name in steps}
+    print("RMS" + " " * 21 + "".join(f"{name:>10s}" for name in table))
+    for row in table["fitted"]:
+        print(f"{row:24s}" + "".join(f"{table[name][row]:10.2f}" for name in table))
+    print("; ".join(f"{name}: {fitted.ipopt}" for name, fitted in found.items()))
+
+    out.mkdir(parents=True, exist_ok=True)
+    page = new_page(12.0, 6.0)
+    axes = page.subplots(2, 4)
+    for row, name in enumerate(steps):
+        step, wrench = steps[name], found[name].wrench
+        time = 0.5 * (step.time_s[1:] + step.time_s[:-1]) - step.time_s[0]
+        on = step.middles[:, 1] > LOADED_N
+        pairs = [np.column_stack([w[:, :2], pressure_centre(w) * [1.0, 1.0, 1e-3]]) for w in (step.middles, wrench)]
+        for axis, column, label in zip(axes[row], (1, 0, 2, 4), ("vertical [N]", "fore-aft [N]", "centre of pressure x [mm]", "free moment [N·m]"), strict=True):
+            for values, style in zip(pairs, ({**TARGET, "label": "plate"}, {"label": "model"}), strict=True):
+                axis.plot(time[on], values[on, column], **style)
+            axis.set(ylabel=label, xlabel=f"time of the {name} step [s]")
+        write_columns(out / f"{name}.csv", {"time_s": time} | dict(zip(WRENCH_NAMES, wrench.T, strict=True)), digits=9)
+    axes[0, 0].legend()
+    save_page(page, out / "ground_contact.png")
+
+
+if __name__ == "__main__":
+    run_program(main)
