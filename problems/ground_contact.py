@@ -1,12 +1,12 @@
 """A foot on the ground: contact parameters from a measured step, tried on another one.
 
     unknowns    z: stiffness, dissipation, friction, where the sole lies in the foot; and the foot's true pose q_k
-    minimise    ½ Σ_k |(L(q, q̇; p) - L̂)/σ_L|² + ½ Σ_k |(q_k - q̂_k)/σ_q|² + ½ r Σ_k |second differences of these|² + ½ |z|²
+    minimise    ½ Σ_k |(L(q, q̇; p) - L̂)/σ_L|² + ½ Σ_k |δ_k|² + ½ r Σ_k |δ_{k+1} - 2δ_k + δ_{k-1}|² + ½ |z/σ_z|²
 
-with measured poses q̂ of markers that are wrong by some mm and degrees, and loads L̂ of a force plate. Loads are taken in
-the middle between frames, q = (q_k + q_{k+1})/2 and q̇ = (q_{k+1} - q_k)/Δt: the three forces, and the moments about the
-measured centre of pressure, which vanish but for the free one. One IPOPT problem with the exact Hessian. Another step
-is fitted with the same sole: only its poses are free.
+with measured poses q̂ = q - σ_q·δ of markers that are wrong by some mm and degrees, and loads L̂ of a force plate.
+Loads are taken in the middle between frames, q = (q_k + q_{k+1})/2 and q̇ = (q_{k+1} - q_k)/Δt: the three forces, and
+the moments about the measured centre of pressure, which vanish but for the free one. One IPOPT problem with the exact
+Hessian. Another step is fitted with the same sole: only its poses are free.
 
 Input columns: time_s, foot_tx_mm ... foot_rz_rad (the calcaneus in a ground with x forward, y up, z to the right, x-y-z
 body-fixed angles), Fx_N Fy_N Fz_N on the foot, cop_x_mm and cop_z_mm at y = 0, free_Ty_Nmm.
@@ -26,7 +26,7 @@ from casadi_contact.contact.symbolic import PLACEMENT
 from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, WRENCH_NAMES, Array
 from casadi_contact.core.quantities import quantity
 from casadi_contact.core.terminal import run_program
-from casadi_contact.networks.frames import relative_pose, rotation
+from casadi_contact.networks.frames import placed, relative_pose
 from casadi_contact.optimisation.ipopt import IpoptOutcome, ipopt_options
 from casadi_contact.pictures.page import TARGET, new_page, save_page
 from casadi_contact.scenes.columns import read_columns, write_columns
@@ -51,7 +51,7 @@ class Step:
         return 0.5 * (self.wrench[1:] + self.wrench[:-1])
 
 
-def read_step(path: Path, *, left: bool = False, every: int = 2, rest: int = 3) -> Step:
+def read_step(path: Path, *, left: bool = False, every: int = 3, rest: int = 3) -> Step:
     """A measured step, each `every`-th frame from `rest` of these before the load to as many after. A left foot is
     mirrored into a right one. The ground's origin moves below the foot."""
     names = [f"foot_{quantity(name).column}" for name in POSE_NAMES]
@@ -78,15 +78,21 @@ def pressure_centre(wrench: Array) -> Array:
 
 def ground_wrench(model: CompiledFoundation) -> ca.Function:
     """(pose of the foot (6), its rates (6), parameters) -> wrench (6) of the ground on the foot about the ground's
-    origin. The model has the ground in the foot, and static friction besides."""
-    names = (*PARAMETERS, "static_friction")
-    pose, rates, p = (ca.MX.sym(name, rows) for name, rows in (("pose", 6), ("rates", 6), ("p", len(PARAMETERS))))
-    R = rotation(pose[3:])
-    ground = relative_pose((pose[:3], R), (ca.MX.zeros(3), ca.MX.eye(3)))
-    function = model.function(WRENCH_NAMES, velocity=True, parameters=names)
-    own = function(ground, ca.jtimes(ground, pose, rates), ca.vertcat(p, p[PARAMETERS.index("dynamic_friction")]))
-    force = R @ own[:3]
-    return ca.Function("ground", [pose, rates, p], [ca.vertcat(force, R @ own[3:] + ca.cross(pose[:3], force))])
+    origin. The model has the ground in the sole: kinematics are an SX function, whose derivatives take little time."""
+    pose, rates, place, wrench = (ca.SX.sym(name, 6) for name in ("pose", "rates", "place", "wrench"))
+    t, R = placed(pose, place)
+    met = relative_pose((t, R), (ca.SX.zeros(3), ca.SX.eye(3)))
+    meets = ca.Function("meets", [pose, rates, place], [met, ca.jtimes(met, pose, rates)])
+    on_foot = ca.vertcat(R @ wrench[:3], R @ wrench[3:] + ca.cross(t, R @ wrench[:3]))
+    in_ground = ca.Function("in_ground", [pose, place, wrench], [on_foot])
+
+    sizes = {"pose": 6, "rates": 6, "p": len(PARAMETERS)}
+    pose, rates, p = (ca.MX.sym(name, rows) for name, rows in sizes.items())
+    coefficients, place = p[: len(COEFFICIENTS)], p[len(COEFFICIENTS) :]
+    contact = model.function(WRENCH_NAMES, velocity=True, parameters=(*COEFFICIENTS, "static_friction"))
+    static = p[COEFFICIENTS.index("dynamic_friction")]
+    own = contact(*meets(pose, rates, place), ca.vertcat(coefficients, static))
+    return ca.Function("ground", [pose, rates, p], [in_ground(pose, place, own)])
 
 
 @dataclass(frozen=True)
@@ -97,12 +103,13 @@ class Weights:
     shear_n: float = 5.0
     vertical_n: float = 8.0
     centre_mm: float = 3.0
-    free_nmm: float = 600.0
+    free_nmm: float = 350.0
     length_mm: float = 2.5
     angle_rad: float = 0.0175
     rough: float = 4.0
     most: float = 6.0
     placed_mm: float = 10.0
+    prior: tuple[float, ...] = (1.0, 1.0, 0.1, 1.0, 1.0, 1.0, 1.0, 0.2, 0.2, 0.2)
 
 
 @dataclass(frozen=True)
@@ -154,9 +161,12 @@ def fit(
     ]
     misfit = ca.vertcat(off[0, :] / w.shear_n, off[1, :] / w.vertical_n, off[2, :] / w.shear_n, *moments)
     bend = D[:, 2:] - 2.0 * D[:, 1:-1] + D[:, :-2]
-    cost = ca.sumsqr(misfit) + ca.sumsqr(D) + w.rough * ca.sumsqr(bend) + ca.sumsqr(z)
+    cost = (
+        ca.sumsqr(misfit) + ca.sumsqr(D) + w.rough * ca.sumsqr(bend) + (0.0 if known else ca.sumsqr(z / ca.DM(w.prior)))
+    )
     unknowns = ca.vertcat(z, ca.vec(D))
-    solver = ca.nlpsol("step", "ipopt", {"x": unknowns, "f": 0.5 * cost}, ipopt_options(tolerance=1e-4))
+    options = ipopt_options(tolerance=1e-3, max_iterations=1000, mu_init=1e-3)
+    solver = ca.nlpsol("step", "ipopt", {"x": unknowns, "f": 0.5 * cost}, options)
     lifted = np.outer(start_heights(wrench, step, start) / w.length_mm, np.eye(6)[1])
     free = z.numel()
     bound = np.append(np.full(free, 3.0), np.full(6 * n, w.most))
@@ -196,7 +206,7 @@ def main(
     fitted: Path = Path("../shared/data/jam_knee/steps/right_step.csv"),
     unseen: Path = Path("../shared/data/jam_knee/steps/left_step_1.csv"),
     scene: str = "foot_on_ground",
-    every: int = 2,
+    every: int = 3,
     out: Path = Path("results/ground_contact"),
 ) -> None:
     """Fit a right foot's step (CSV), then a left foot's poses with what was found."""
@@ -220,7 +230,12 @@ def main(
         time = 0.5 * (step.time_s[1:] + step.time_s[:-1]) - step.time_s[0]
         on = step.middles[:, 1] > LOADED_N
         pairs = [np.column_stack([w[:, :2], pressure_centre(w) * [1.0, 1.0, 1e-3]]) for w in (step.middles, wrench)]
-        for axis, column, label in zip(axes[row], (1, 0, 2, 4), ("vertical [N]", "fore-aft [N]", "centre of pressure x [mm]", "free moment [N·m]"), strict=True):
+        for axis, column, label in zip(
+            axes[row],
+            (1, 0, 2, 4),
+            ("vertical [N]", "fore-aft [N]", "centre of pressure x [mm]", "free moment [N·m]"),
+            strict=True,
+        ):
             for values, style in zip(pairs, ({**TARGET, "label": "plate"}, {"label": "model"}), strict=True):
                 axis.plot(time[on], values[on, column], **style)
             axis.set(ylabel=label, xlabel=f"time of the {name} step [s]")

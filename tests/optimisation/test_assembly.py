@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import casadi_contact as cc
+from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.conventions import rotation
@@ -181,3 +182,20 @@ def test_a_file_that_says_something_else_is_refused_in_one_printable_line(sound,
     with pytest.raises(ValueError, match=word) as refused:
         cc.load_assembly(path)
     assert str(refused.value).isprintable()
+
+
+def test_a_foot_of_two_segments_stands_as_one_until_its_toes_bend():
+    """Both soles together carry about what the whole sole does; bent up by 20 degrees the toes carry nothing."""
+
+    def in_cells(scene):
+        return cc.CellFoundation(scene, Cells(10.0, 10.0, 4, 4), compiled=False)
+
+    foot = cc.load_assembly("foot_with_toes", in_cells)
+    wrenches = foot.function(("contact_wrenches",))
+    n = len(foot.coordinates)
+    flat, bent = foot.default, foot.default + np.radians(20.0) * np.eye(n)[foot.rows(["toe_extension"])[0]]
+    (behind, toes), (_, lifted) = (np.asarray(wrenches(q, np.zeros(n), np.zeros(n), [])).T for q in (flat, bent))
+    whole = in_cells(cc.load_scene("foot_on_ground"))([0.0, -23.0, 0.0, 0.0, 0.0, 0.0])
+    assert behind[1] > toes[1] > 5.0
+    assert behind[1] + toes[1] == pytest.approx(whole[1], rel=0.15)  # the outlines of the parts end at the joint
+    assert lifted[1] == 0.0

@@ -47,7 +47,7 @@ class CellChoice:
         return tuple(size * scale for size in self.sizes_mm)
 
     def cells(self, u_mm: float, v_mm: float) -> Cells:
-        """Cells with sub-points about `sub_point_mm` apart; with 4 along a side longer than all `sizes_mm`, a sole's."""
+        """Cells with sub-points about `sub_point_mm` apart; larger ones than all `sizes_mm` have 4 along a side."""
         points = (max(3, round(size / self.sub_point_mm)) for size in (u_mm, v_mm))
         large = max(u_mm, v_mm) > max(self.sizes_mm)
         return Cells(u_mm, v_mm, *(min(count, 4) if large else count for count in points))
