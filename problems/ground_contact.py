@@ -28,7 +28,7 @@ from casadi_contact.core.quantities import quantity
 from casadi_contact.core.terminal import run_program
 from casadi_contact.networks.frames import placed, relative_pose
 from casadi_contact.optimisation.ipopt import IpoptOutcome, ipopt_options
-from casadi_contact.pictures.page import TARGET, new_page, save_page
+from casadi_contact.pictures.page import SURROGATE, TARGET, new_page, save_page
 from casadi_contact.scenes.columns import read_columns, write_columns
 
 COEFFICIENTS = ("youngs_modulus", "dissipation", "dynamic_friction", "transition_velocity")
@@ -76,29 +76,34 @@ def pressure_centre(wrench: Array) -> Array:
     return np.column_stack([x, z, Ty - (z * Fx - x * Fz)])
 
 
-def ground_wrench(model: CompiledFoundation) -> ca.Function:
-    """(pose of the foot (6), its rates (6), parameters) -> wrench (6) of the ground on the foot about the ground's
-    origin. The model has the ground in the sole: kinematics are an SX function, whose derivatives take little time."""
+def kinematics() -> tuple[ca.Function, ca.Function]:
+    """(pose of the foot (6), its rates (6), place of the sole (6)) -> pose of the ground in the sole and its rates; and
+    (pose, place, wrench on the sole (6)) -> that wrench about the ground's origin. In SX, whose derivatives are cheap.
+    """
     pose, rates, place, wrench = (ca.SX.sym(name, 6) for name in ("pose", "rates", "place", "wrench"))
     t, R = placed(pose, place)
     met = relative_pose((t, R), (ca.SX.zeros(3), ca.SX.eye(3)))
     meets = ca.Function("meets", [pose, rates, place], [met, ca.jtimes(met, pose, rates)])
     on_foot = ca.vertcat(R @ wrench[:3], R @ wrench[3:] + ca.cross(t, R @ wrench[:3]))
-    in_ground = ca.Function("in_ground", [pose, place, wrench], [on_foot])
+    return meets, ca.Function("in_ground", [pose, place, wrench], [on_foot])
 
-    sizes = {"pose": 6, "rates": 6, "p": len(PARAMETERS)}
-    pose, rates, p = (ca.MX.sym(name, rows) for name, rows in sizes.items())
+
+def ground_wrench(model: CompiledFoundation) -> ca.Function:
+    """(pose of the foot (6), its rates (6), parameters) -> wrench (6) of the ground on the foot about the ground's
+    origin."""
+    meets, in_ground = kinematics()
+    pose, rates, p = (ca.MX.sym(name, rows) for name, rows in (("pose", 6), ("rates", 6), ("p", len(PARAMETERS))))
     coefficients, place = p[: len(COEFFICIENTS)], p[len(COEFFICIENTS) :]
     contact = model.function(WRENCH_NAMES, velocity=True, parameters=(*COEFFICIENTS, "static_friction"))
-    static = p[COEFFICIENTS.index("dynamic_friction")]
-    own = contact(*meets(pose, rates, place), ca.vertcat(coefficients, static))
+    own = contact(*meets(pose, rates, place), ca.vertcat(coefficients, p[COEFFICIENTS.index("dynamic_friction")]))
     return ca.Function("ground", [pose, rates, p], [in_ground(pose, place, own)])
 
 
 @dataclass(frozen=True)
 class Weights:
     """Standard deviations: of forces [N], of centres of pressure [mm], of the free moment [N·mm], of poses [mm, rad];
-    roughness r; most a pose is corrected by, in its deviations; of a placement's prior [mm]."""
+    roughness r; most a pose is corrected by, in its deviations; one unit of a placement [mm]; deviations of the
+    unknowns z, in logarithms and such units."""
 
     shear_n: float = 5.0
     vertical_n: float = 8.0
@@ -219,29 +224,25 @@ def main(
         print(f"{name:20s} {value:10.4g}")
     table = {name: misfits(steps[name], found[name]) for name in steps}
     print("RMS" + " " * 21 + "".join(f"{name:>10s}" for name in table))
-    for row in table["fitted"]:
-        print(f"{row:24s}" + "".join(f"{table[name][row]:10.2f}" for name in table))
+    for key in table["fitted"]:
+        print(f"{key:24s}" + "".join(f"{table[name][key]:10.2f}" for name in table))
     print("; ".join(f"{name}: {fitted.ipopt}" for name, fitted in found.items()))
 
     out.mkdir(parents=True, exist_ok=True)
-    page = new_page(12.0, 6.0)
-    axes = page.subplots(2, 4)
-    for row, name in enumerate(steps):
-        step, wrench = steps[name], found[name].wrench
-        time = 0.5 * (step.time_s[1:] + step.time_s[:-1]) - step.time_s[0]
-        on = step.middles[:, 1] > LOADED_N
-        pairs = [np.column_stack([w[:, :2], pressure_centre(w) * [1.0, 1.0, 1e-3]]) for w in (step.middles, wrench)]
-        for axis, column, label in zip(
-            axes[row],
-            (1, 0, 2, 4),
-            ("vertical [N]", "fore-aft [N]", "centre of pressure x [mm]", "free moment [N·m]"),
-            strict=True,
-        ):
-            for values, style in zip(pairs, ({**TARGET, "label": "plate"}, {"label": "model"}), strict=True):
-                axis.plot(time[on], values[on, column], **style)
-            axis.set(ylabel=label, xlabel=f"time of the {name} step [s]")
-        write_columns(out / f"{name}.csv", {"time_s": time} | dict(zip(WRENCH_NAMES, wrench.T, strict=True)), digits=9)
-    axes[0, 0].legend()
+    page, labels = (
+        new_page(12.0, 6.0),
+        ("fore-aft [N]", "vertical [N]", "centre of pressure x [mm]", "free moment [N·m]"),
+    )
+    for row, (name, step) in zip(page.subplots(2, 4), steps.items(), strict=True):
+        time, on = 0.5 * (step.time_s[1:] + step.time_s[:-1]), step.middles[:, 1] > LOADED_N
+        for wrench, style in ((step.middles, TARGET | {"label": "plate"}), (found[name].wrench, SURROGATE)):
+            shown = np.column_stack([wrench[:, :2], pressure_centre(wrench) * [1.0, 1.0, 1e-3]])[:, [0, 1, 2, 4]]
+            for axis, values, label in zip(row, shown.T, labels, strict=True):
+                axis.plot(time[on], values[on], **style)
+                axis.set(ylabel=label, xlabel=f"time of the {name} step [s]")
+        columns = dict(zip(WRENCH_NAMES, found[name].wrench.T, strict=True))
+        write_columns(out / f"{name}.csv", {"time_s": time, **columns}, digits=9)
+        row[0].legend()
     save_page(page, out / "ground_contact.png")
 
 
