@@ -145,11 +145,11 @@ class Regression:
         columns = factors.reshape(-1, *[1] * (np.ndim(self.targets) - 1))
         return replace(self, weights=columns * self.weights, false_load=false_load)
 
-    def residuals(self, network: Network) -> Array:
-        """Weighted residuals, (n,) or (n, m)."""
+    def squares(self, network: Network) -> Array:
+        """residual² of each row (n,)."""
         values = network.value(self.inputs)
-        off = self.weights * (values - self.targets)
-        return np.asarray(np.copysign(np.hypot(off, self.false_load * np.maximum(values, 0.0) ** 2), off))
+        off, false = self.weights * (values - self.targets), self.false_load * np.maximum(values, 0.0) ** 2
+        return np.asarray(off**2 + false**2).reshape(-1, self.outputs).sum(axis=1)
 
 
 def size_text(hidden: Sequence[int]) -> str:

@@ -99,11 +99,6 @@ def adam(loss: Loss, rows: int = 256, rate: float = 5e-3) -> None:
         loss.errors(weights)
 
 
-def rms(errors: Array) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(errors**2)))
-
-
 def main(samples: Path, seconds: float = 50.0, width: int = 16, out: Path = Path("results/optimisers.json")) -> None:
     """Fit 3 layers by every method for so many CPU seconds; write RMS errors [N] on rows for training and held back."""
     writable_folder(out.parent)
@@ -119,7 +114,7 @@ def main(samples: Path, seconds: float = 50.0, width: int = 16, out: Path = Path
             with suppress(StopIteration):
                 method(loss)
             networks[name] = unflatten(loss.best, start)
-    errors = {name: [rms(r.residuals(n)) for r in (rows, held_back)] for name, n in networks.items()}
+    errors = {name: [float(np.sqrt(r.squares(n).mean())) for r in (rows, held_back)] for name, n in networks.items()}
     said = {"rows": len(rows.targets), "network": size_text(start.hidden), "cpu_s": seconds, "rms_n": errors}
     write_text(out, json.dumps({**said, "machine": machine_record()}, indent=1))
     print(*(f"{name}: {train:.3g} N, held back {held:.3g} N" for name, (train, held) in errors.items()), sep="\n")

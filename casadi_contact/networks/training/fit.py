@@ -36,9 +36,9 @@ class Fit:
     """A fitted network, and how the fit went.
 
     rms, validation_rms: root-mean-square weighted residual on training and validation rows, in the unit of the
-    tolerance, the latter NaN without validation rows. history: training_rms, validation_rms, gflop and size (index
-    into the settings' sizes), one entry an iteration. stop_reason: see `settings`. gflop: work done. cpu_s: CPU
-    seconds of the thread that fitted; both count interrupted runs too.
+    tolerance, the latter NaN without validation rows. history: training_rms, validation_error (`typical_error`),
+    gflop and size (index into the settings' sizes), one entry an iteration. stop_reason: see `settings`. gflop: work
+    done. cpu_s: CPU seconds of the thread that fitted; both count interrupted runs too.
     """
 
     network: Network
@@ -172,9 +172,9 @@ def _begun(
 
 def _result(regression: Regression, trainer: Trainer) -> Fit:
     network = trainer.best_network()
-    squares = np.reshape(regression.residuals(network) ** 2, (len(regression.inputs), -1)).sum(axis=1)
+    squares = regression.squares(network)
     training, validation = (
-        float(np.sqrt(np.sum(squares[rows]) / rows.sum())) if rows.any() else np.nan
+        float(np.sqrt(squares[rows].mean())) if rows.any() else np.nan
         for rows in (~regression.validation, regression.validation)
     )
     history = {name: np.array(column) for name, column in trainer.history.items()}

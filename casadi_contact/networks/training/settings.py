@@ -1,8 +1,8 @@
 """What a fit may use and how it grows; when it stops: the three criteria of [EF15 §2.6], a fit that stands still, and a
 trend that will miss the tolerance.
 
-Histories are the root-mean-square weighted residuals of the training and validation rows, one entry an iteration, in
-the unit of the tolerance (N or N·mm).
+Histories are the root mean square of the training rows' weighted residuals, and the typical error of the validation
+rows, one entry an iteration, in the unit of the tolerance (N or N·mm).
 """
 
 from __future__ import annotations
@@ -70,30 +70,32 @@ LIMITS = (BUDGET_USED, ITERATION_LIMIT)
 """Reasons after which the error might have fallen further."""
 
 
-def error_reached(training_rms: float, validation_rms: float, tolerance: float) -> bool:
-    """Criterion 1: training and validation error are at most the tolerance (validation NaN without such rows)."""
-    return training_rms <= tolerance and not validation_rms > tolerance
+def error_reached(training_rms: float, squares: Array, domain: np.ndarray | None, tolerance: float) -> bool:
+    """Criterion 1: training and validation error are at most the tolerance, that of each domain by itself, so that many
+    easy rows do not hide a few that are far off. squares (n,), domain (n,): of validation rows, if any."""
+    parts = [squares] if domain is None else [squares[domain == number] for number in np.unique(domain)]
+    return training_rms <= tolerance and all(part.mean() <= tolerance**2 for part in parts if len(part))
 
 
-def reached_in_every_domain(
-    residuals: Array, validation: np.ndarray, domain: np.ndarray | None, tolerance: float
-) -> bool:
-    """Criterion 1 for the validation rows of each domain by itself, so that many easy rows do not hide a few that are
-    far off. residuals (n,) or (n, m); True without domains."""
-    if domain is None:
-        return True
-    squares = np.reshape(residuals**2, (len(residuals), -1)).sum(axis=1)
-    rows = [validation & (domain == number) for number in np.unique(domain[validation])]
-    return all(bool(squares[chosen].mean() <= tolerance**2) for chosen in rows)
+def typical_error(squares: Array, tolerance: float) -> float:
+    """√(exp(mean ln(r² + s²)) - s²) of rows with squared residuals r² (n,), s ten tolerances; NaN without rows.
+
+    It is the RMS of rows that err by less than s. Where a few err by far more, the RMS is theirs alone: of a pose far
+    from all others, or at a jump of the load, where a network that errs a tenth as much elsewhere may be worse.
+    """
+    if not len(squares):
+        return np.nan
+    scale = (10.0 * tolerance) ** 2 + np.finfo(float).tiny
+    return float(np.sqrt(max(np.exp(np.log(squares + scale).mean()) - scale, 0.0)))
 
 
-def validation_rising(validation_rms: Sequence[float], rises: int) -> bool:
+def validation_rising(validation_error: Sequence[float], rises: int) -> bool:
     """Criterion 3: the validation error rose ``rises`` times in a row.
 
     Iterations without an accepted step repeat the last value; they neither rise nor break a row.
     """
     in_a_row = 0
-    for before, after in zip(validation_rms[-2::-1], validation_rms[:0:-1], strict=False):
+    for before, after in zip(validation_error[-2::-1], validation_error[:0:-1], strict=False):
         if after == before:
             continue
         if not after > before:

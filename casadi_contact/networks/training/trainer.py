@@ -21,8 +21,8 @@ from casadi_contact.networks.training.settings import (
     TrainingSettings,
     error_reached,
     extrapolated_error,
-    reached_in_every_domain,
     stalled,
+    typical_error,
     validation_rising,
 )
 from casadi_contact.networks.training.weights import flatten, initial_network, unflatten, widen
@@ -30,15 +30,15 @@ from casadi_contact.networks.training.weights import flatten, initial_network, u
 # A size gets this share of the budget, and so many iterations, before its trend decides; a larger or restarted network
 # needs work of its own: with a smaller share of the budget left the present one goes on.
 _GROWTH_SHARE, _GROWTH_ITERATIONS, _SHARE_FOR_ANOTHER = 0.05, 20, 0.2
-HISTORY = ("training_rms", "validation_rms", "gflop", "size")
+HISTORY = ("training_rms", "validation_error", "gflop", "size")
 _KEPT = ("level", "attempt", "began", "stop_reason", "flop", "cpu_s", "best", "best_level", "best_score")
 
 
 class Trainer:
     """One fit in progress; `iterate` until ``stop_reason`` is set.
 
-    history: lists with one entry an iteration: training_rms, validation_rms (NaN without validation rows), Gflop used,
-    and the index of the network's size in the settings. level: that index now; attempt, began: restarts of this size,
+    history: lists with one entry an iteration: training_rms, validation_error (`typical_error`), Gflop used, and
+    the index of the network's size in the settings. level: that index now; attempt, began: restarts of this size,
     and the entry at which the present network began. flop, cpu_s: work and CPU seconds of this thread, interrupted runs
     included. best: parameters of the best network so far, of size best_level. saved: the content of a checkpoint;
     start: a network to begin from, not random weights.
@@ -102,13 +102,16 @@ class Trainer:
         """One step of Levenberg-Marquardt, then stop, grow or restart as [EF15 §2.6] says."""
         began = time.thread_time()
         self._lm.step()
-        validation_rms = self._validation_rms()
+        held, tolerance = self._held_back, self.regression.tolerance
+        squares = held.squares(unflatten(self._lm.parameters, self._lm.mlp.like))
+        self.flop += 2 * len(squares) * self._lm.mlp.parameter_count
         self._count()
         self.cpu_s += time.thread_time() - began
-        for name, value in zip(HISTORY, (self._lm.rms, validation_rms, self.gflop, self.level), strict=True):
+        error = typical_error(squares, tolerance)
+        for name, value in zip(HISTORY, (self._lm.rms, error, self.gflop, self.level), strict=True):
             self.history[name].append(value)
-        score = self._lm.rms if np.isnan(validation_rms) else validation_rms
-        reached = self._error_reached(validation_rms)
+        score = error if len(squares) else self._lm.rms
+        reached = error_reached(self._lm.rms, squares, held.domain, tolerance)
         if reached or score < self.best_score:
             self.best, self.best_level, self.best_score = self._lm.parameters, self.level, score
         self.update_stopping(reached)
@@ -119,7 +122,7 @@ class Trainer:
             self.stop_reason = ERROR_REACHED
         elif reason := self._limit_reached():
             self.stop_reason = reason
-        elif validation_rising(self._phase("validation_rms"), self.settings.max_validation_rises):
+        elif validation_rising(self._phase("validation_error"), self.settings.max_validation_rises):
             self.stop_reason = VALIDATION_RISING
         elif self._stalled():
             if self._can_begin_another() and self._can_grow():
@@ -132,13 +135,6 @@ class Trainer:
                 self.stop_reason = STALLED
         elif self._can_begin_another() and self._can_grow() and self._trend_misses():
             self._grow()
-
-    def _error_reached(self, validation_rms: float) -> bool:
-        of = self.regression
-        if not error_reached(self._lm.rms, validation_rms, of.tolerance):
-            return False
-        residuals = of.residuals(unflatten(self._lm.parameters, self._fresh()))
-        return reached_in_every_domain(residuals, of.validation, of.domain, of.tolerance)
 
     def _limit_reached(self) -> str:
         most = self.settings.max_iterations
@@ -220,9 +216,3 @@ class Trainer:
         self._lm = LevenbergMarquardt(mlp, flatten(network), seed, state)
         self._counted = 0 if state is None else self._lm.flop  # what a resumed fit does again was counted before
         self._count()
-
-    def _validation_rms(self) -> float:
-        held, network = self._held_back, unflatten(self._lm.parameters, self._lm.mlp.like)
-        self.flop += 2 * len(held.targets) * network.parameter_count
-        residuals = held.residuals(network)
-        return float(np.sqrt(np.sum(residuals**2) / len(residuals))) if len(residuals) else np.nan

@@ -34,7 +34,7 @@ def test_kill_and_resume_is_as_if_nothing_happened(tmp_path, limit):
             fit(smooth(), settings, path, progress=kill_after(iterations))
     resumed = fit(smooth(), settings, path)
     np.testing.assert_array_equal(flatten(resumed.network), flatten(whole.network))
-    for column in ("training_rms", "validation_rms", "size", "gflop"):
+    for column in ("training_rms", "validation_error", "size", "gflop"):
         np.testing.assert_array_equal(resumed.history[column], whole.history[column])
     assert list(tmp_path.iterdir()) == [path]
 

@@ -77,7 +77,7 @@ def test_products_gradient_and_gram_are_those_of_the_differentiated_loss(case):
 def test_the_loss_is_that_of_the_regression(case):
     network, data = case
     loss = mlp_of(network, data).evaluate(flatten(network), solve_output=False)[1]
-    assert loss == pytest.approx(0.5 * np.sum(data.residuals(network) ** 2), rel=1e-12)
+    assert loss == pytest.approx(0.5 * np.sum(data.squares(network)), rel=1e-12)
 
 
 @pytest.mark.parametrize("scale", [1e-12, 1e12])
