@@ -98,16 +98,20 @@ class PressedPoints(NamedTuple):
         """Wrench (6,) on the fixed body under a twist about the origin (6,), and if asked its derivatives: by the twist
         that displaces the body (6, 6), by the twist at which it moves (6, 6), by the coefficients (6, 5)."""
         c, n, dissipation = self.places, self.normals, coefficients[4]
-        w = twist[:3] + np.cross(twist[3:], c)
+        x, y, z = twist[3:]
+        w = twist[:3] + c @ np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # ω × c
         approach = -np.sum(n * w, 1)
         slide = w + approach[:, None] * n
         f, f_slope, f_by = friction_factor(coefficients, np.sum(slide * slide, 1))
         whole, rise = whole_pressure(1.0 + dissipation * approach)
+        if not derivatives:
+            pull = self.forces * whole
+            m = (c.T * (pull * f)) @ slide  # its parts that differ across the diagonal are the moment
+            drag = [*((pull * f) @ slide), m[1, 2] - m[2, 1], m[2, 0] - m[0, 2], m[0, 1] - m[1, 0]]
+            return (np.array(drag) - pull @ self.loads,)
         drag = wrench_about_origin(slide, c)
         steady = f[:, None] * drag - self.loads
         load = whole[:, None] * steady
-        if not derivatives:
-            return (self.forces @ load,)
         by_slide = f[:, None, None] * (np.eye(3) - n[:, :, None] * n[:, None])
         by_slide += 2.0 * f_slope[:, None, None] * slide[:, :, None] * slide[:, None]
         by_w = whole[:, None, None] * np.concatenate([by_slide, np.cross(c[:, :, None], by_slide, axis=1)], 1)

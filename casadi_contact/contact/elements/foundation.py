@@ -163,9 +163,15 @@ class ElasticFoundation(SlidingContact):
     def pressed_points(self, poses: Array) -> Iterator[list[PressedPoints]]:
         """Of each pose (n, 6), of each patch, the elements that bear load."""
         for pose in poses:
-            yield [self._pressed(bed, rotation(pose[3:]), pose[:3].copy()) for bed in self._patches]
+            beds = zip(self._patches, self._unit_loads, strict=True)
+            yield [self._pressed(*bed, rotation(pose[3:]), pose[:3].copy()) for bed in beds]
 
-    def _pressed(self, bed: PatchElements, R: Array, t: Array) -> PressedPoints:
+    @cached_property
+    def _unit_loads(self) -> list[Array]:
+        """(n, c × n) (m, 6) of each patch's elements."""
+        return [wrench_about_origin(bed.elements[1], bed.elements[0]) for bed in self._patches]
+
+    def _pressed(self, bed: PatchElements, loads: Array, R: Array, t: Array) -> PressedPoints:
         surface, (centres, normals, areas, *_) = bed.surface, bed.elements
         near = near_elements(surface.family, surface.parameters, bed.elements, R, t)
         depths, by_twist = overlap_many(surface.family, surface.parameters, centres[near], normals[near], R, t, 0.0)
@@ -173,8 +179,8 @@ class ElasticFoundation(SlidingContact):
         depths, by_twist, on = depths[pressed], by_twist[pressed], near[pressed]
         number, modulus, thickness = bed.law
         p, slope = pressure_derivatives(number, modulus, thickness[on], depths)
-        c, n, area = centres[on], normals[on], areas[on]
-        return PressedPoints(c, n, wrench_about_origin(n, c), p * area, (slope * area)[:, None] * by_twist)
+        area = areas[on]
+        return PressedPoints(centres[on], normals[on], loads[on], p * area, (slope * area)[:, None] * by_twist)
 
     def function(self, loads: Iterable[str] | None = None, name: str = "contact_loads", **options: Any) -> ca.Function:
         """`ContactFunctions.function` of this model called back from CasADi."""
