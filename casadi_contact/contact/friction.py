@@ -107,8 +107,8 @@ class PressedPoints(NamedTuple):
         if not derivatives:
             pull = self.forces * whole
             m = (c.T * (pull * f)) @ slide  # its parts that differ across the diagonal are the moment
-            drag = [*((pull * f) @ slide), m[1, 2] - m[2, 1], m[2, 0] - m[0, 2], m[0, 1] - m[1, 0]]
-            return (np.array(drag) - pull @ self.loads,)
+            dragged = [*((pull * f) @ slide), m[1, 2] - m[2, 1], m[2, 0] - m[0, 2], m[0, 1] - m[1, 0]]
+            return (np.array(dragged) - pull @ self.loads,)
         drag = wrench_about_origin(slide, c)
         steady = f[:, None] * drag - self.loads
         load = whole[:, None] * steady
