@@ -42,7 +42,7 @@ class Sampling:
     tolerance_mm: float = 0.02
     first: tuple[tuple[int, ...], ...] = ((8,),)
     sizes: tuple[tuple[int, ...], ...] = ((6,), (10,), (16,), (24,), (32,))
-    most_cpu_s: float = 4.0  # of one path
+    most_cpu_s: float = 3.0  # of one path
 
 
 def draw(

@@ -205,7 +205,7 @@ def _centres(
     for turn in (turn for turn in PASSIVE if turn <= most):
         q = q.copy()
         q[row] = c.default + way * turn
-        found = rest(q, ACTIVATION)
+        found = rest(q, ACTIVATION, tolerance=1.0, max_iterations=100)
         q, told = (found.q, told + 1) if found.converged else (q, told)
         centres.append(q)
     of = f"{moving[0]} to {np.degrees(abs(q[row] - c.default)):.0f} degrees"
