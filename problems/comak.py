@@ -346,14 +346,19 @@ def write(out: Path, walk: Walk, found: Solution, contact_n: Array) -> None:
     """Coordinates, activations and muscles' forces as COMAK writes them, for OpenSim, and contact forces as CSV."""
     q, muscles, time_s = walk.motion.q.copy(), walk.assembly.muscle_names, walk.motion.time_s
     q[:, walk.free] = found.secondary
-    turns = [c.kind == "rotation" for c in walk.assembly.coordinate_table.values()]
-    values = dict(zip(walk.assembly.coordinates, np.where(turns, np.degrees(q), q).T, strict=True))
-    write_table(Table("values", {TIME: time_s, **values}, in_degrees=True), out / "values.sto")
+    write_values(out / "values.sto", walk.assembly, time_s, q)
     for name, curves in (("activation", found.activations), ("force", found.activations * walk.strength)):
         columns = {f"/forceset/{muscle}": curve for muscle, curve in zip(muscles, curves.T, strict=True)}
         write_table(Table(name, {TIME: time_s, **columns}), out / f"{name}.sto")
     contacts = {f"{name}_N": curve for name, curve in zip(walk.assembly.contact_names, contact_n.T, strict=True)}
     write_columns(out / "contact.csv", {"time_s": time_s, **contacts}, digits=9)
+
+
+def write_values(path: Path, assembly: JointedAssembly, time_s: Array, q: Array) -> None:
+    """Coordinates (n, c) [m, rad] as a motion for OpenSim, in degrees."""
+    turns = [c.kind == "rotation" for c in assembly.coordinate_table.values()]
+    values = dict(zip(assembly.coordinates, np.where(turns, np.degrees(q), q).T, strict=True))
+    write_table(Table("values", {TIME: time_s, **values}, in_degrees=True), path)
 
 
 def draw(path: Path, walk: Walk, curves: Mapping[str, tuple[Array, Array]]) -> None:

@@ -4,8 +4,8 @@
 
 on the secondary coordinates x, frame after frame by Newton's method (`FrameBalance.settle`): contact, ligaments with
 their damping, gravity and muscles, which have one activation and rigid tendons, or forces from a file. Prescribed
-coordinates come from a file, all others keep the model's default. So does JAM's forward
-simulation, whose settings file is read as it is and whose states.sto and forces.sto are compared with.
+coordinates come from a file, all others keep the model's default. So does JAM's forward simulation, whose settings file
+is read as it is, and with whose states.sto, contact and ligaments there are compared.
 """
 
 from __future__ import annotations
@@ -26,26 +26,31 @@ from casadi_contact.optimisation.assembly.file import ray_casting
 from casadi_contact.optimisation.assembly.jointed import JointedAssembly
 from casadi_contact.pictures.page import SURROGATE, TARGET, frame, new_page, save_page
 from casadi_contact.scenes.columns import write_columns
-from casadi_contact.scenes.opensim import TIME, Table, read_opensim_table, write_table
+from casadi_contact.scenes.opensim import TIME, read_opensim_table
 from casadi_contact.workflow.opensim_import.importing import states_of
 from casadi_contact.workflow.opensim_import.model_file import opensim_root
-from problems.comak import Motion
+from problems.comak import Motion, write_values
 from problems.summary import write_summary
 
 
 def move(
-    assembly: JointedAssembly, motion: Motion, secondary: list[str], activation: float, force_n: Array | None = None
+    assembly: JointedAssembly,
+    motion: Motion,
+    secondary: list[str],
+    activation: float,
+    force_n: Array | None = None,
+    rest: bool = False,
 ) -> tuple[Array, Array]:
     """Coordinates (n, c) with the secondary ones in balance, and the force [N] left in each frame (n,). force_n (n, m):
-    of muscles, in place of their activation."""
+    of muscles, in place of their activation. rest: they are at rest in the first frame, else at the model's default."""
     balance = FrameBalance(assembly, secondary, secondary, by_force=force_n is not None)
     drive = np.full((len(motion.q), len(assembly.muscles)), activation) if force_n is None else force_n
-    steps, rest = np.diff(motion.time_s), motion.inputs(slice(0, 1))
-    rest[1:3] = [np.zeros_like(each) for each in rest[1:3]]
-    x, left = balance.settle(assembly.default[balance.free], drive[0], rest)
-    q, residuals = motion.q.copy(), [left]
-    q[0, balance.free] = x
-    for k, step in enumerate(steps, start=1):
+    q, x, left = motion.q.copy(), assembly.default[balance.free], 0.0
+    if rest:
+        standing = [each if i in (0, 3) else 0.0 * each for i, each in enumerate(motion.inputs(slice(0, 1)))]
+        x, left = balance.settle(x, drive[0], standing)
+    q[0, balance.free], residuals = x, [left]
+    for k, step in enumerate(np.diff(motion.time_s), start=1):
         x, left = balance.settle(x, drive[k], motion.inputs(slice(k, k + 1)), x, float(step))
         q[k, balance.free] = x
         residuals.append(left)
@@ -58,13 +63,15 @@ def main(
     prescribed: Path,
     forces: Path | None = None,
     against: Path | None = None,
+    rest: bool = False,
     out: Path = Path("results/passive_flexion"),
 ) -> None:
     """Settle an imported joint along a prescribed motion.
 
     model: the folder that `casadi-contact import` wrote; settings: of JAM's forsim, .xml; prescribed: .sto,
     angles in degrees unless it says otherwise; forces: of muscles [N] by name, .sto, in place of the settings' control;
-    against: a folder with JAM's states.sto and forces.sto, to compare with. Exit status 3: some frames do not settle.
+    against: a folder with JAM's states.sto, to compare with; rest: secondary coordinates are at rest at first, where
+    JAM's start at the model's default. Exit status 3: some frames do not settle.
     """
     assembly, root = cc.load_assembly(model), opensim_root(settings)
     words = (root.findtext(".//unconstrained_coordinates") or "").split()
@@ -79,7 +86,9 @@ def main(
         known = read_opensim_table(forces)
         columns = (known.column(name) for name in assembly.muscle_names)
         given = np.column_stack([np.interp(time_s, known.columns[TIME], column) for column in columns])
-    found, left = move(assembly, motion, secondary, float(root.findtext(".//constant_muscle_control") or 0.02), given)
+    found, left = move(
+        assembly, motion, secondary, float(root.findtext(".//constant_muscle_control") or 0.02), given, rest
+    )
     settled = left <= 0.1
     print(f"{int(settled.sum())} of {len(left)} frames settled, up to {left.max():.2g} N left")
     ours = quantities(assembly, found, secondary)
@@ -101,9 +110,7 @@ def main(
         print(f"ligaments: RMS difference {np.mean(ligaments):.2f} N in the mean, {max(ligaments):.2f} N at most")
     out.mkdir(parents=True, exist_ok=True)
     write_columns(out / "passive_flexion.csv", {"time_s": time_s, **ours, "settled": settled.astype(int)}, digits=9)
-    turns = [c.kind == "rotation" for c in assembly.coordinate_table.values()]
-    values = dict(zip(assembly.coordinates, np.where(turns, np.degrees(found), found).T, strict=True))
-    write_table(Table("values", {TIME: time_s, **values}, in_degrees=True), out / "values.sto")
+    write_values(out / "values.sto", assembly, time_s, found)
     write_summary(out / "summary.json", summary)
     draw(out / "passive_flexion.png", time_s, ours, theirs)
     print(f"results in {out}")

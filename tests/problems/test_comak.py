@@ -3,12 +3,14 @@
 from dataclasses import replace
 from importlib.util import find_spec
 
+import casadi as ca
 import numpy as np
 import pytest
 import tomli_w
 
 import casadi_contact as cc
-from casadi_contact.optimisation.assembly.balance import FrameBalance
+from casadi_contact.networks.network import Network
+from casadi_contact.optimisation.assembly.balance import FrameBalance, networks_together
 from casadi_contact.optimisation.assembly.file import write_paths
 from casadi_contact.scenes.opensim import TIME, Table, read_opensim_table, write_table
 from casadi_contact.workflow.opensim_import.importing import import_model, states_of
@@ -71,6 +73,27 @@ def test_the_balance_is_the_assembly_s_with_exact_derivatives(walk):
         np.testing.assert_allclose(J[:, k], (up - down).ravel() / (2.0 * step), rtol=1e-5, atol=1e-5)
         up, down = (balance.jacobian(*end, q, u, udot, loads).full().T @ multipliers for end in ends)
         np.testing.assert_allclose(H[:, k], (up - down) / (2.0 * step), rtol=1e-4, atol=1e-3 * np.abs(H[:, k]).max())
+
+
+def test_networks_together_are_each_by_itself():
+    rng = np.random.default_rng(0)
+    sizes = [(3, 4, 1), (6, 5, 5, 1), (3, 1), (3, 2, 1)]
+    networks = [
+        Network(
+            rng.normal(size=size[0]),
+            np.full(size[0], 2.0),
+            tuple(rng.normal(size=shape) for shape in zip(size[1:], size, strict=False)),
+            tuple(rng.normal(size=width) for width in size[1:]),
+            3.0,
+        )
+        for size in sizes
+    ]
+    x = ca.MX.sym("x", 15)
+    together = ca.Function("together", [x], [networks_together(networks)(x)])
+    inputs = rng.normal(size=15)
+    parts = np.split(inputs, np.cumsum([size[0] for size in sizes])[:-1])
+    each = [network.value(part[None]).item() for network, part in zip(networks, parts, strict=True)]
+    np.testing.assert_allclose(np.asarray(together(inputs)).ravel(), each, rtol=1e-12)
 
 
 def test_all_frames_balance_at_no_more_cost_than_one_after_the_other(walk, capsys):
