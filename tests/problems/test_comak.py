@@ -141,7 +141,7 @@ def test_a_joint_settles_along_a_prescribed_motion_and_a_stored_one_is_compared(
     (walk / "states.sto").write_text((walk / "motion.mot").read_text())
     with pytest.raises(SystemExit, match="0"):
         passive_flexion.main(
-            walk / "knee", walk / "forsim.xml", walk / "motion.mot", against=walk, out=walk / "passive"
+            walk / "knee", walk / "forsim.xml", walk / "motion.mot", against=walk, rest=True, out=walk / "passive"
         )
     assembly, values = cc.load_assembly(walk / "knee"), read_opensim_table(walk / "passive" / "values.sto")
     q, function = states_of(assembly, values)[::20], assembly.function(coordinates=["sink_r"])
