@@ -133,7 +133,7 @@ class Bundle(Path):
 
 def tensions(bundles: Sequence[Bundle], lengths_mm: Any, rates_mm_per_s: Any, *, soft: bool = False) -> Any:
     """Tensions (n) [N] of bundles, zero while slack. Damping leaps where a bundle becomes taut or turns; soft: it rises
-    within a strain of about 1e-4 and a rate of 0.01/s, so that IPOPT converges."""
+    within a strain of about 1e-3 and a rate of 0.01/s, so that IPOPT converges."""
     if not bundles:
         return ca.SX(0, 1)
     k, slack, toe, damping = (
@@ -145,7 +145,7 @@ def tensions(bundles: Sequence[Bundle], lengths_mm: Any, rates_mm_per_s: Any, *,
     spring = ca.if_else(taut < 2.0 * toe, 0.25 * taut**2 / toe, taut - toe)
     lengthening = ca.if_else(strain > 0.0, ca.fmax(rate, 0.0), 0.0)
     if soft:
-        lengthening = 0.5 * (rate + ca.sqrt(rate**2 + 1e-4)) * taut**2 / (taut**2 + 1e-9)
+        lengthening = 0.5 * (rate + ca.sqrt(rate**2 + 1e-4)) * taut**2 / (taut**2 + 1e-7)
     return k * (spring + damping * lengthening)
 
 
