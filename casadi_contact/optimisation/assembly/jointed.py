@@ -264,7 +264,7 @@ class JointedAssembly:
         if not m:
             return ca.Function("muscles", given, [ca.MX(0, 1)])
         active, passive = muscle_forces(self.muscles, dict(self.curves))(*given)
-        return ca.Function("muscles", given, [active + passive])
+        return ca.Function("muscles", given, [ca.fmax(active + passive, 0.0)])
 
     def _sprung(self, q: ca.MX, u: ca.MX) -> Any:
         forces = ca.MX(len(self.coordinates), 1)

@@ -174,7 +174,7 @@ class Muscle(Path):
     """A Millard2012EquilibriumMuscle with a rigid tendon: with L the musculotendon's length, w = l0·sin α0 the fibres'
     thickness, l = √((L - L_t)² + w²)/l0, cos α = (L - L_t)/(l·l0) and v = L̇·cos α/(v_max·l0),
 
-    F = F0·(a·f_l(l)·f_v(v) + f_p(l) + damping·v)·cos α  [N],   0 where the tendon is slack.
+    F = F0·(a·f_l(l)·f_v(v) + f_p(l) + damping·v)·cos α  [N],   0 where the tendon is slack, and never below.
     """
 
     max_force_n: float = 0.0
