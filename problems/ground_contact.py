@@ -235,7 +235,10 @@ def main(
     )
     for row, (name, step) in zip(page.subplots(2, 4), steps.items(), strict=True):
         time, on = 0.5 * (step.time_s[1:] + step.time_s[:-1]), step.middles[:, 1] > LOADED_N
-        for wrench, style in ((step.middles, TARGET | {"label": "plate"}), (found[name].wrench, SURROGATE)):
+        for wrench, style in (
+            (step.middles, TARGET | {"label": "plate"}),
+            (found[name].wrench, SURROGATE | {"label": "model"}),
+        ):
             shown = np.column_stack([wrench[:, :2], pressure_centre(wrench) * [1.0, 1.0, 1e-3]])[:, [0, 1, 2, 4]]
             for axis, values, label in zip(row, shown.T, labels, strict=True):
                 axis.plot(time[on], values[on], **style)
