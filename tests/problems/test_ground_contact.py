@@ -11,6 +11,7 @@ from casadi_contact.scenes.columns import write_columns
 from problems import ground_contact
 from problems.ground_contact import PARAMETERS, Step, fit, ground_wrench, misfits, pressure_centre, read_step
 from tests.support.compiler import needs_compiler
+from tests.support.made_up_step import made_up
 from tests.support.shared_data import shared_file
 
 pytestmark = needs_compiler
@@ -20,19 +21,6 @@ STEPS = "data/jam_knee/steps"
 @pytest.fixture(scope="module")
 def foot():
     return cc.CellFoundation(cc.load_scene("foot_on_ground"), Cells(14.0, 12.0, 4, 4))
-
-
-def made_up(foot, frames=9):
-    """A foot that rolls over from heel to ball under some 500 N; the truth is softer than the scene."""
-    share = np.linspace(0.0, 1.0, frames)
-    poses = np.zeros((frames, 6))
-    poses[:, 1], poses[:, 5] = 20.0, 0.06 - 0.12 * share
-    poses[:, 0] = 0.5 * share
-    scene = {**vars(foot.scene.material), **vars(foot.scene.friction)}
-    truth = np.array([scene.get(name, 0.0) for name in PARAMETERS]) * [0.8, *[1.0] * 9]
-    rates = np.gradient(poses, 0.02 * np.arange(frames), axis=0)
-    wrench = np.asarray(ground_wrench(foot).map(frames)(poses.T, rates.T, truth)).T
-    return Step(0.02 * np.arange(frames), poses, wrench), truth
 
 
 def test_the_wrench_on_the_foot_presses_it_up_and_drags_it_back_where_it_slides_forwards(foot):

@@ -8,8 +8,8 @@ import casadi_contact as cc
 from casadi_contact.contact.cells.basis import Cells
 from problems import tracked_step
 from problems.ground_contact import ground_wrench
-from tests.problems.test_ground_contact import made_up
 from tests.support.compiler import needs_compiler
+from tests.support.made_up_step import made_up
 
 
 def test_spheres_press_by_hertz_and_drag_against_the_sliding():
