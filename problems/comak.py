@@ -63,7 +63,7 @@ class Settings:
     def read(cls, path: Path) -> Settings:
         """Raises ValueError for a file without the settings that are needed."""
         root = opensim_root(path)
-        texts = {element.tag: (element.text or "").strip() for element in root.iter()}
+        texts = {element.tag: (element.text or "").strip() for tool in root for element in tool}  # not of its analyses
         try:
             start, stop, step, cutoff = (
                 float(texts[key]) for key in ("start_time", "stop_time", "time_step", "lowpass_filter_frequency")

@@ -33,7 +33,8 @@ COMAK = """<OpenSimDocument><COMAKTool><start_time>0.1</start_time><stop_time>0.
 <COMAKSecondaryCoordinate name="sink"><coordinate>/jointset/knee_r/sink_r </coordinate></COMAKSecondaryCoordinate>
 </objects></COMAKSecondaryCoordinateSet><COMAKCostFunctionParameterSet><objects><COMAKCostFunctionParameter>
 <actuator>/forceset/back</actuator><weight><Constant><value>7</value></Constant></weight>
-</COMAKCostFunctionParameter></objects></COMAKCostFunctionParameterSet></COMAKTool></OpenSimDocument>"""
+</COMAKCostFunctionParameter></objects></COMAKCostFunctionParameterSet><AnalysisSet><objects><ForceReporter>
+<start_time>-Inf</start_time></ForceReporter></objects></AnalysisSet></COMAKTool></OpenSimDocument>"""
 FORSIM = """<OpenSimDocument><ForsimTool><constant_muscle_control>0.1</constant_muscle_control>
 <unconstrained_coordinates>/jointset/knee_r/sink_r</unconstrained_coordinates></ForsimTool></OpenSimDocument>"""
 LOADS = """<OpenSimDocument><ExternalLoads><ExternalForce name="plate"><applied_to_body>shank</applied_to_body>
