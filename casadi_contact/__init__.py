@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from casadi_contact.contact.settle import settle as settle
     from casadi_contact.export.c_source import export_c as export_c
     from casadi_contact.export.fmu import export_fmu as export_fmu
-    from casadi_contact.optimisation.assembly import Assembly as Assembly
+    from casadi_contact.optimisation.assembly.assembly import Assembly as Assembly
     from casadi_contact.optimisation.assembly.file import load_assembly as load_assembly
     from casadi_contact.optimisation.contact_frames import ContactFrames as ContactFrames
     from casadi_contact.optimisation.contact_in_opti import (
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from casadi_contact.workflow.refine import refine as refine
 else:
     _HOME = {
-        "Assembly": "optimisation.assembly",
+        "Assembly": "optimisation.assembly.assembly",
         "CallableModel": "contact.callable_model",
         "CellFoundation": "contact.cells.foundation",
         "Cells": "contact.cells.basis",

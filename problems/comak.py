@@ -27,9 +27,9 @@ from scipy.interpolate import CubicSpline
 import casadi_contact as cc
 from casadi_contact.core.conventions import LEVER_MM, Array
 from casadi_contact.core.terminal import run_program
+from casadi_contact.optimisation.assembly.assembly import Assembly
 from casadi_contact.optimisation.assembly.balance import FrameBalance
 from casadi_contact.optimisation.assembly.file import ray_casting
-from casadi_contact.optimisation.assembly.jointed import JointedAssembly
 from casadi_contact.optimisation.ipopt import IpoptOutcome, settled_options
 from casadi_contact.pictures.page import SURROGATE, TARGET, frame, new_page, save_page
 from casadi_contact.scenes.columns import write_columns
@@ -100,7 +100,7 @@ class Motion:
         return [self.q[rows].T, self.u[rows].T, self.udot[rows].T, np.concatenate(list(loads[rows]), axis=1)]
 
 
-def read_motion(assembly: JointedAssembly, settings: Settings, coordinates: Path, loads: Path | None) -> Motion:
+def read_motion(assembly: Assembly, settings: Settings, coordinates: Path, loads: Path | None) -> Motion:
     """A measured motion as OpenSim's tools prepare it: resampled, padded by its reflection, filtered there and back by
     a Butterworth filter of third order, its derivatives those of cubic splines."""
     table = read_opensim_table(coordinates)
@@ -151,7 +151,7 @@ class Solution:
 class Walk:
     """The problem of a motion's frames, one given the last, or all at once."""
 
-    def __init__(self, assembly: JointedAssembly, motion: Motion, settings: Settings) -> None:
+    def __init__(self, assembly: Assembly, motion: Motion, settings: Settings) -> None:
         self.assembly, self.motion, self.settings = assembly, motion, settings
         self.balanced = (*settings.primary, *settings.secondary)
         self.balance = FrameBalance(assembly, self.balanced, settings.secondary, motion.bodies)
@@ -261,7 +261,7 @@ def constant(matrix: Any) -> ca.DM:
     return ca.DM(sparse.csc_matrix(matrix))
 
 
-def replay(walk: Walk, assembly: JointedAssembly, x: Array, force_n: Array) -> tuple[Array, Array]:
+def replay(walk: Walk, assembly: Assembly, x: Array, force_n: Array) -> tuple[Array, Array]:
     """Forces (n, b) [N, N·m] left on the balanced coordinates, and those of contacts (n, contacts) [N], by the
     assembly's own function, from secondary coordinates (n, f) and muscles' forces (n, m)."""
     q, u, udot, loads = (each.copy() for each in walk.motion.inputs())
@@ -354,7 +354,7 @@ def write(out: Path, walk: Walk, found: Solution, contact_n: Array) -> None:
     write_columns(out / "contact.csv", {"time_s": time_s, **contacts}, digits=9)
 
 
-def write_values(path: Path, assembly: JointedAssembly, time_s: Array, q: Array) -> None:
+def write_values(path: Path, assembly: Assembly, time_s: Array, q: Array) -> None:
     """Coordinates (n, c) [m, rad] as a motion for OpenSim, in degrees."""
     turns = [c.kind == "rotation" for c in assembly.coordinate_table.values()]
     values = dict(zip(assembly.coordinates, np.where(turns, np.degrees(q), q).T, strict=True))

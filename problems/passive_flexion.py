@@ -21,9 +21,9 @@ from scipy.interpolate import CubicSpline
 import casadi_contact as cc
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.terminal import run_program
+from casadi_contact.optimisation.assembly.assembly import Assembly
 from casadi_contact.optimisation.assembly.balance import FrameBalance
 from casadi_contact.optimisation.assembly.file import ray_casting
-from casadi_contact.optimisation.assembly.jointed import JointedAssembly
 from casadi_contact.pictures.page import SURROGATE, TARGET, frame, new_page, save_page
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.opensim import TIME, read_opensim_table
@@ -34,7 +34,7 @@ from problems.summary import write_summary
 
 
 def move(
-    assembly: JointedAssembly,
+    assembly: Assembly,
     motion: Motion,
     secondary: list[str],
     activation: float,
@@ -117,7 +117,7 @@ def main(
     raise SystemExit(0 if settled.all() else 3)
 
 
-def quantities(assembly: JointedAssembly, q: Array, secondary: list[str]) -> dict[str, Array]:
+def quantities(assembly: Assembly, q: Array, secondary: list[str]) -> dict[str, Array]:
     """Curves (n,) by name: secondary coordinates [mm, degrees], contact forces [N] and ligaments' tensions [N]."""
     rows = assembly.rows(secondary)
     kinds = [assembly.coordinate_table[name].kind for name in secondary]

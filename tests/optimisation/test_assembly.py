@@ -12,7 +12,7 @@ from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.conventions import rotation
-from casadi_contact.optimisation.assembly.jointed import CoordinateSpring
+from casadi_contact.optimisation.assembly.assembly import CoordinateSpring
 from casadi_contact.optimisation.assembly.paths import Bundle, Muscle
 from casadi_contact.optimisation.assembly.settling import CoordinateSettling
 from tests.support.assemblies import free_bodies

@@ -1,4 +1,4 @@
-"""Balance of some coordinates of a `JointedAssembly` in one frame of a motion, with derivatives fast enough for IPOPT.
+"""Balance of some coordinates of a `Assembly` in one frame of a motion, with derivatives fast enough for IPOPT.
 
 Free are some coordinates x and their rates v; the others, their rates and all accelerations come from a motion. With d
 the direction that multipliers λ of the balanced coordinates span, the Lagrangian of the balance is
@@ -27,7 +27,7 @@ import numpy as np
 from casadi_contact.core.conventions import LEVER_MM, Array
 from casadi_contact.networks.activations import activation_of
 from casadi_contact.networks.network import Network
-from casadi_contact.optimisation.assembly.jointed import JointedAssembly
+from casadi_contact.optimisation.assembly.assembly import Assembly
 from casadi_contact.optimisation.assembly.paths import Wrap, tensions
 from casadi_contact.optimisation.assembly.settling import pseudo_transient
 from casadi_contact.optimisation.joint_mechanics import generalised_forces
@@ -43,7 +43,7 @@ class FrameBalance:
 
     def __init__(
         self,
-        assembly: JointedAssembly,
+        assembly: Assembly,
         balanced: Sequence[str],
         free: Sequence[str],
         loaded: Sequence[str] = (),

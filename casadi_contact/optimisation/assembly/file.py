@@ -53,8 +53,8 @@ from casadi_contact.contact.symbolic import SymbolicContact, symbolic
 from casadi_contact.core.files.containers import new_hdf5, open_hdf5
 from casadi_contact.core.files.reading import toml_tables, toml_text
 from casadi_contact.networks.network import Network, read_network, write_network
+from casadi_contact.optimisation.assembly.assembly import Assembly, CoordinateSpring
 from casadi_contact.optimisation.assembly.connections import Contact
-from casadi_contact.optimisation.assembly.jointed import CoordinateSpring, JointedAssembly
 from casadi_contact.optimisation.assembly.joints import Axis, Body, Coordinate, Joint, free_joint
 from casadi_contact.optimisation.assembly.paths import Bundle, Muscle, MuscleCurves, Roll, Wrap
 from casadi_contact.optimisation.joint_mechanics import whole_wrench
@@ -74,7 +74,7 @@ def ready_assemblies() -> list[str]:
     return sorted(p.name.removesuffix(".toml") for p in folder.iterdir() if p.name.endswith(".toml"))
 
 
-def load_assembly(name_or_path: str | Path, contact: MakeContact | None = None) -> JointedAssembly:
+def load_assembly(name_or_path: str | Path, contact: MakeContact | None = None) -> Assembly:
     """Load a ready assembly by name, or an assembly file by its path or its folder's.
 
     contact: makes the contact model of a scene, whose loads hold the whole wrench, `symbolic` where it has no CasADi
@@ -112,7 +112,7 @@ def ray_casting(scene: Scene) -> RayCastFoundation:
     return RayCastFoundation(Scene.from_tables({**scene.tables, "geometry": {**geometry, "elements": "triangles"}}))
 
 
-def _assembly(tables: Mapping[str, Any], folder: Path, contact: MakeContact | None) -> JointedAssembly:
+def _assembly(tables: Mapping[str, Any], folder: Path, contact: MakeContact | None) -> Assembly:
     plain_values("", tables)
     kinds = ("coordinates", "joints", "contacts", "ligaments", "muscles", "coordinate_springs")
     optional = (*kinds, "gravity_m_s2", "paths")
@@ -154,7 +154,7 @@ def _assembly(tables: Mapping[str, Any], folder: Path, contact: MakeContact | No
             made.append(make(**({"name": name} if "name" in keys else {}), **values))
         return made
 
-    return JointedAssembly(
+    return Assembly(
         name=scene_name(given["name"]),
         ground=ground,
         gravity_m_s2=np.array(_numbers("gravity_m_s2", given.get("gravity_m_s2", [0.0, 0.0, 0.0]))),

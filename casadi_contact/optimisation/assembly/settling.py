@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.core.conventions import LEVER_MM, Array, check_above_zero
-from casadi_contact.optimisation.assembly.jointed import JointedAssembly
+from casadi_contact.optimisation.assembly.assembly import Assembly
 
 
 def pseudo_transient(
@@ -58,7 +58,7 @@ class CoordinateSettling:
     """Rest of some coordinates of an assembly, by name; all others are held. by_force: muscles have given forces [N] in
     place of activations. Raises ValueError for coordinates that are not there, and for none."""
 
-    def __init__(self, assembly: JointedAssembly, free: Sequence[str], *, by_force: bool = False) -> None:
+    def __init__(self, assembly: Assembly, free: Sequence[str], *, by_force: bool = False) -> None:
         self.rows = assembly.rows(free)
         if not self.rows or len(set(self.rows)) < len(self.rows):
             raise ValueError(f"free is {', '.join(free) or 'empty'}, expected coordinates, each named once")

@@ -21,7 +21,7 @@ from casadi_contact.core.conventions import Array, Update
 from casadi_contact.networks.network import Network, Regression
 from casadi_contact.networks.training.fit import fit
 from casadi_contact.networks.training.settings import TrainingSettings
-from casadi_contact.optimisation.assembly.jointed import JointedAssembly
+from casadi_contact.optimisation.assembly.assembly import Assembly
 from casadi_contact.optimisation.assembly.paths import Roll, Wrap
 from casadi_contact.workflow.opensim_import.process import measure
 from casadi_contact.workflow.opensim_import.tables import pose_mm
@@ -45,9 +45,7 @@ class Sampling:
     most_cpu_s: float = 3.0  # of one path
 
 
-def draw(
-    assembly: JointedAssembly, centres: Array, given: Sequence[str], settings: Sampling
-) -> tuple[Array, np.ndarray]:
+def draw(assembly: Assembly, centres: Array, given: Sequence[str], settings: Sampling) -> tuple[Array, np.ndarray]:
     """Coordinates (n, c) [m, rad], and which are near (n,). centres (k, c) hold values of the coordinates `given`; all
     others are drawn over their ranges: the first of a joint widely, the rest as far as a sample may be from its
     centre."""
@@ -77,7 +75,7 @@ class Excess:
 
 
 def fit_excesses(
-    assembly: JointedAssembly,
+    assembly: Assembly,
     model: str,
     wraps: Mapping[str, Mapping[str, Any]],
     centres: Array,

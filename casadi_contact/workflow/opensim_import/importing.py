@@ -24,8 +24,8 @@ from scipy.spatial.transform import Rotation
 
 from casadi_contact.core.conventions import Array, Update
 from casadi_contact.core.files.writing import writable_folder, write_text
+from casadi_contact.optimisation.assembly.assembly import Assembly
 from casadi_contact.optimisation.assembly.file import load_assembly, write_paths
-from casadi_contact.optimisation.assembly.jointed import JointedAssembly
 from casadi_contact.optimisation.assembly.paths import Wrap
 from casadi_contact.optimisation.assembly.settling import CoordinateSettling
 from casadi_contact.scenes.opensim import TIME, Table, read_opensim_table
@@ -109,17 +109,17 @@ def import_model(
     return Imported(out, tuple(report))
 
 
-def _written(out: Path, tables: Mapping[str, Any]) -> JointedAssembly:
+def _written(out: Path, tables: Mapping[str, Any]) -> Assembly:
     write_text(out / "assembly.toml", tomli_w.dumps(tables))
     found = load_assembly(out)
-    assert isinstance(found, JointedAssembly)
+    assert isinstance(found, Assembly)
     return found
 
 
 def _contacts(
     source: ModelFile,
     said: Mapping[str, Any],
-    assembly: JointedAssembly,
+    assembly: Assembly,
     folders: list[Path],
     out: Path,
     tables: dict[str, Any],
@@ -156,7 +156,7 @@ def _contacts(
     return lost
 
 
-def _coordinates(assembly: JointedAssembly, joint: str | None) -> tuple[list[str], list[str]]:
+def _coordinates(assembly: Assembly, joint: str | None) -> tuple[list[str], list[str]]:
     """The coordinate that moves the joint, and those that follow: all others between bodies in contact."""
     joints = {each.name: each for each in assembly.joints}
     if joint is not None and joint not in joints:
@@ -187,7 +187,7 @@ def _wraps(said: Mapping[str, Any], tables: Mapping[str, Any]) -> dict[str, dict
 
 
 def _centres(
-    assembly: JointedAssembly, moving: Sequence[str], following: Sequence[str], motion: str | Path | None
+    assembly: Assembly, moving: Sequence[str], following: Sequence[str], motion: str | Path | None
 ) -> tuple[Array, str]:
     """States (k, n) about which lengths are sampled, and in words where they come from."""
     if motion is not None:
@@ -212,7 +212,7 @@ def _centres(
     return np.array(centres), f"paths are fitted about passive motion, {of}: {told} of {len(centres)} states settle"
 
 
-def states_of(assembly: JointedAssembly, table: Table) -> Array:
+def states_of(assembly: Assembly, table: Table) -> Array:
     """Coordinates (n, c) [m, rad] of an OpenSim table, whose labels are names or paths
     (/jointset/knee_r/knee_flex_r/value); those that it lacks are at rest."""
     states = np.tile(assembly.default, (len(table), 1))

@@ -53,7 +53,7 @@ OUTPUTS = (
 
 
 @dataclass(frozen=True)
-class JointedAssembly:
+class Assembly:
     """Bodies on joints, and what acts on them. Raises ValueError for a joint, path or contact of bodies that are not
     there, and for a joint or spring of unknown coordinates."""
 
