@@ -12,8 +12,6 @@ femur_Fy_N, a force applied along the coordinate femur_ty; tibiofemoral_Fy_med_N
 centre of pressure of one contact; quadriceps_N, the force of a muscle.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

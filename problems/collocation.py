@@ -1,7 +1,5 @@
 """Direct collocation: each interval has a polynomial through its node and its collocation points."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """The contact model, its wrench and the cycle that a problem runs on."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from pathlib import Path

@@ -12,8 +12,6 @@ Input columns: time_s, foot_tx_mm ... foot_rz_rad (the calcaneus in a ground wit
 body-fixed angles), Fx_N Fy_N Fz_N on the foot, cop_x_mm and cop_z_mm at y = 0, free_Ty_Nmm.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -9,8 +9,6 @@
 3. The poses of each cycle are estimated in IPOPT and verified on the elements (`problems.pose_estimation`).
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from casadi_contact.cli.scene_commands import name_of_mesh

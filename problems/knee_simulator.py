@@ -13,8 +13,6 @@ Where the scene has friction, contact depends on q̇ as well. The same equations
 foundation of its scene, by CVODES with the exact Jacobian.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 from pathlib import Path

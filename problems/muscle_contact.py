@@ -7,8 +7,6 @@ over all frames of the walk at once, with Hill muscles and both sides closed
 compared with.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -8,8 +8,6 @@ integrates by CVODES on the surrogate's functions. OpenSim integrates its own eq
 (`problems/opensim_force.py`), with the kernel's C code called as a force: its package and CasADi's must not share one.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -7,8 +7,6 @@ the kernel's mm. The kernel's wrench acts on the fixed body about the fixed orig
 the falling body, about that body's origin, as controls that follow the state.
 """
 
-from __future__ import annotations
-
 import ctypes
 import json
 import sys

@@ -8,8 +8,6 @@
 CalculiX is Debian's package calculix-ccx; 100 poses take half a minute.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -8,8 +8,6 @@ coordinates come from a file, all others keep the model's default. So does JAM's
 is read as it is, and with whose states.sto, contact and ligaments there are compared.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path

@@ -9,8 +9,6 @@ Input columns (`casadi_contact.scenes.cycle.read_cycle`): time_s and any of the 
 centres of pressure with their units (rz_rad, Fy_med_N, cop_x_mm). Output columns: `write_frames`.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

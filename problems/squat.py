@@ -18,8 +18,6 @@ by the forces of Arnold et al., Ann Biomed Eng 38 (2010) 269-279. The patellar t
 in extension and along it at 75° of flexion, about as in Herzog and Read, J Anat 182 (1993) 213-230.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path

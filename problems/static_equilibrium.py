@@ -6,8 +6,6 @@ with generalised forces Q of the loads about the moving origin (`casadi_contact.
 flexions stand in one IPOPT problem.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The summary that a problem writes beside its table: JSON, with the machine that made it."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping

@@ -12,8 +12,6 @@ the places and numbers of Falisse et al., J R Soc Interface 16 (2019) 20190402. 
 since neither knows how thick this shoe is.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 from pathlib import Path

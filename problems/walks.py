@@ -1,7 +1,5 @@
 """Walks with muscles: read from CSV or OpenSim files, or made up."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -11,8 +11,6 @@ with the element's centre c and normal n. The worn volume Σ A·h is in proporti
 keeps its form. Cross-shear, creep and lubrication are left out.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """From a scene to exported surrogates: ``build``, and its stages one by one."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The command line: ``casadi-contact scene | build | sample | train | ...``."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterable
 from typing import Annotated

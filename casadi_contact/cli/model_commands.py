@@ -1,7 +1,5 @@
 """Commands that look at models: ``info``, ``report``, ``show``, ``page``, ``chart``, ``speed``, ``choose``."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 from typing import Annotated

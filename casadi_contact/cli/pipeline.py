@@ -3,8 +3,6 @@
 cycles -> motion.npz, samples.h5 -> training/ -> patch.h5, two_stage.h5 -> evaluation.csv -> export/, report.html
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Commands that make scenes, assemblies and cycles: ``scene``, ``import``, ``cycle``."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Tables for the terminal, of errors by domain, of speed and accuracy, and of the choice of a model."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from rich.table import Table

@@ -1,7 +1,5 @@
 """Bringing a body into contact: towards the first touch, and from there until it carries a force."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

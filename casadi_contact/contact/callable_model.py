@@ -1,7 +1,5 @@
 """A user's own function of poses as a contact model."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 

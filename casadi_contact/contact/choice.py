@@ -5,8 +5,6 @@ library's code: a scene or a library that differs finds none. What cannot be rea
 good as absent, and where the folder cannot be written nothing is kept.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping

@@ -1,7 +1,5 @@
 """Contact models written in C: a model like any other for arrays of poses, and a CasADi function like a surrogate's."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import fields

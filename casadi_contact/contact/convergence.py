@@ -1,7 +1,5 @@
 """How fine a contact model a scene needs: the cheapest whose errors, against a converged one, meet its tolerances."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, TypeVar

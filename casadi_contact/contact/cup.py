@@ -15,8 +15,6 @@ F acts through the cup's centre, and turning the ball changes nothing. Φ rises 
 there are those of x = middle - half·cos θ. The kernel in C (``c/cup.h``) follows the same formulas.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The C that all compiled contact models share: pressure law, named loads, root loads, derivatives by the pose."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 
 from casadi_contact.contact.pressure_law import law_of

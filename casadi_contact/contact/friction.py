@@ -20,8 +20,6 @@ All of it depends on the motion by the twist about the fixed origin alone, (v - 
 points. The C (``c/friction.h``) has the same formulas.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 

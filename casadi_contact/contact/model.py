@@ -1,7 +1,5 @@
 """What a contact model is, its root loads, and the same model by other named loads."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass

@@ -9,8 +9,6 @@ torque T about the fixed body's origin, Q = Eᵀ(T - t × F), E the map of `angu
 which elements with pressure along the fixed body's normals meet to 2 %. Torques of another unit, sign or origin do not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

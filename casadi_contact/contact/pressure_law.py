@@ -3,8 +3,6 @@
 Laws go by number into compiled code, their place in `scenes.material.LAWS`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

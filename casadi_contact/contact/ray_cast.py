@@ -5,8 +5,6 @@ of every fixed triangle along minus its normal to where it leaves the moving mes
 depth. At the overlaps of implants its facets are wrong by tens of per cent (`geometry.smooth_surface`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Settling by damped dynamics ([EF15 §2.4], "forward dynamic simulation"): apply loads, damp, integrate implicitly."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Compiled loops lie beside the source (``__pycache__``), in numba's folder of the
 ``$NUMBA_CACHE_DIR``; where none can be written, they serve the process that compiled them.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import sys
 from collections.abc import Callable

@@ -7,8 +7,6 @@ A library is compiled for the instruction set of this processor. ``CASADI_CONTAC
 ``-march=x86-64-v3`` it runs on any processor with AVX2, with ``-march=x86-64-v2`` on any x86-64 since 2009.
 """
 
-from __future__ import annotations
-
 import _ctypes
 import atexit
 import ctypes

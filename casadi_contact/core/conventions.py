@@ -9,8 +9,6 @@ in its frame, about its origin. For the knee: x posterior, y superior, z medial 
 component moves, flexion is rz < 0 and compression is Fy < 0.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import wraps

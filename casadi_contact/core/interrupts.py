@@ -1,7 +1,5 @@
 """Ctrl-C and SIGTERM end a command line with its exit status and no traceback."""
 
-from __future__ import annotations
-
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """The machine: what a measurement was made on, and what matrix products are to know of its processor."""
 
-from __future__ import annotations
-
 import os
 import platform
 from importlib.metadata import PackageNotFoundError, version

@@ -5,8 +5,6 @@ before the patch says what is measured. Units, labels, columns of files, error t
 new output of contact models is a line in `KINDS`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

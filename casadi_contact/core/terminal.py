@@ -1,7 +1,5 @@
 """The terminal: text shown literally, progress bars, and how every command line of the project runs and ends."""
 
-from __future__ import annotations
-
 import io
 import sys
 import time

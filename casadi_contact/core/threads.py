@@ -4,8 +4,6 @@ They are made for each call and gone after it, so that a process may be forked b
 stay, hang in the fork.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 from collections.abc import Callable, Iterator, Sequence

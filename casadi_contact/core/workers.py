@@ -1,7 +1,5 @@
 """Workers for long work: one process per core, or the caller's executor."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

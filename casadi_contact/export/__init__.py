@@ -1,7 +1,5 @@
 """Contact models in other programs: C, MEX, FMU, PyTorch, JAX; what the bridges ask of a model."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from casadi_contact.core.conventions import POSE_NAMES

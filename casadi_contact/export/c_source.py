@@ -1,7 +1,5 @@
 """Portable C source of a contact model, with a header and a small program that calls it ([EF15 §3.5] exports C++)."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version

@@ -4,8 +4,6 @@ An FMU holds ``modelDescription.xml`` (variables, units, dependencies), the C so
 platform.
 """
 
-from __future__ import annotations
-
 import hashlib
 import math
 import platform

@@ -1,7 +1,5 @@
 """Contact loads as a JAX function with first and second derivatives (pip install casadi_contact[jax])."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

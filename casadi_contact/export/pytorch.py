@@ -1,7 +1,5 @@
 """Contact loads as a PyTorch operation with first and second derivatives (pip install casadi_contact[torch])."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -15,8 +15,6 @@ If the right side is positive, the segment does stay outside: the right side is 
 at both ends and so between them. The elastic foundation skips elements by this bound without evaluating g there.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Sequence
 from contextlib import suppress

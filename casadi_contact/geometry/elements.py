@@ -3,8 +3,6 @@
 Elements come in square blocks of neighbours, for the elastic foundation's culling.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ triangles are dropped and counted. Signed distances need joined triangles, manif
 outside out and pieces apart.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

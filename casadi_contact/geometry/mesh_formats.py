@@ -1,8 +1,6 @@
 """Vertices and triangles of mesh files: STL, OBJ, PLY, OFF and VTK's (.vtp, .vtk). What is not whole is refused:
 trimesh and meshio leave out damaged faces without a word."""
 
-from __future__ import annotations
-
 import base64
 import re
 import zlib

@@ -13,8 +13,6 @@ than its least radius, and so a convex function there, which the elastic foundat
 The fourth is the distance field of a mesh (`geometry.distance_field`), not convex: culling there relies on its slope.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

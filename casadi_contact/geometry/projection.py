@@ -7,8 +7,6 @@ middle of a cup, s, and h = -r; a sphere of radius R about it is laid out about 
 (Lambert's azimuthal map): u² + v² = (2R·sin(θ/2))² at the angle θ from the pole.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

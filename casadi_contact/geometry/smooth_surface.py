@@ -9,8 +9,6 @@ such as the rim of a part, each side has normals of its own: one between them wo
 by millimetres.
 """
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Signed distance g of a `geometry.moving_surface` of any family, with first and second derivatives."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from casadi_contact.core.compilation import njit

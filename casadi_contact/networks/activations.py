@@ -5,8 +5,6 @@
 A new one is a function, a few statements of C and an entry in ``ACTIVATIONS``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -7,8 +7,6 @@ A pose (t, r) in the ground takes a body's point q to t + R·q, R = Rx(rx)·Ry(r
 which is smooth as long as |ry| < 90°.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

@@ -1,7 +1,5 @@
 """CasADi functions of contact models: loads and root loads of a pose, and their second derivatives."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 

@@ -1,8 +1,6 @@
 """Networks as CasADi MX expressions, layer by layer: matrix nodes keep the graph small (about 13 instructions), and
 CasADi differentiates it to any order. Nothing is ever expanded to scalars."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 

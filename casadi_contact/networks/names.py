@@ -1,7 +1,5 @@
 """Names of functions and files that C and CasADi accept, and text that is harmless in a C comment."""
 
-from __future__ import annotations
-
 import ctypes
 import re
 from collections.abc import Iterable

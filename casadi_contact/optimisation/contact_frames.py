@@ -1,7 +1,5 @@
 """Poses of a joint as variables of an optimisation problem, with contact loads that an optimiser can steer by."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from functools import reduce
 from typing import Any

@@ -1,8 +1,6 @@
 """A contact in the user's own ``casadi.Opti``: variables, bounds, a start in contact, loads that are found again; and
 the settled pose as a function of the loads, for an optimisation that has no pose among its variables."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 

@@ -8,8 +8,6 @@ body, v being the velocity of its point at the fixed origin, so its generalised 
 About the moving origin, Q = (F, EᵀT). Contact loads W act on the fixed body: on the moving body they do -Q(q; W).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -7,8 +7,6 @@ rotation is the moment about the moving origin, along the axis of rx, ry or rz: 
 about the fixed origin and E of `angular_velocity_map`.
 """
 
-from __future__ import annotations
-
 import itertools
 import warnings
 from collections.abc import Sequence

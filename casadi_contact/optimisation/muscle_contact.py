@@ -22,8 +22,6 @@ three rules, each by choice:
   soleus give at least this, r·(F_gas + F_sol) >= M; soleus' activation is one more variable.
 """
 
-from __future__ import annotations
-
 import itertools
 import time
 from collections.abc import Mapping

@@ -3,8 +3,6 @@
 That is load which all models of a scene treat alike, by where it lies, and elements that are too coarse.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import NamedTuple

@@ -3,8 +3,6 @@
 From a start in contact an optimiser finds its way, from 20 mm off it may not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A solution evaluated again on the contact model that its surrogate stands for: a verdict on every frame."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 

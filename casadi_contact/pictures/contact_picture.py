@@ -1,8 +1,6 @@
 """Pictures of contact: the pressure on the fixed surface as it is pressed, and the moving surface in section,
 with the fixed body's elements near that plane."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A joint as one HTML file that works offline: all its data, its kernel as WebAssembly, and the code that draws."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Sequence

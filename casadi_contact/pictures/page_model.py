@@ -1,7 +1,5 @@
 """What a page computes with: the scene's contact model, its arrays, and its C compiled to WebAssembly."""
 
-from __future__ import annotations
-
 import base64
 import gzip
 import sys

@@ -4,8 +4,6 @@ Samples lie where loads were prescribed. Users evaluate a surrogate elsewhere: a
 range, and where the surrogate's own loads lead a solver (self-settled poses), such as beyond the rim of an insert.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import Executor
 from time import perf_counter

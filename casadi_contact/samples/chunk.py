@@ -1,7 +1,5 @@
 """One chunk of a sampling plan: settle on a coarse grid, lift off, evaluate on the teacher grid [EF15 §2.4, §3.3]."""
 
-from __future__ import annotations
-
 import hashlib
 from collections import Counter
 from collections.abc import Mapping

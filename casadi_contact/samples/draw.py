@@ -4,8 +4,6 @@ Chunks go through any `concurrent.futures.Executor`. A chunk's samples depend on
 samples are the same for every executor and number of workers, and after a kill and a rerun.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections import Counter

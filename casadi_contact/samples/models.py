@@ -1,7 +1,5 @@
 """Contact models that samples come from: one to settle poses on, one to evaluate samples on."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any, Protocol

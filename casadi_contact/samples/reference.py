@@ -1,7 +1,5 @@
 """The reference motion: cycles of pose parameters and loads that the envelopes are drawn around [EF15 §3.3]."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any

@@ -10,8 +10,6 @@ Columns by name, one row per pose:
                           may be left out
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

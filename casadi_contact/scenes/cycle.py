@@ -11,8 +11,6 @@ Each cycle's coefficients are drawn about these; their standard deviation is `de
 harmonic (of its constant, for a curve without harmonics).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

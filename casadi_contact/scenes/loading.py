@@ -1,7 +1,5 @@
 """A scene by the name of a ready one or by the path of its file."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Files of poses over time: a CSV of this library's (mm, rad), or an OpenSim table as this library writes it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

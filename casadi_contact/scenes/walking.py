@@ -7,8 +7,6 @@ point that the two condyles' forces at z = ±22 mm give, so that it stays reacha
 all cycles [EF15 §3.3]. The figures and their source stand in ``walking.toml``.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping, Sequence
 from functools import partial

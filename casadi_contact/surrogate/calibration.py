@@ -6,8 +6,6 @@ is nowhere valid. Test rows take no part, nor do unseen cycles, whose poses are 
 reported there is what a user may expect.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor

@@ -24,8 +24,6 @@ The expected error of load k, below which 95 % of the errors lie, has a part tha
 g is twice continuously differentiable, and zero where validity is above 0.9.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

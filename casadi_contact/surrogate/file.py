@@ -10,8 +10,6 @@ The bytes are sealed with a digest (`files.containers`).
 /confidence      where the surrogate was calibrated: a data set for each field of `Confidence`, and a group network
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields

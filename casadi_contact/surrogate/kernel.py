@@ -5,8 +5,6 @@ That is done from `BATCH_FROM` poses on, whatever the cache holds, so that the s
 NumPy takes 20 ms for that many, and compiling once some seconds.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

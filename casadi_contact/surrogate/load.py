@@ -1,7 +1,5 @@
 """Find and load a surrogate by name or path."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Mapping
 from importlib import resources

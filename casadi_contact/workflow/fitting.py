@@ -1,7 +1,5 @@
 """Fit the networks of a surrogate side by side, and record how it was made."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping
 from concurrent.futures import Executor

@@ -1,7 +1,5 @@
 """Presets: how much to sample and how long to train, from a quick look to what is shipped; and the paper's own way."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import inf

@@ -1,7 +1,5 @@
 """Refinement: new samples around the frames that fail verification, warm training, the problem solved again."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """A project's samples: drawn from a contact model around the reference motion, or taken from a table."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import nullcontext

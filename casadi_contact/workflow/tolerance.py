@@ -5,8 +5,6 @@ itself (D1 is the motion, D3 the whole box around it), on validation rows and on
 within it is the last: the result depends on the scene and the tolerance, not on the clock.
 """
 
-from __future__ import annotations
-
 import logging
 import shutil
 from collections.abc import Sequence

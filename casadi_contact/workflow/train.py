@@ -6,8 +6,6 @@ several times as many samples, and adds those on which the surrogate is worst to
 rows stay an even draw of the plan, so that they remain representative.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace

@@ -5,8 +5,6 @@ called back with its own derivatives. l4casadi has no Hessian of the Lagrangian,
 Run ``python -m problems.studies.casadi_forms``.
 """
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Callable, Sequence

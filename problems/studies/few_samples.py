@@ -8,8 +8,6 @@ The error is the largest RMS of a load over the D3 samples held back, as a share
     polynomial, Gaussian process    of the loads as functions of the pose
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path

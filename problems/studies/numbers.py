@@ -1,7 +1,5 @@
 """Numbers of result files as text and tables, and those that stand between two marks in a page written by hand."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path

@@ -5,8 +5,6 @@ network gives the root load of the first side in contact, the loss is the mean o
 PyTorch get exact derivatives by PyTorch, in double precision.
 """
 
-from __future__ import annotations
-
 import json
 import time
 from contextlib import suppress

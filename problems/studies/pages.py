@@ -8,8 +8,6 @@ records of the shipped surrogates. paper.json holds the numbers of [EF15]; the p
 written by hand but for its numbers, as the README is.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path

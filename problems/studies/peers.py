@@ -7,8 +7,6 @@ generates of it, in single calls as networks are; all others as one batch of pos
 force that would pull is clamped to zero, as the paper does [EF15 §3.5].
 """
 
-from __future__ import annotations
-
 import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence

@@ -5,8 +5,6 @@ Inputs and outputs are standardised. Random forest, neighbours and polynomial fe
 casadi_contact[peers]``), radial basis functions SciPy's, B-splines CasADi's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial

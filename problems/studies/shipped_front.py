@@ -3,8 +3,6 @@
 A maintainer puts the file into ``casadi_contact/workflow/benchmark/ready``.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation

@@ -4,8 +4,6 @@ The error is that of the loads at the poses found, against a converged elastic f
 ``python -m problems.studies.solve_time --help``.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace

@@ -3,8 +3,6 @@
 Constants are made once; derivatives are those of ``torch.func``. torch is imported where it is used.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

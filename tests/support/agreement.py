@@ -4,8 +4,6 @@ The measure is the usual size of that output, the largest over the poses of a te
 difference of large numbers. Two to three digits are left above what was seen (5.8e-12 in values with AVX2).
 """
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 

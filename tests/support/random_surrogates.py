@@ -1,7 +1,5 @@
 """Untrained surrogates and confidences of random weights, scaled so that root loads cross zero; random samples."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Poses of ready-made scenes (contacts with a known force, a loaded knee, balls in cups); scenes that lock and tie."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

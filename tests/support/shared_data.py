@@ -1,7 +1,5 @@
 """Files of tests: measured data that may be absent, measured results of the documentation, changed HDF5 files."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager

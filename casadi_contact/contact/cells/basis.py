@@ -1,7 +1,5 @@
 """Cubic cells: the Hermite functions of a cell at its sub-points, and the smooth forms of max(x, 0)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How large a scene's cells may be: as large as its tolerances allow, against a fine element grid."""
 
-from __future__ import annotations
-
 from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -8,8 +8,6 @@ the clearance tells: within it lies nothing near the body. Both are taken from t
 where an open mesh makes it jump.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass

@@ -5,8 +5,6 @@ distance from c along -n to the body's surface, found by Newton's method on g(c 
 body is -p(d)·A·(n, c × n).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from casadi_contact.contact.pressure_law import pressure

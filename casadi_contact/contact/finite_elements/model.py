@@ -1,7 +1,5 @@
 """Finite elements as a contact model: a rigid moving body pressed into the fixed body's elastic layer, frictionless."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -6,8 +6,6 @@ area within the rim; more rays cannot reveal a second one. Element grids can: th
 right at all.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 

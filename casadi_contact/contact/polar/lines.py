@@ -7,8 +7,6 @@ junction, between the chord along it and the edge, that of the arc before is tak
 added: on a fan of rays that begin on the chord, at Gauss points of its angle.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 
 import numpy as np

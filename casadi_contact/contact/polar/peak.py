@@ -6,8 +6,6 @@ model of g within box and trust region, by coordinates in turn. Of a strongly ti
 few starts are spread over the patch.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

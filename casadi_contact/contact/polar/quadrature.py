@@ -15,8 +15,6 @@ does so, and is small, the one with the least g is followed to the least around.
 towards the rim.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rays along the normals of the fixed surface, and where they end on the moving surface."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

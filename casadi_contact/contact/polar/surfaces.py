@@ -9,8 +9,6 @@ A dish has s_ρ = 1, s_w = -1 (a sphere where o = 0), the facet of a groove s_ρ
 centre lies on the side of the moving body. The moving surface are swept arcs (`geometry.moving_surface`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

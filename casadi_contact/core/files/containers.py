@@ -8,8 +8,6 @@ An HDF5 file of this library begins with a block of 512 bytes that other tools s
 The digest is compared before HDF5 parses anything, because HDF5 may crash on damaged bytes.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 from collections.abc import Iterator

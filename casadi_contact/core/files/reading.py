@@ -1,7 +1,5 @@
 """Reading files that anyone may have written: bounded sizes, errors of one line, nothing that runs code."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 import re

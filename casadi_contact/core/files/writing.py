@@ -1,7 +1,5 @@
 """Atomic writing: a file is whole or absent, whatever happens to the process, the machine or the disc."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile

@@ -9,8 +9,6 @@ Networks of one input share the loops of each layer, so that their
 short chains of sums overlap in the processor.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from casadi_contact.networks.activations import ACTIVATIONS

@@ -1,7 +1,5 @@
 """Networks of one input and shape side by side, packed as the layers of ``core.h`` read them."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ because it may be hours of somebody's work that must not be overwritten. The pro
 checkpoints, which works across threads, processes and machines that share a folder.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import tempfile

@@ -9,8 +9,6 @@ linear problems): two or three products then make a step that is exact enough.
 not. A step that does not reduce the loss is shortened first, since evaluating one costs less than a product.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

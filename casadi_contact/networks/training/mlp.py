@@ -19,8 +19,6 @@ matrix V_l without its bias column,
 fit, the same on any machine.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Any
 

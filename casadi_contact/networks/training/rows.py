@@ -12,8 +12,6 @@ with ∂R/∂y = W,
 They are not added before they are squared: with a large r, Gauss-Newton would not see how stiff e is at y = 0.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

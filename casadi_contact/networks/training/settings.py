@@ -5,8 +5,6 @@ Histories are the root mean square of the training rows' weighted residuals, and
 rows, one entry an iteration, in the unit of the tolerance (N or N·mm).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, isfinite, isinf

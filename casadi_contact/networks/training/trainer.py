@@ -1,7 +1,5 @@
 """The course of one fit: iterate, stop, grow or restart, keep the best network. Its state fits in a checkpoint."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import asdict, replace
 from typing import Any

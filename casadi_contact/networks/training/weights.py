@@ -1,8 +1,6 @@
 """Weights and biases of a network as training sees them: one flat vector, layer after layer its matrix V_l
 (n_l, n_{l-1} + 1) with the bias as last column. Also random networks to begin with, and wider ones to go on with."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise

@@ -15,8 +15,6 @@ that is ligaments and muscles, contact, gravity and inertia (`joints.Body.second
 energy, so that this is Lagrange's equation), springs on coordinates, and wrenches given on bodies.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property

@@ -14,8 +14,6 @@ in every derivative; φ holds networks and contact, and is block diagonal. With 
 some 20 times faster than CasADi's colouring of the whole function, and as exact.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """A contact model between two bodies of an assembly."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -31,8 +31,6 @@ paths = "paths.h5"                                   # networks of wraps by path
                                                      # {axis, of, knots}, each knot x, y and dy/dx
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, fields
 from functools import partial

@@ -9,8 +9,6 @@ and straight beyond them, as OpenSim's SimmSpline. Bodies are related through th
 expression holds the coordinates between them alone, and its Jacobian is as sparse as it can be.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

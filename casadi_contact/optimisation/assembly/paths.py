@@ -7,8 +7,6 @@ small network, fitted to lengths of the opensim wheel (`workflow.opensim_import`
 moves against the surface, and exact derivatives.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -5,8 +5,6 @@ Bodies move through a viscous fluid, C·q̇ = Q(q), with C = 1 N·s/mm (25² N·
 follow the motion into a stable equilibrium. Large steps are Newton's (Kelley and Keyes 1998).
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

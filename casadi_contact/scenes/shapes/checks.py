@@ -1,7 +1,5 @@
 """Checks of a scene's values. Errors say the key, what was got and what was expected."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

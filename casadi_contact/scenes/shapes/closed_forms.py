@@ -1,8 +1,6 @@
 """Joints and test bodies of spheres, arcs and planes: a ball in a cup, a button in a groove, and bodies of closed-form
 contact on an elastic plane y = 0 or in a dish, to verify contact models."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A foot on the ground: a parametric sole, smooth to the second order, pressed by a half-space."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -3,8 +3,6 @@
 Each number of [geometry] holds for both sides; ``med = { ... }`` and ``lat = { ... }`` replace single ones for a side.
 """
 
-from __future__ import annotations
-
 import itertools
 from typing import Any
 

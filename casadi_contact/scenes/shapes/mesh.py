@@ -30,8 +30,6 @@ Loading a scene file makes the paths absolute and adds the files' SHA-256; the s
 so that a scene stays the same scene wherever its files lie, and another one when a mesh changes.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """The bodies of a mesh scene by its [geometry]: meshes and smooth surfaces, made once in a process, and the patches."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping, Sequence
 from functools import lru_cache, partial

@@ -4,8 +4,6 @@ A scene names its shape; all that one shape has of its own stands in its record,
 asks the record. A new shape is a record and a line in `_MODULES`.
 """
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence

@@ -7,8 +7,6 @@ in the local pose x = (t + R·a, rx, ry, rz) of a patch with anchor a. Values an
 and every order is exactly zero outside contact.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from string import Template

@@ -4,8 +4,6 @@ A parameter of the pose that the scene locks or ties never varies in the samples
 surrogate gives them one of weight zero (`part_networks`), so that every network is a function of a whole local pose.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

@@ -4,8 +4,6 @@ Which samples take part: training and validation rows (the test rows are held ba
 load, those in contact (N > 0) for a ratio, which has no meaning where there is no load.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

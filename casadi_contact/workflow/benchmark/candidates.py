@@ -1,7 +1,5 @@
 """What stands on the chart: contact models without training, surrogates, the ladder of sizes, and peers."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor

@@ -1,7 +1,5 @@
 """No more model than the scene needs: the cheapest measured model that meets a tolerance for the loads asked for."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Sequence

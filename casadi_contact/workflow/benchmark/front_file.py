@@ -5,8 +5,6 @@ row per model, readable by ``pandas.read_csv(path, comment="#")``. Names carry u
 has no such number.
 """
 
-from __future__ import annotations
-
 import csv
 import itertools
 import math

@@ -1,8 +1,6 @@
 """Errors by domain on held-back samples [EF15 Tables 2, 3], and times and errors of every candidate, in one run on one
 thread, on unseen walking [EF15 Table 4]."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """CPU time per evaluation, on which other programs tell least, measured several times in turn within one run."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ excess: in closed form over a cylinder, where that agrees with the wheel, else b
 move against the surface, three where one end does.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from operator import itemgetter

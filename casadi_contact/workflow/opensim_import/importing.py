@@ -9,8 +9,6 @@ First the joint moves passively, with paths that do not wrap: its first coordina
 settle. About these states, or those of a given motion, lengths are sampled and wraps fitted.
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections import Counter
 from collections.abc import Mapping, Sequence

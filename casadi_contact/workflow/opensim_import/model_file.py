@@ -3,8 +3,6 @@
 A model file is another's: it is parsed without entities or a document type, up to a size, and nothing in it runs.
 """
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping

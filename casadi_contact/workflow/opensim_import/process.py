@@ -1,7 +1,5 @@
 """The opensim wheel in its own process: ask it about a model file."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

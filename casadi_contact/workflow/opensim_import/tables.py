@@ -1,7 +1,5 @@
 """An assembly's tables (mm, rad, N, kg) from what the wheel says of a model (m, rad, N, kg): see `assembly.file`."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from typing import Any

@@ -9,8 +9,6 @@ to which path point each wraps (n, f, 2), -1 where it does not, moment arms (n, 
 (n, b, 3, 4) of the named bodies in the ground.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The library's axes and origins in terms of the files', and whether the joint is mirrored."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

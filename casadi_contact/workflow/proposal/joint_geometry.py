@@ -1,8 +1,6 @@
 """What two meshes show of their joint: contact areas over a sweep of poses, the patches into which valleys between them
 part the fixed surface, and which kind of joint it is."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

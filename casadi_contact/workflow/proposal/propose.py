@@ -1,7 +1,5 @@
 """From two mesh files to a proposed scene, with what was recognised and what the user must check."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

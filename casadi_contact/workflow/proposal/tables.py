@@ -1,7 +1,5 @@
 """The tables of a proposed scene, and their text as a commented .toml file."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path

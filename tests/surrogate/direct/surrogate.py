@@ -3,8 +3,6 @@
 F_l = net_l(pose),   s_p = -F_p/N0   (signed normal load: without the root, which other structures take)
 """
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 
