@@ -15,8 +15,7 @@ from casadi_contact.optimisation.assembly.file import write_paths
 from casadi_contact.scenes.opensim import TIME, Table, read_opensim_table, write_table
 from casadi_contact.workflow.opensim_import.importing import import_model, states_of
 from casadi_contact.workflow.opensim_import.model_file import read_model
-from casadi_contact.workflow.opensim_import.process import describe
-from casadi_contact.workflow.opensim_import.tables import assembly_tables
+from casadi_contact.workflow.opensim_import.process import describe, muscle_curves
 from problems import comak, passive_flexion
 from tests.support.compiler import needs_compiler
 from tests.support.shared_data import shared_file
@@ -167,7 +166,8 @@ def test_a_motion_is_prepared_as_comak_prepares_it(tmp_path):
     stored = shared_file("data/jam_knee/comak/values.sto")
     folder = stored.parents[1]
     (tmp_path / "bare.osim").write_text(read_model(folder / "lenhart2015.osim").rest)
-    tables, curves = assembly_tables(describe(tmp_path / "bare.osim"))
+    said = describe(tmp_path / "bare.osim")
+    tables, curves = said["tables"], muscle_curves(said)
     write_paths(tmp_path / "paths.h5", {}, curves)
     (tmp_path / "assembly.toml").write_text(tomli_w.dumps(tables))
     assembly, told = cc.load_assembly(tmp_path), comak.Settings.read(stored.with_name("settings.xml"))

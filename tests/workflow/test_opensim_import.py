@@ -16,8 +16,7 @@ from casadi_contact.optimisation.assembly.settling import CoordinateSettling
 from casadi_contact.scenes.opensim import read_opensim_table
 from casadi_contact.workflow.opensim_import.importing import import_model, states_of
 from casadi_contact.workflow.opensim_import.model_file import read_model
-from casadi_contact.workflow.opensim_import.process import describe, measure
-from casadi_contact.workflow.opensim_import.tables import assembly_tables
+from casadi_contact.workflow.opensim_import.process import describe, measure, muscle_curves
 from tests.support.compiler import needs_compiler
 from tests.support.shared_data import shared_file
 from tests.support.small_model import RADIUS, random_states, write_small_model
@@ -167,9 +166,10 @@ def test_a_knee_of_another_program_has_its_straight_ligaments_and_contact(tmp_pa
     }
     bare = tmp_path / "bare.osim"
     bare.write_text(read_model(model).rest)
-    tables, curves = assembly_tables(describe(bare))
+    said = describe(bare)
+    tables = said["tables"]
     assert [len(tables[kind]) for kind in ("coordinates", "ligaments", "muscles")] == [52, 76, 44]
-    write_paths(tmp_path / "paths.h5", {}, curves)
+    write_paths(tmp_path / "paths.h5", {}, muscle_curves(said))
     (tmp_path / "assembly.toml").write_text(tomli_w.dumps(tables))
     assembly = cc.load_assembly(tmp_path)
     states = states_of(assembly, stored["states"])[::50]

@@ -244,10 +244,13 @@ class Assembly:
         """(∂of/∂q)ᵀ·weights, of some coordinates."""
         return ca.jtimes(of, self._q, weights, True)[rows]
 
+    def pose_between(self, fixed: str, fixed_frame: Array, moving: str, moving_frame: Array) -> Any:
+        """Pose (6) [mm, rad], in SX, of a frame of one body in a frame of another."""
+        place = self._chain.place(moving, fixed)
+        return pose_of(*compose(inverse(frame(fixed_frame)), compose(place, frame(moving_frame))))
+
     def _pose(self, contact: Contact) -> Any:
-        fixed, moving = (frame(at) for at in (contact.fixed_frame, contact.moving_frame))
-        place = self._chain.place(contact.moving, contact.fixed)
-        return pose_of(*compose(inverse(fixed), compose(place, moving)))
+        return self.pose_between(contact.fixed, contact.fixed_frame, contact.moving, contact.moving_frame)
 
     def _wrench(self, contact: Contact, pose: ca.MX) -> ca.MX:
         """Total wrench (6) [N, N·mm] on the fixed body, in the scene's frame."""

@@ -1,9 +1,8 @@
 """Scenes of a JAM model's contacts: the casting mesh is the fixed body, whose surface carries the layer, the target
 moves. Both keep the frames that the model gives them, so that a scene's pose is that of one mesh in the other.
 
-Two layers in series are one: with K_i = (1-ν_i)·E_i/((1+ν_i)(1-2ν_i)), a depth d presses them by
-p = d/(h_1/K_1 + h_2/K_2). A lumped contact has instead one layer of thickness h_1 + h_2 with the mean E and ν (Smith
-et al. 2018).
+Each mesh has a layer, except that a lumped contact has one of thickness h_1 + h_2 with the mean E and ν (Smith et al.
+2018).
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ import numpy as np
 import tomli_w
 
 from casadi_contact.contact.ray_cast import DEEPEST_MM
-from casadi_contact.core.conventions import Array
+from casadi_contact.core.conventions import Array, rotation
 from casadi_contact.core.files.writing import write_text
 from casadi_contact.geometry.mesh import load_mesh
 from casadi_contact.geometry.mesh_formats import read_triangles
@@ -30,7 +29,7 @@ LOADS = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 SPACING_MM = 0.75
 
 
-def layer(contact: ContactForce, casting: ContactMesh, target: ContactMesh) -> tuple[dict[str, Any], list[str]]:
+def layers(contact: ContactForce, casting: ContactMesh, target: ContactMesh) -> tuple[dict[str, Any], list[str]]:
     """The scene's [material] [MPa, mm], and what of the contact it does not say."""
     lost = [
         f"the thickness of {mesh.name} varies, {mesh.thickness:g} m is taken"
@@ -42,25 +41,16 @@ def layer(contact: ContactForce, casting: ContactMesh, target: ContactMesh) -> t
     law = {"linear": "linear", "nonlinear": "log"}.get(contact.formulation)
     if law is None:
         lost.append(f"formulation {contact.formulation}: linear is taken")
+    names, factors = ("youngs_modulus", "poissons_ratio", "thickness"), np.array([1e-6, 1.0, 1e3])
+    own, moving = (factors * [mesh.elastic_modulus, mesh.poissons_ratio, mesh.thickness] for mesh in (casting, target))
     if contact.lumped:
-        E, nu = (0.5 * (getattr(casting, k) + getattr(target, k)) for k in ("elastic_modulus", "poissons_ratio"))
-        thickness = casting.thickness + target.thickness
-    else:
-        E, nu = casting.elastic_modulus, casting.poissons_ratio
-        thickness = _modulus(casting) * sum(mesh.thickness / _modulus(mesh) for mesh in (casting, target))
-        if law == "log":
-            lost.append("two nonlinear layers that are not lumped: one of their joint thickness is taken")
-    return {
-        "youngs_modulus": 1e-6 * E,
-        "poissons_ratio": nu,
-        "thickness": 1e3 * thickness,
-        "law": law or "linear",
-    }, lost
-
-
-def _modulus(mesh: ContactMesh) -> float:
-    nu = mesh.poissons_ratio
-    return (1.0 - nu) * mesh.elastic_modulus / ((1.0 + nu) * (1.0 - 2.0 * nu))
+        own = (own + moving) * [0.5, 0.5, 1.0]
+    material: dict[str, Any] = {**dict(zip(names, own.tolist(), strict=True)), "law": law or "linear"}
+    if not contact.lumped:
+        if law == "log" and not np.array_equal(own[:2], moving[:2]):
+            lost.append("two nonlinear layers of different moduli: their pressure is right to the first order")
+        material["moving"] = dict(zip(names, moving.tolist(), strict=True))
+    return material, lost
 
 
 @dataclass(frozen=True)
@@ -85,10 +75,10 @@ class MeshFile:
         return cls(path, load_mesh(path, "m"))
 
 
-def pressing(casting: TriangleMesh, target: TriangleMesh, pose: tuple[Array, Array]) -> list[float]:
+def pressing(casting: TriangleMesh, target: TriangleMesh, pose: Array) -> list[float]:
     """Where to the target presses the casting mesh, as a unit vector in the casting mesh's frame: against the mean
-    normal of the triangles from which a ray outwards, or a short one inwards, meets the target at rest (R, t)."""
-    R, t = pose
+    normal of the triangles from which a ray outwards, or a short one inwards, meets the target at rest, at its pose."""
+    t, R = pose[:3], rotation(pose[3:])
     caster, normals, centres = RayCaster(target), casting.normals, casting.corners_mm.mean(axis=1)
     near = np.zeros(len(normals), dtype=bool)
     for side, reach_mm in ((1.0, DEEPEST_MM), (-1.0, THIN_MM)):
@@ -104,19 +94,18 @@ def write_scene(
     contact: ContactForce,
     meshes: Mapping[str, ContactMesh],
     files: Mapping[str, MeshFile],
-    pose: tuple[Array, Array, Array],
+    pose: Array,
 ) -> list[str]:
-    """Write a contact's scene; pose: R (3, 3), t (3,) [mm] and the angles (3,) [rad] of the target at rest. Returns
-    what is lost."""
+    """Write a contact's scene; pose (6,) [mm, rad]: of the target at rest. Returns what is lost."""
     casting, target = files[contact.casting], files[contact.target]
-    material, lost = layer(contact, meshes[contact.casting], meshes[contact.target])
+    material, lost = layers(contact, meshes[contact.casting], meshes[contact.target])
     thickness = min(shell_thickness(each.mesh) for each in (casting, target))
     geometry: dict[str, Any] = {
         body: Path(os.path.relpath(file.path.resolve(), path.parent.resolve())).as_posix()
         for body, file in (("moving", target), ("fixed", casting))
     }
-    geometry |= {"units": "m", "elements": "grid", "pressing": pressing(casting.mesh, target.mesh, (pose[0], pose[1]))}
-    geometry |= {"start_pose": [*pose[1].tolist(), *pose[2].tolist()], "patches": {"all": {}}}
+    geometry |= {"units": "m", "elements": "grid", "pressing": pressing(casting.mesh, target.mesh, pose)}
+    geometry |= {"start_pose": pose.tolist(), "patches": {"all": {}}}
     if thickness <= THIN_MM:
         geometry |= {"shell": "whole", "spacing": round(min(SPACING_MM, 0.4 * thickness), 3)}
     tables = {

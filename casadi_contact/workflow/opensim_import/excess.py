@@ -15,14 +15,13 @@ import casadi as ca
 import numpy as np
 from scipy.stats import qmc
 
-from casadi_contact.core.conventions import Array, Update
+from casadi_contact.core.conventions import Array, Update, rotation
 from casadi_contact.networks.network import Network, Regression
 from casadi_contact.networks.training.fit import fit
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.optimisation.assembly.assembly import Assembly
 from casadi_contact.optimisation.assembly.paths import Roll, Wrap
 from casadi_contact.workflow.opensim_import.process import measure
-from casadi_contact.workflow.opensim_import.tables import pose_mm
 
 
 @dataclass(frozen=True)
@@ -81,7 +80,7 @@ def fit_excesses(
     progress: Update | None = None,
     settings: Sampling | None = None,
 ) -> dict[str, Excess]:
-    """The excess of each path that wraps over a body's surface (wraps: by path, with radius and place of a
+    """The excess of each path that wraps over a body's surface (wraps: by path, with radius and frame of a
     cylinder); paths that never touch it are left out. model: the file for the wheel."""
     settings = settings or Sampling()
     values, near = draw(assembly, centres, given, settings)
@@ -112,13 +111,13 @@ def _rolled(
 ) -> tuple[Roll, Array] | None:
     """The cylinder's closed form, on the side where it agrees with the wheel, and what it leaves (n,) [mm], but for
     points within the cylinder, where the wheel does not wrap; None where it agrees on no side."""
-    if "radius" not in over or len(points) != 2:
+    if "radius_mm" not in over or len(points) != 2:
         return None
-    tried, place = [], np.asarray(over["place"])
-    local = (x.reshape(-1, 2, 3) - 1e3 * place[:, 3]) @ place[:, :3]
-    outside = (np.linalg.norm(local[..., :2], axis=2) > 1e3 * over["radius"]).all(axis=1)
+    tried, place, radius = [], np.array(over["frame"]), over["radius_mm"]
+    local = (x.reshape(-1, 2, 3) - place[:3]) @ rotation(place[3:])
+    outside = (np.linalg.norm(local[..., :2], axis=2) > radius).all(axis=1)
     for side in (0.0, 1.0, -1.0):
-        roll = Roll(over["body"], points, np.array(pose_mm(over["place"])), 1e3 * over["radius"], side)
+        roll = Roll(over["body"], points, place, radius, side)
         symbol = ca.SX.sym("x", 6)
         residual = ca.Function("roll", [symbol], [roll.excess(symbol)])(x.T).full()[0] - excess
         most = float(np.quantile(np.abs(residual[outside]), 1.0 - settings.wrong_cylinder))

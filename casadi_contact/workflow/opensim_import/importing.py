@@ -16,22 +16,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import tomli_w
-from scipy.spatial.transform import Rotation
 
 from casadi_contact.core.conventions import Array, Update
 from casadi_contact.core.files.writing import writable_folder, write_text
+from casadi_contact.networks.frames import pose_of
 from casadi_contact.optimisation.assembly.assembly import Assembly
 from casadi_contact.optimisation.assembly.file import load_assembly, write_paths
+from casadi_contact.optimisation.assembly.joints import compose, frame
 from casadi_contact.optimisation.assembly.paths import Wrap
 from casadi_contact.optimisation.assembly.settling import CoordinateSettling
 from casadi_contact.scenes.opensim import TIME, Table, read_opensim_table
 from casadi_contact.workflow.opensim_import.contacts import MeshFile, write_scene
 from casadi_contact.workflow.opensim_import.excess import described, fit_excesses, plain
 from casadi_contact.workflow.opensim_import.model_file import ModelFile, find_mesh, read_model
-from casadi_contact.workflow.opensim_import.process import describe
-from casadi_contact.workflow.opensim_import.tables import assembly_tables, lost_parts, pose_mm
+from casadi_contact.workflow.opensim_import.process import describe, muscle_curves
 
 CELLS_MM = 1.4
 PASSIVE = np.linspace(0.0, 1.75, 22)  # rad from rest, either way, within the range of the joint's first coordinate
@@ -72,10 +73,10 @@ def import_model(
         bare = Path(temporary) / "model.osim"
         write_text(bare, source.rest)
         said = describe(bare)
-        tables, curves = assembly_tables(said)
+        tables, curves = said["tables"], muscle_curves(said)
         if progress:
             progress("model", 1.0, 3.0, "scenes")
-        lost = [*source.unmapped, *lost_parts(said)]
+        lost = [*source.unmapped, *said["lost"]]
         tables["contacts"] = {}
         write_paths(out / "paths.h5", {}, curves)
         assembly = _written(out, tables)
@@ -86,8 +87,7 @@ def import_model(
         centres, how = _centres(assembly, moving, following, motion)
         if progress:
             progress("model", 2.0, 3.0, "paths")
-        wraps = _wraps(said, tables)
-        excess = fit_excesses(assembly, str(bare), wraps, centres, [*moving, *following], progress)
+        excess = fit_excesses(assembly, str(bare), said["wraps"], centres, [*moving, *following], progress)
     for name, found in excess.items():
         kind = "ligaments" if name in tables["ligaments"] else "muscles"
         tables[kind][name]["wrap"] = plain(found)
@@ -127,29 +127,20 @@ def _contacts(
     for name, mesh in source.meshes.items():
         if name in {end for contact in source.contacts for end in (contact.target, contact.casting)}:
             files[name] = MeshFile.of(mesh, find_mesh(mesh.file, folders), out)
-            place = np.eye(4)
-            place[:3] = said["frames"][mesh.frame]["place"]
-            own = np.eye(4)
-            own[:3, :3], own[:3, 3] = Rotation.from_euler("XYZ", mesh.orientation).as_matrix(), mesh.location
-            frames[name] = said["frames"][mesh.frame]["body"], (place @ own)[:3]
+            at = said["frames"][mesh.frame]
+            own = np.append(1e3 * np.array(mesh.location), mesh.orientation)
+            frames[name] = at["body"], np.ravel(pose_of(*compose(frame(at["pose"]), frame(own)))).tolist()
     for contact in source.contacts:
         if not contact.applied:
             lost.append(f"{contact.name}: appliesForce is false, so it is left out")
             continue
         (fixed, fixed_at), (moving, moving_at) = frames[contact.casting], frames[contact.target]
-        X = np.tile(np.eye(4), (4, 1, 1))
-        at_rest = np.array(assembly.places([fixed, moving])(assembly.default))
-        X[:, :3] = at_rest[:, :4], at_rest[:, 4:], fixed_at, moving_at
-        relative = np.linalg.inv(X[0] @ X[2]) @ X[1] @ X[3]
-        pose = np.array(pose_mm(relative[:3]))
-        lost += [
-            f"{contact.name}: {what}"
-            for what in write_scene(
-                out / f"{contact.name}.toml", contact, source.meshes, files, (relative[:3, :3], pose[:3], pose[3:])
-            )
-        ]
-        table = {"scene": f"{contact.name}.toml", "fixed": fixed, "moving": moving, "cells_mm": CELLS_MM}
-        table |= {"fixed_frame": pose_mm(fixed_at), "moving_frame": pose_mm(moving_at)}
+        symbolic = assembly.pose_between(fixed, fixed_at, moving, moving_at)
+        pose = np.ravel(ca.Function("pose", [assembly._q], [symbolic])(assembly.default))
+        scene = out / f"{contact.name}.toml"
+        lost += [f"{contact.name}: {what}" for what in write_scene(scene, contact, source.meshes, files, pose)]
+        table = {"scene": scene.name, "fixed": fixed, "moving": moving, "cells_mm": CELLS_MM}
+        table |= {"fixed_frame": fixed_at, "moving_frame": moving_at}
         tables["contacts"][contact.name] = table
     return lost
 
@@ -171,17 +162,6 @@ def _coordinates(assembly: Assembly, joint: str | None) -> tuple[list[str], list
 
 def _names_of(joint: Any) -> list[str]:
     return list(dict.fromkeys(axis.of for axis in (*joint.rotations, *joint.translations) if axis.of))
-
-
-def _wraps(said: Mapping[str, Any], tables: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """The body with the surface that a path wraps over, and its radius and place where a cylinder is all, by path."""
-    paths = {
-        name: path for kind in ("ligaments", "muscles") for name, path in said[kind].items() if name in tables[kind]
-    }
-    over = {name: said["wrap_objects"][path["wraps"][0]] for name, path in paths.items() if path["wraps"]}
-    moving = {name: {"body": path["bodies"][0]} for name, path in paths.items() if path["moving"]}
-    several = {name: {"body": over[name]["body"]} for name in over if len(paths[name]["wraps"]) > 1}
-    return moving | over | several | {name: {"body": over[name]["body"]} for name in moving if name in over}
 
 
 def _centres(

@@ -3,15 +3,16 @@
     python wheel.py describe MODEL.osim REPLY.json
     python wheel.py measure  MODEL.osim REQUEST.npz REPLY.npz
 
-A script without casadi_contact, in OpenSim's units. ``describe`` writes bodies, joints, paths and muscles; ``measure``
-takes coordinates (n, c) with their names, and names of ligaments and muscles, and writes lengths (n, f) [m], from which
-to which path point each wraps (n, f, 2), -1 where it does not, moment arms (n, f, c) if asked for, and the transforms
-(n, b, 3, 4) of the named bodies in the ground.
+A script without casadi_contact. ``describe`` writes an assembly's tables (mm, rad, N, kg: see `assembly.file`) but for
+contacts and wraps, muscles' curves by name, the surface that each path wraps over, frames by path, and what is lost.
+``measure`` takes coordinates (n, c) with their names, and names of ligaments and muscles, and writes lengths (n, f)
+[m], from which to which path point each wraps (n, f, 2), -1 where it does not, moment arms (n, f, c) if asked for, and
+the transforms (n, b, 3, 4) of the named bodies in the ground.
 """
 
 import json
+import re
 import sys
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -37,14 +38,20 @@ def transform(found: Any) -> np.ndarray:
     return np.array([[*(float(R.get(i, j)) for j in range(3)), float(t.get(i))] for i in range(3)])
 
 
+def pose(found: Any) -> list[float]:
+    """Pose [mm, rad] of a SimTK transform."""
+    return [*(1e3 * v for v in numbers(found.p())), *numbers(found.R().convertRotationToBodyFixedXYZ())]
+
+
 def base(frame: Any) -> str:
     """Name of the body that a frame is fixed to."""
     return str(frame.findBaseFrame().getName())
 
 
-def function_values(function: Any, span: tuple[float, float]) -> dict[str, Any]:
-    """A function of one coordinate: offset and slope of a line, else (x, y, dy/dx) at its knots, cubic between them."""
-    scale = 1.0
+def function_values(function: Any, span: tuple[float, float], unit: float, per: float) -> dict[str, Any]:
+    """A function of one coordinate: offset and slope of a line, else x, y and dy/dx at its knots, cubic between them;
+    unit: of its value in m or rad, per: of the coordinate."""
+    scale = unit
     while multiplier := opensim.MultiplierFunction.safeDownCast(function):
         scale, function = scale * multiplier.getScale(), multiplier.getFunction()
 
@@ -57,55 +64,55 @@ def function_values(function: Any, span: tuple[float, float]) -> dict[str, Any]:
 
     if function.getConcreteClassName() in _LINES:
         offset = at(0.0)
-        return {"offset": offset, "slope": at(1.0) - offset}
+        return {"offset": offset, "slope": (at(1.0) - offset) / per}
     spline = opensim.SimmSpline.safeDownCast(function)
     places = [float(spline.getX(i)) for i in range(spline.getSize())] if spline else np.linspace(*span, 61).tolist()
-    return {"knots": [[x, at(x), at(x, 1)] for x in places]}
+    return {"knots": [number for x in places for number in (per * x, at(x), at(x, 1) / per)]}
 
 
 def joint_axes(joint: Any) -> dict[str, Any]:
     """Rotations and translations of a joint, one after another, each along an axis by a function of one coordinate."""
-    kind, names = (
-        joint.getConcreteClassName(),
-        [joint.get_coordinates(i).getName() for i in range(joint.numCoordinates())],
-    )
-    coordinates = {name: joint.get_coordinates(i) for i, name in enumerate(names)}
+    kind, found = joint.getConcreteClassName(), [joint.get_coordinates(i) for i in range(joint.numCoordinates())]
+    coordinates = {c.getName(): c for c in found}
     axes: dict[str, Any] = {"rotations": [], "translations": []}
     if custom := opensim.CustomJoint.safeDownCast(joint):
-        spatial = custom.getSpatialTransform()
         for k in range(6):
-            axis = spatial.getTransformAxis(k)
+            axis = custom.getSpatialTransform().getTransformAxis(k)
             of = [axis.get_coordinates(i) for i in range(axis.getCoordinateNames().size())]
             if len(of) > 1:
                 raise ValueError(
                     f"joint {joint.getName()} has an axis of the coordinates {', '.join(of)}, expected one"
                 )
-            span = (coordinates[of[0]].getRangeMin(), coordinates[of[0]].getRangeMax()) if of else (0.0, 1.0)
-            values = function_values(axis.getFunction(), span)
-            given = {"axis": numbers(axis.getAxis()), "of": of[0] if of else "", **values}
-            axes["rotations" if k < 3 else "translations"].append(given)
+            c = coordinates[of[0]] if of else None
+            span, per = ((c.getRangeMin(), c.getRangeMax()), scale_of(c)) if c else ((0.0, 1.0), 1.0)
+            values = function_values(axis.getFunction(), span, 1.0 if k < 3 else 1e3, per)
+            if of or values["offset"]:
+                given = {"axis": numbers(axis.getAxis()), "of": of[0] if of else "", **values}
+                axes["rotations" if k < 3 else "translations"].append(given)
         return axes
     if kind not in _ROTATIONS:
         raise ValueError(f"joint {joint.getName()} is a {kind}, expected one of CustomJoint, {', '.join(_ROTATIONS)}")
     letters = [("rotations", a) for a in _ROTATIONS[kind]] + [("translations", a) for a in _TRANSLATIONS.get(kind, "")]
-    for (group, letter), name in zip(letters, names, strict=True):
+    for (group, letter), name in zip(letters, coordinates, strict=True):
         axes[group].append({"axis": _AXES[letter], "of": name, "offset": 0.0, "slope": 1.0})
     return axes
 
 
-def path_table(path: Any, state: Any) -> dict[str, Any]:
-    """Points of a path in their bodies [m], the bodies it wraps over, and kinds of points that are not fixed."""
-    points, bodies, moving = [], [], []
+def scale_of(coordinate: Any) -> float:
+    """mm or rad in one of its units, m or rad."""
+    return 1e3 if coordinate.getMotionType() == opensim.Coordinate.Translational else 1.0
+
+
+def path_table(path: Any, state: Any) -> tuple[dict[str, Any], set[str]]:
+    """Points of a path in their bodies, and kinds of points that are not fixed."""
+    points, bodies, moving = [], [], set()
     for i in range(path.getPathPointSet().getSize()):
         point = path.getPathPointSet().get(i)
         X = transform(point.getParentFrame().findTransformInBaseFrame())
-        points.append((X[:, :3] @ numbers(point.getLocation(state)) + X[:, 3]).tolist())
+        points.append((1e3 * (X[:, :3] @ numbers(point.getLocation(state)) + X[:, 3])).tolist())
         bodies.append(base(point.getParentFrame()))
-        if point.getConcreteClassName() != "PathPoint":
-            moving.append(point.getConcreteClassName())
-    wraps = path.getWrapSet()
-    over = [wraps.get(i).getWrapObjectName() for i in range(wraps.getSize())]
-    return {"points": points, "bodies": bodies, "moving": moving, "wraps": over}
+        moving.add(point.getConcreteClassName())
+    return {"bodies": bodies, "points_mm": points}, moving - {"PathPoint"}
 
 
 class Model:
@@ -128,114 +135,115 @@ class Model:
 
     def describe(self) -> dict[str, Any]:
         """All that `workflow.opensim_import` needs of it, as plain values."""
-        bodies = self.model.getBodySet()
-        wrapped: dict[str, Any] = {}
+        bodies, constraints = self.model.getBodySet(), self.model.getConstraintSet()
+        self.curves: dict[str, Any] = {}
+        self.wraps: dict[str, Any] = {}
+        self.lost: list[str] = []
+        self.surfaces: dict[str, Any] = {}
         for frame in [self.model.getGround(), *(bodies.get(i) for i in range(bodies.getSize()))]:
             objects = frame.getWrapObjectSet()
-            for i in range(objects.getSize()):
-                wrapped[objects.get(i).getName()] = {"body": frame.getName(), **self._cylinder(objects.get(i))}
+            for wrap in (objects.get(i) for i in range(objects.getSize())):
+                own = self.surfaces[wrap.getName()] = {"body": frame.getName()}
+                if cylinder := opensim.WrapCylinder.safeDownCast(wrap):  # its axis is z
+                    own |= {"frame": pose(cylinder.getTransform()), "radius_mm": 1e3 * cylinder.get_radius()}
         joints = {}
         for joint in self.model.getJointList():
             parent, child = joint.getParentFrame(), joint.getChildFrame()
             joints[joint.getName()] = {
                 "parent": base(parent),
                 "child": base(child),
-                "parent_frame": transform(parent.findTransformInBaseFrame()).tolist(),
-                "child_frame": transform(child.findTransformInBaseFrame()).tolist(),
-                "coordinates": [joint.get_coordinates(i).getName() for i in range(joint.numCoordinates())],
+                "parent_frame": pose(parent.findTransformInBaseFrame()),
+                "child_frame": pose(child.findTransformInBaseFrame()),
                 **joint_axes(joint),
             }
-        constraints = self.model.getConstraintSet()
-        return {
-            "name": self.model.getName(),
-            "gravity": numbers(self.model.getGravity()),
+        tables = {
+            "format": 1,
+            "name": re.sub(r"^(?![A-Za-z])", "model_", re.sub(r"[^A-Za-z0-9_]", "_", self.model.getName()))[:64],
+            "ground": "ground",
+            "gravity_m_s2": numbers(self.model.getGravity()),
+            "paths": "paths.h5",
+            "coordinates": {name: self._coordinate(c) for name, c in self.coordinates.items()},
             "bodies": {b.getName(): self._body(b) for b in (bodies.get(i) for i in range(bodies.getSize()))},
             "joints": joints,
-            "coordinates": {name: self._coordinate(c) for name, c in self.coordinates.items()},
-            "wrap_objects": wrapped,
-            "frames": self._frames(),
-            "ligaments": dict(self._ligaments()),
-            "muscles": dict(self._muscles()),
-            "springs": dict(self._springs()),
-            "others": [[f.getName(), f.getConcreteClassName()] for f in self.forces if not self._known(f)],
-            "curve_samples": {"lengths": CURVE_LENGTHS.tolist(), "speeds": CURVE_SPEEDS.tolist()},
-            "constraints": [constraints.get(i).getName() for i in range(constraints.getSize())],
+            **self._forces(),
         }
-
-    def _frames(self) -> dict[str, Any]:
-        """Frames by path: the body they are fixed to, and where."""
-        found = {}
-        for frame in self.model.getFrameList():
-            place = transform(frame.findTransformInBaseFrame()).tolist()
-            found[frame.getAbsolutePathString()] = {"body": base(frame), "place": place}
-        return found
-
-    @staticmethod
-    def _cylinder(wrap: Any) -> dict[str, Any]:
-        """Radius and transform in its body of a wrapping cylinder, whose axis is z; nothing of other objects."""
-        if (cylinder := opensim.WrapCylinder.safeDownCast(wrap)) is None:
-            return {}
-        return {"radius": cylinder.get_radius(), "place": transform(cylinder.getTransform()).tolist()}
-
-    @staticmethod
-    def _known(force: Any) -> bool:
-        kinds = (opensim.Blankevoort1991Ligament, opensim.Muscle, opensim.SpringGeneralizedForce)
-        return any(kind.safeDownCast(force) for kind in kinds)
+        constrained = (constraints.get(i).getName() for i in range(constraints.getSize()))
+        self.lost += [f"{name}: a constraint, which no longer holds" for name in constrained]
+        frames = {
+            frame.getAbsolutePathString(): {"body": base(frame), "pose": pose(frame.findTransformInBaseFrame())}
+            for frame in self.model.getFrameList()
+        }
+        return {"tables": tables, "curves": self.curves, "wraps": self.wraps, "frames": frames, "lost": self.lost}
 
     def _body(self, body: Any) -> dict[str, Any]:
-        inertia = body.get_inertia()
-        values = {"mass": body.getMass(), "mass_center": numbers(body.getMassCenter())}
-        return values | {"inertia": [float(inertia.get(i)) for i in range(6)]}  # xx yy zz xy xz yz
+        values = {"mass_kg": body.getMass(), "centre_mm": [1e3 * v for v in numbers(body.getMassCenter())]}
+        return values | {"inertia_kgmm2": [1e6 * float(body.get_inertia().get(i)) for i in range(6)]}
 
     def _coordinate(self, c: Any) -> dict[str, Any]:
-        kind = "translation" if c.getMotionType() == opensim.Coordinate.Translational else "rotation"
-        fixed = c.getLocked(self.state) or c.isPrescribed(self.state)
-        span = [c.getRangeMin(), c.getRangeMax()]
-        return {"kind": kind, "default": c.getDefaultValue(), "range": span, "fixed": bool(fixed)}
+        scale = scale_of(c)
+        kind = "rotation" if scale == 1.0 else "translation"
+        low, high = scale * c.getRangeMin(), scale * c.getRangeMax()
+        return {"kind": kind, "default": scale * c.getDefaultValue(), "low": low, "high": high}
 
-    def _ligaments(self) -> Iterator[tuple[str, Any]]:
+    def _forces(self) -> dict[str, Any]:
+        """Tables of ligaments, muscles and springs by name; what other forces there are is lost."""
+        tables: dict[str, Any] = {"ligaments": {}, "muscles": {}, "coordinate_springs": {}}
         for force in self.forces:
-            if found := opensim.Blankevoort1991Ligament.safeDownCast(force):
-                yield (
-                    force.getName(),
-                    {
-                        **path_table(found.getGeometryPath(), self.state),
-                        "applied": bool(force.get_appliesForce()),
-                        "linear_stiffness": found.get_linear_stiffness(),
-                        "slack_length": found.get_slack_length(),
-                        "transition_strain": found.get_transition_strain(),
-                        "damping_coefficient": found.get_damping_coefficient(),
-                    },
-                )
-
-    def _muscles(self) -> Iterator[tuple[str, Any]]:
-        for force in self.forces:
-            if (muscle := opensim.Muscle.safeDownCast(force)) is None:
-                continue
-            table = {
-                **path_table(muscle.getGeometryPath(), self.state),
-                "kind": force.getConcreteClassName(),
-                "applied": bool(force.get_appliesForce()),
-                "max_isometric_force": muscle.getMaxIsometricForce(),
-                "optimal_fiber_length": muscle.getOptimalFiberLength(),
-                "tendon_slack_length": muscle.getTendonSlackLength(),
-                "pennation": muscle.getPennationAngleAtOptimalFiberLength(),
-                "max_contraction_velocity": muscle.getMaxContractionVelocity(),
-            }
-            if millard := opensim.Millard2012EquilibriumMuscle.safeDownCast(force):
-                table["damping"] = millard.getFiberDamping()
-                active, passive = millard.getActiveForceLengthCurve(), millard.getFiberForceLengthCurve()
-                speed = millard.getForceVelocityCurve()
-                table["active"] = [active.calcValue(x) for x in CURVE_LENGTHS.tolist()]
-                table["passive"] = [passive.calcValue(x) for x in CURVE_LENGTHS.tolist()]
-                table["speed"] = [speed.calcValue(x) for x in CURVE_SPEEDS.tolist()]
-            yield force.getName(), table
-
-    def _springs(self) -> Iterator[tuple[str, Any]]:
-        for force in self.forces:
+            name, kind = force.getName(), force.getConcreteClassName()
+            ligament = opensim.Blankevoort1991Ligament.safeDownCast(force)
+            muscle = opensim.Millard2012EquilibriumMuscle.safeDownCast(force)
             if spring := opensim.SpringGeneralizedForce.safeDownCast(force):
-                values = {"stiffness": spring.getStiffness(), "rest_length": spring.getRestLength()}
-                yield force.getName(), {"of": spring.get_coordinate(), **values, "viscosity": spring.getViscosity()}
+                values = {"stiffness": spring.getStiffness(), "rest": spring.getRestLength()}
+                values |= {"of": spring.get_coordinate(), "viscosity": spring.getViscosity()}
+                tables["coordinate_springs"][name] = values
+            elif not (ligament or opensim.Muscle.safeDownCast(force)):
+                self.lost.append(f"{name}: {kind}")
+            elif not force.get_appliesForce():
+                self.lost.append(f"{name}: appliesForce is false, so it is left out")
+            elif ligament:
+                tables["ligaments"][name] = self._path(name, ligament) | {
+                    "stiffness_n": ligament.get_linear_stiffness(),
+                    "slack_length_mm": 1e3 * ligament.get_slack_length(),
+                    "toe_strain": 0.5 * ligament.get_transition_strain(),
+                    "damping_s": ligament.get_damping_coefficient(),
+                }
+            elif muscle:
+                tables["muscles"][name] = self._path(name, muscle) | {
+                    "max_force_n": muscle.getMaxIsometricForce(),
+                    "optimal_fibre_mm": 1e3 * muscle.getOptimalFiberLength(),
+                    "tendon_slack_mm": 1e3 * muscle.getTendonSlackLength(),
+                    "pennation_rad": muscle.getPennationAngleAtOptimalFiberLength(),
+                    "max_speed_per_s": muscle.getMaxContractionVelocity(),
+                    "damping": muscle.getFiberDamping(),
+                    "curves": self._curves(muscle),
+                }
+            else:
+                self.lost.append(f"{name}: {kind} has other curves, expected Millard2012EquilibriumMuscle: its force")
+        return tables
+
+    def _path(self, name: str, force: Any) -> dict[str, Any]:
+        """A path's table; notes the surface that it wraps over, a cylinder where that is all."""
+        path = force.getGeometryPath()
+        table, moving = path_table(path, self.state)
+        over = [self.surfaces[path.getWrapSet().get(i).getWrapObjectName()] for i in range(path.getWrapSet().getSize())]
+        if over or moving:
+            body = over[0]["body"] if over else table["bodies"][0]
+            self.wraps[name] = over[0] if len(over) == 1 and not moving else {"body": body}
+        if moving:
+            kinds = ", ".join(sorted(moving))
+            self.lost.append(f"{name}: its {kinds} stands still, but for what the fit of its length makes good")
+        return table
+
+    def _curves(self, muscle: Any) -> str:
+        """Name of the muscle's curves: millard, millard_2 ... where they differ."""
+        active, passive = muscle.getActiveForceLengthCurve(), muscle.getFiberForceLengthCurve()
+        lengths, speeds, of_speed = CURVE_LENGTHS.tolist(), CURVE_SPEEDS.tolist(), muscle.getForceVelocityCurve()
+        own = {"lengths": lengths, "speeds": speeds, "of_speed": [of_speed.calcValue(v) for v in speeds]}
+        own |= {key: [c.calcValue(x) for x in lengths] for key, c in (("active", active), ("passive", passive))}
+        new = f"millard_{len(self.curves) + 1}" if self.curves else "millard"
+        name = next((name for name, known in self.curves.items() if known == own), new)
+        self.curves[name] = own
+        return name
 
     def measure(self, request: Any) -> dict[str, np.ndarray]:
         """Lengths, wrapped stretches, moment arms and transforms at coordinates (n, c)."""
