@@ -44,7 +44,7 @@ def small(tmp_path_factory):
     """The folder of a small model, and the assembly that it became."""
     folder = tmp_path_factory.mktemp("small")
     report = import_model(write_small_model(folder), folder / "out", geometry=folder / "meshes")
-    return folder, cc.load_assembly(folder / "out"), str(report)
+    return folder, cc.load_assembly(folder / "out"), report
 
 
 @pytest.fixture(scope="module")

@@ -23,13 +23,49 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from casadi_contact.core.conventions import Array
+from casadi_contact.contact.symbolic import SymbolicContact
+from casadi_contact.core.conventions import Array, finite_numbers
+from casadi_contact.core.files.reading import short
 from casadi_contact.networks.frames import pose_of
 from casadi_contact.networks.names import check_name
-from casadi_contact.optimisation.assembly.connections import Contact
 from casadi_contact.optimisation.assembly.joints import Body, Chain, Coordinate, Joint, compose, frame, inverse
 from casadi_contact.optimisation.assembly.paths import Bundle, Muscle, MuscleCurves, muscle_forces, tensions
 from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A contact model between a fixed and a moving body of an assembly; each frame (6,) [mm, rad] places the model's
+    own body frame on that of the assembly. Raises ValueError for other frames, for a name that no function can have,
+    and for a scene that locks or ties pose parameters: nothing holds the bodies so."""
+
+    name: str
+    model: SymbolicContact
+    fixed: str
+    moving: str
+    fixed_frame: Array = field(default_factory=lambda: np.zeros(6))
+    moving_frame: Array = field(default_factory=lambda: np.zeros(6))
+
+    def __post_init__(self) -> None:
+        try:
+            check_name(self.function_name)
+        except ValueError:
+            raise ValueError(f"contact {self.name!r}: expected letters, digits and single underscores") from None
+        self.model.scene.pose_space.check_unconstrained(f"the contact {self.name}")
+        for key in ("fixed_frame", "moving_frame"):
+            numbers = finite_numbers(value := getattr(self, key))
+            if numbers is None or numbers.shape != (6,):
+                raise ValueError(f"{self.name}: {key} is {short(repr(value))}, expected 6 finite numbers")
+
+    @property
+    def function_name(self) -> str:
+        """Of its loads, in CasADi and C."""
+        return f"{self.name}_loads"
+
+    @property
+    def bodies(self) -> tuple[str, str]:
+        """Names of both."""
+        return self.fixed, self.moving
 
 
 @dataclass(frozen=True)
@@ -76,8 +112,8 @@ class Assembly:
         for name, bodies in of_parts:
             if not set(bodies) <= known:
                 raise ValueError(f"{name} lies on {', '.join(bodies)}, expected bodies of {', '.join(sorted(known))}")
-        axes = [(j.name, a.of) for j in self.joints for a in (*j.rotations, *j.translations) if a.of]
-        for name, of in [*axes, *((spring.name, spring.of) for spring in self.springs)]:
+        moved = [(joint.name, of) for joint in self.joints for of in joint.coordinates]
+        for name, of in [*moved, *((spring.name, spring.of) for spring in self.springs)]:
             if of not in self.coordinate_table:
                 raise ValueError(f"{name} names the coordinate {of}, expected one of {', '.join(self.coordinates)}")
         _ = self._chain
@@ -267,12 +303,12 @@ class Assembly:
         active, passive = muscle_forces(self.muscles, dict(self.curves))(*given)
         return ca.Function("muscles", given, [ca.fmax(active + passive, 0.0)])
 
-    def _sprung(self, q: ca.MX, u: ca.MX) -> Any:
-        forces = ca.MX(len(self.coordinates), 1)
+    def _sprung(self, q: Any, u: Any) -> Any:
+        forces: list[Any] = [0.0] * len(self.coordinates)
         for spring in self.springs:
             i = self.coordinates.index(spring.of)
             forces[i] += -spring.stiffness * (q[i] - spring.rest) - spring.viscosity * u[i]
-        return forces
+        return ca.vertcat(*forces)
 
     def _applied(self, rows: Sequence[int], loaded: Sequence[str]) -> ca.Function:
         """q, loads (6 x bodies) -> generalised forces: with F and T about the ground's origin, the body's transform

@@ -138,7 +138,7 @@ class FrameBalance:
         parts += [p.inputs(chain, p.wrap.body, p.wrap.points) for p in paths if isinstance(p.wrap, Wrap)]
         parts += [assembly._pose(contact) for contact in assembly.contacts]
         c = ca.vertcat(*parts)
-        rest: Any = 0.0
+        rest: Any = ca.dot(d, assembly._sprung(q, u))
         for body, inertia in assembly.bodies.items():
             t, R = chain.place(body, assembly.ground)
             at = ca.vec(ca.horzcat(R, 1e-3 * t))
@@ -149,9 +149,6 @@ class FrameBalance:
             J = ca.DM(inertia.second_moments)
             weight = ca.mtimes(ca.DM(assembly.gravity_m_s2), J[3, :]) - ca.mtimes(acceleration, J)
             rest += ca.dot(ca.vec(weight), moved)
-        for spring in assembly.springs:
-            i = assembly.coordinates.index(spring.of)
-            rest += d[i] * (-spring.stiffness * (q[i] - spring.rest) - spring.viscosity * u[i])
         if loaded:
             rest += ca.dot(multipliers, assembly._applied(self.balanced, loaded)(q, loads))
         stacked = ca.vertcat(c, ca.jtimes(c, q, u), ca.jtimes(c, q, d))

@@ -51,8 +51,7 @@ from casadi_contact.contact.symbolic import SymbolicContact, symbolic
 from casadi_contact.core.files.containers import new_hdf5, open_hdf5
 from casadi_contact.core.files.reading import toml_tables, toml_text
 from casadi_contact.networks.network import Network, read_network, write_network
-from casadi_contact.optimisation.assembly.assembly import Assembly, CoordinateSpring
-from casadi_contact.optimisation.assembly.connections import Contact
+from casadi_contact.optimisation.assembly.assembly import Assembly, Contact, CoordinateSpring
 from casadi_contact.optimisation.assembly.joints import Axis, Body, Coordinate, Joint, free_joint
 from casadi_contact.optimisation.assembly.paths import Bundle, Muscle, MuscleCurves, Roll, Wrap
 from casadi_contact.optimisation.joint_mechanics import whole_wrench
@@ -128,29 +127,12 @@ def _assembly(tables: Mapping[str, Any], folder: Path, contact: MakeContact | No
             free[body] = _numbers(f"{key}.pose", table["pose"])
             if np.shape(free[body]) != (6,):
                 raise fail(f"{key}.pose", free[body], "six numbers, tx ty tz [mm] rx ry rz [rad]")
-    given["bodies"] = {
-        body: {k: v for k, v in table.items() if k != "pose"} if body in free else table
-        for body, table in given["bodies"].items()
-    }
+            given["bodies"][body] = {k: v for k, v in table.items() if k != "pose"}
     of_free = {body: free_joint(body, ground, pose) for body, pose in free.items()}
 
     def each(kind: str, make: type) -> list[Any]:
-        """Objects of a kind of tables, by the fields of their class."""
-        keys = {f.name: f.default is MISSING and f.default_factory is MISSING for f in fields(make)}  # type: ignore[arg-type]
-        needed = tuple(key for key, required in keys.items() if required and key != "name")
-        made = []
-        for name, table in given[kind].items():
-            optional = tuple(key for key in keys if key not in ("name", *needed))
-            values = table_of(f"{kind}.{name}", table, needed, complete=True, optional=optional)
-            for key, value in values.items():
-                if key == "wrap":
-                    values[key] = _wrap(f"{kind}.{name}.wrap", value, wraps.get(name))
-                elif key in ("rotations", "translations"):
-                    values[key] = [_axis(f"{kind}.{name}.{key}", axis) for axis in value]
-                elif key not in _NAMES:
-                    values[key] = _numbers(f"{kind}.{name}.{key}", value)
-            made.append(make(**({"name": name} if "name" in keys else {}), **values))
-        return made
+        """Objects of a kind of tables."""
+        return [_object(f"{kind}.{name}", table, make, name, wraps) for name, table in given[kind].items()]
 
     return Assembly(
         name=scene_name(given["name"]),
@@ -168,10 +150,20 @@ def _assembly(tables: Mapping[str, Any], folder: Path, contact: MakeContact | No
     )
 
 
-def _axis(key: str, table: object) -> Axis:
-    values = table_of(key, table, ("axis",), complete=True, optional=("of", "offset", "slope", "knots"))
-    made: dict[str, Any] = {k: str(v) if k == "of" else _numbers(f"{key}.{k}", v) for k, v in values.items()}
-    return Axis(**made)
+def _object(key: str, table: object, make: type, name: str = "", wraps: Mapping[str, Network] | None = None) -> Any:
+    """An object of a class of a table with its fields, but for its name."""
+    known = {f.name: f.default is MISSING and f.default_factory is MISSING for f in fields(make)}
+    own = {"name": name} if known.pop("name", False) else {}
+    needed, optional = (tuple(k for k, required in known.items() if required is want) for want in (True, False))
+    values = table_of(key, table, needed, complete=True, optional=optional)
+    for k, value in values.items():
+        if k == "wrap":
+            values[k] = _wrap(f"{key}.wrap", value, (wraps or {}).get(name))
+        elif k in ("rotations", "translations"):
+            values[k] = [_object(f"{key}.{k}", axis, Axis) for axis in value]
+        elif k not in _NAMES:
+            values[k] = _numbers(f"{key}.{k}", value)
+    return make(**own, **values)
 
 
 def _wrap(key: str, table: object, network: Network | None) -> Wrap | Roll:
@@ -221,13 +213,8 @@ def _contact(name: str, table: object, folder: Path, contact: MakeContact | None
     if contact is None and cells is not None:
         contact = partial(CellFoundation, cells=CellChoice().cells(*2 * (number(f"{key}.cells_mm", cells, low=0.1),)))
     model = (contact or joint_foundation)(whole_wrench(found))
-    return Contact(name, symbolic(model), **_values(key, given, tuple(given)))
-
-
-def _values(key: str, table: object, keys: tuple[str, ...]) -> dict[str, Any]:
-    """A table's values by key: names of bodies as they are, all others as numbers."""
-    given = table_of(key, table, keys, complete=True)
-    return {k: v if k in _NAMES else _numbers(f"{key}.{k}", v) for k, v in given.items()}
+    placed = {k: _numbers(f"{key}.{k}", given[k]) for k in frames if k in given}
+    return Contact(name, symbolic(model), given["fixed"], given["moving"], **placed)
 
 
 def _numbers(key: str, value: object) -> Any:

@@ -97,6 +97,11 @@ class Joint:
     rotations: Sequence[Axis] = ()
     translations: Sequence[Axis] = ()
 
+    @property
+    def coordinates(self) -> list[str]:
+        """Names of those that move it, in the order of its axes."""
+        return list(dict.fromkeys(axis.of for axis in (*self.rotations, *self.translations) if axis.of))
+
     def place(self, coordinates: Mapping[str, Any]) -> Place:
         """The child in the parent, at coordinates by name [mm, rad]."""
         R, t = ca.SX.eye(3), ca.SX.zeros(3)

@@ -22,6 +22,7 @@ from casadi_contact.core.files.writing import write_text
 from casadi_contact.geometry.mesh import load_mesh
 from casadi_contact.geometry.mesh_formats import read_triangles
 from casadi_contact.geometry.triangle_mesh import RayCaster, TriangleMesh
+from casadi_contact.scenes.material import Layer
 from casadi_contact.scenes.shapes.mesh_bodies import THIN_MM, shell_thickness
 from casadi_contact.workflow.opensim_import.model_file import ContactForce, ContactMesh
 
@@ -32,7 +33,7 @@ SPACING_MM = 0.75
 def layers(contact: ContactForce, casting: ContactMesh, target: ContactMesh) -> tuple[dict[str, Any], list[str]]:
     """The scene's [material] [MPa, mm], and what of the contact it does not say."""
     lost = [
-        f"the thickness of {mesh.name} varies, {mesh.thickness:g} m is taken"
+        f"the thickness of {mesh.name} varies, {mesh.layer.thickness:g} mm is taken"
         for mesh in (casting, target)
         if mesh.variable
     ]
@@ -41,16 +42,14 @@ def layers(contact: ContactForce, casting: ContactMesh, target: ContactMesh) -> 
     law = {"linear": "linear", "nonlinear": "log"}.get(contact.formulation)
     if law is None:
         lost.append(f"formulation {contact.formulation}: linear is taken")
-    names, factors = ("youngs_modulus", "poissons_ratio", "thickness"), np.array([1e-6, 1.0, 1e3])
-    own, moving = (factors * [mesh.elastic_modulus, mesh.poissons_ratio, mesh.thickness] for mesh in (casting, target))
+    own, moving = casting.layer, target.layer
     if contact.lumped:
-        own = (own + moving) * [0.5, 0.5, 1.0]
-    material: dict[str, Any] = {**dict(zip(names, own.tolist(), strict=True)), "law": law or "linear"}
-    if not contact.lumped:
-        if law == "log" and not np.array_equal(own[:2], moving[:2]):
-            lost.append("two nonlinear layers of different moduli: their pressure is right to the first order")
-        material["moving"] = dict(zip(names, moving.tolist(), strict=True))
-    return material, lost
+        E, nu = (0.5 * (getattr(own, key) + getattr(moving, key)) for key in ("youngs_modulus", "poissons_ratio"))
+        own = Layer(E, nu, own.thickness + moving.thickness)
+        return {**vars(own), "law": law or "linear"}, lost
+    if law == "log" and own.modulus != moving.modulus:
+        lost.append("two nonlinear layers of different moduli: their pressure is right to the first order")
+    return {**vars(own), "law": law or "linear", "moving": vars(moving)}, lost
 
 
 @dataclass(frozen=True)

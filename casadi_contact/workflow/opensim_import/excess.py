@@ -50,7 +50,7 @@ def draw(assembly: Assembly, centres: Array, given: Sequence[str], settings: Sam
     unit = qmc.Sobol(len(names) + 1, seed=0).random(1 << (n - 1).bit_length())[:n]
     near = np.arange(n) % 2 == 0
     values = centres[(unit[:, -1] * len(centres)).astype(int)].copy()
-    firsts = {next((a.of for a in (*j.rotations, *j.translations) if a.of), "") for j in assembly.joints}
+    firsts = {name for joint in assembly.joints for name in joint.coordinates[:1]}
     for i, (name, c) in enumerate(assembly.coordinate_table.items()):
         reach = np.array(settings.shift_mm if c.kind == "translation" else settings.turn_rad)
         if name in given:
@@ -62,15 +62,6 @@ def draw(assembly: Assembly, centres: Array, given: Sequence[str], settings: Sam
     return values, near
 
 
-@dataclass(frozen=True)
-class Excess:
-    """What one path's wrap adds, and how wrong it is [mm], near the centres and in all samples (RMS)."""
-
-    wrap: Wrap | Roll
-    near_mm: float
-    far_mm: float
-
-
 def fit_excesses(
     assembly: Assembly,
     model: str,
@@ -79,9 +70,10 @@ def fit_excesses(
     given: Sequence[str],
     progress: Update | None = None,
     settings: Sampling | None = None,
-) -> dict[str, Excess]:
-    """The excess of each path that wraps over a body's surface (wraps: by path, with radius and frame of a
-    cylinder); paths that never touch it are left out. model: the file for the wheel."""
+) -> dict[str, tuple[Wrap | Roll, float]]:
+    """The wrap of each path that wraps over a body's surface (wraps: by path, with radius and frame of a
+    cylinder); paths that never touch it are left out. With each comes its RMS error [mm] near
+    the centres. model: the file for the wheel."""
     settings = settings or Sampling()
     values, near = draw(assembly, centres, given, settings)
     found = measure(model, assembly.coordinates, values, list(wraps))
@@ -99,8 +91,7 @@ def fit_excesses(
         wrap, residual = _rolled(over, points, inputs, excess, settings) or _fitted(
             name, body, points, inputs, excess, near, settings
         )
-        errors = (float(np.sqrt(np.mean(residual[rows] ** 2))) for rows in (near, near | True))
-        made[name] = Excess(wrap, *errors)
+        made[name] = wrap, float(np.sqrt(np.mean(residual[near] ** 2)))
         if progress:
             progress("paths", k + 1, len(wraps), name)
     return made
@@ -113,8 +104,8 @@ def _rolled(
     points within the cylinder, where the wheel does not wrap; None where it agrees on no side."""
     if "radius_mm" not in over or len(points) != 2:
         return None
-    tried, place, radius = [], np.array(over["frame"]), over["radius_mm"]
-    local = (x.reshape(-1, 2, 3) - place[:3]) @ rotation(place[3:])
+    tried, place, radius = [], over["frame"], over["radius_mm"]
+    local = (x.reshape(-1, 2, 3) - place[:3]) @ rotation(np.array(place[3:]))
     outside = (np.linalg.norm(local[..., :2], axis=2) > radius).all(axis=1)
     for side in (0.0, 1.0, -1.0):
         roll = Roll(over["body"], points, place, radius, side)
@@ -146,20 +137,9 @@ def _fitted(
     return Wrap(body, chosen, network), np.where(kept, residual, 0.0)
 
 
-def described(excess: Mapping[str, Excess], tolerance_mm: float = 0.1) -> list[str]:
+def described(errors_mm: Mapping[str, float], tolerance_mm: float = 0.1) -> list[str]:
     """Lines that say how well lengths are fitted, the worst by name."""
-    worst = sorted(excess.items(), key=lambda item: -item[1].near_mm)
-    over = [f"{name} {e.near_mm:.2g} mm" for name, e in worst if e.near_mm > tolerance_mm]
-    lines = [
-        f"{len(excess)} paths wrap; RMS error of length near the joint's motion {worst[0][1].near_mm:.2g} mm at most"
-    ]
+    worst = sorted(errors_mm.items(), key=lambda item: -item[1])
+    over = [f"{name} {error:.2g} mm" for name, error in worst if error > tolerance_mm]
+    lines = [f"{len(worst)} paths wrap; RMS error of length near the joint's motion {worst[0][1]:.2g} mm at most"]
     return lines + ([f"less exact than {tolerance_mm:g} mm: {', '.join(over)}"] if over else [])
-
-
-def plain(excess: Excess) -> dict[str, Any]:
-    """The wrap of an assembly's table."""
-    wrap = excess.wrap
-    table: dict[str, Any] = {"body": wrap.body, "points": list(wrap.points)}
-    if isinstance(wrap, Roll):
-        table |= {"frame": list(wrap.frame), "radius_mm": wrap.radius_mm, "side": wrap.side}
-    return table

@@ -12,7 +12,6 @@ settle. About these states, or those of a given motion, lengths are sampled and 
 import tempfile
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -30,24 +29,13 @@ from casadi_contact.optimisation.assembly.paths import Wrap
 from casadi_contact.optimisation.assembly.settling import CoordinateSettling
 from casadi_contact.scenes.opensim import TIME, Table, read_opensim_table
 from casadi_contact.workflow.opensim_import.contacts import MeshFile, write_scene
-from casadi_contact.workflow.opensim_import.excess import described, fit_excesses, plain
+from casadi_contact.workflow.opensim_import.excess import described, fit_excesses
 from casadi_contact.workflow.opensim_import.model_file import ModelFile, find_mesh, read_model
 from casadi_contact.workflow.opensim_import.process import describe, muscle_curves
 
 CELLS_MM = 1.4
 PASSIVE = np.linspace(0.0, 1.75, 22)  # rad from rest, either way, within the range of the joint's first coordinate
 ACTIVATION = 0.02
-
-
-@dataclass(frozen=True)
-class Imported:
-    """The folder, and lines that say what it holds and what of the model is lost."""
-
-    folder: Path
-    report: tuple[str, ...]
-
-    def __str__(self) -> str:
-        return "\n".join(self.report)
 
 
 def import_model(
@@ -58,8 +46,8 @@ def import_model(
     geometry: str | Path | None = None,
     motion: str | Path | None = None,
     progress: Update | None = None,
-) -> Imported:
-    """Read an OpenSim or JAM model file and write an assembly.
+) -> str:
+    """Read an OpenSim or JAM model file and write an assembly; returns what `import.txt` says.
 
     joint: whose first coordinate moves while the others of the joints in contact follow; that between the meshes of
     most contacts if left out. geometry: a folder that holds the meshes. motion: a .sto or .mot file of coordinates,
@@ -88,30 +76,25 @@ def import_model(
         if progress:
             progress("model", 2.0, 3.0, "paths")
         excess = fit_excesses(assembly, str(bare), said["wraps"], centres, [*moving, *following], progress)
-    for name, found in excess.items():
+    for name, (wrap, _) in excess.items():
         kind = "ligaments" if name in tables["ligaments"] else "muscles"
-        tables[kind][name]["wrap"] = plain(found)
-    networks = {name: found.wrap.network for name, found in excess.items() if isinstance(found.wrap, Wrap)}
+        tables[kind][name]["wrap"] = {key: value for key, value in vars(wrap).items() if key != "network"}
+    networks = {name: wrap.network for name, (wrap, _) in excess.items() if isinstance(wrap, Wrap)}
     write_paths(out / "paths.h5", networks, curves)
     _written(out, tables)
     counts = ", ".join(
         f"{len(tables[kind])} {kind}" for kind in ("bodies", "coordinates", "contacts", "ligaments", "muscles")
     )
-    report = [
-        f"{model.name}: {counts}",
-        how,
-        *(described(excess) if excess else []),
-        *(f"lost: {each}" for each in lost),
-    ]
-    write_text(out / "import.txt", "\n".join([*report, ""]))
-    return Imported(out, tuple(report))
+    errors_mm = {name: error for name, (_, error) in excess.items()}
+    exact = described(errors_mm) if errors_mm else []
+    report = "\n".join([f"{model.name}: {counts}", how, *exact, *(f"lost: {each}" for each in lost)])
+    write_text(out / "import.txt", f"{report}\n")
+    return report
 
 
 def _written(out: Path, tables: Mapping[str, Any]) -> Assembly:
     write_text(out / "assembly.toml", tomli_w.dumps(tables))
-    found = load_assembly(out)
-    assert isinstance(found, Assembly)
-    return found
+    return load_assembly(out)
 
 
 def _contacts(
@@ -136,7 +119,7 @@ def _contacts(
             continue
         (fixed, fixed_at), (moving, moving_at) = frames[contact.casting], frames[contact.target]
         symbolic = assembly.pose_between(fixed, fixed_at, moving, moving_at)
-        pose = np.ravel(ca.Function("pose", [assembly._q], [symbolic])(assembly.default))
+        pose = np.ravel(ca.Function("pose", [assembly._q], [symbolic])(assembly.default)) + 0.0
         scene = out / f"{contact.name}.toml"
         lost += [f"{contact.name}: {what}" for what in write_scene(scene, contact, source.meshes, files, pose)]
         table = {"scene": scene.name, "fixed": fixed, "moving": moving, "cells_mm": CELLS_MM}
@@ -154,14 +137,10 @@ def _coordinates(assembly: Assembly, joint: str | None) -> tuple[list[str], list
     for contact in assembly.contacts:
         up, down = (assembly._chain.ancestors(body) for body in contact.bodies)
         between = [*(body for body in up if body not in down), *(body for body in down if body not in up)]
-        counts.update(each.name for each in map(assembly._chain.above, between) if _names_of(each))
+        counts.update(each.name for each in map(assembly._chain.above, between) if each.coordinates)
     chosen = ([joint] if joint else []) + [name for name, _ in counts.most_common() if name != joint]
-    names = list(dict.fromkeys(name for each in chosen for name in _names_of(joints[each])))
+    names = list(dict.fromkeys(name for each in chosen for name in joints[each].coordinates))
     return names[:1], names[1:]
-
-
-def _names_of(joint: Any) -> list[str]:
-    return list(dict.fromkeys(axis.of for axis in (*joint.rotations, *joint.translations) if axis.of))
 
 
 def _centres(
@@ -169,15 +148,12 @@ def _centres(
 ) -> tuple[Array, str]:
     """States (k, n) about which lengths are sampled, and in words where they come from."""
     if motion is not None:
-        return states_of(
-            assembly, read_opensim_table(motion)
-        ), f"paths are fitted about the states of {Path(motion).name}"
-    if not moving:
+        states = states_of(assembly, read_opensim_table(motion))
+        return states, f"paths are fitted about the states of {Path(motion).name}"
+    if not (moving and following and assembly.contacts):
         return assembly.default[None], "paths are fitted about the model's rest"
     q, c = assembly.default, assembly.coordinate_table[moving[0]]
     row, way = assembly.rows(moving)[0], 1.0 if c.high - c.default >= c.default - c.low else -1.0
-    if not following or not assembly.contacts:
-        return q[None], "paths are fitted about the model's rest"
     rest, centres, told = CoordinateSettling(assembly, following), [], 0
     most = abs((c.high if way > 0.0 else c.low) - c.default)
     for turn in (turn for turn in PASSIVE if turn <= most):

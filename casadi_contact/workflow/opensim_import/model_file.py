@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from casadi_contact.core.files.reading import MIB, checked_size, existing_file, finite_number
+from casadi_contact.scenes.material import Layer
 
 MOST_MODEL = 64 * MIB
 CONTACT_PREFIX = "Smith2018"
@@ -18,16 +19,14 @@ CONTACT_PREFIX = "Smith2018"
 @dataclass(frozen=True)
 class ContactMesh:
     """A Smith2018ContactMesh: file as the model names it; frame: path of the frame it lies in, moved by location [m]
-    and turned by orientation [rad], x-y-z body-fixed; modulus [Pa], thickness [m]; factors of its size."""
+    and turned by orientation [rad], x-y-z body-fixed; its layer [MPa, mm]; factors of its size."""
 
     name: str
     file: str
     frame: str
     location: tuple[float, ...]
     orientation: tuple[float, ...]
-    elastic_modulus: float
-    poissons_ratio: float
-    thickness: float
+    layer: Layer
     scale_factors: tuple[float, ...]
     variable: bool
 
@@ -40,7 +39,6 @@ class ContactForce:
     target: str
     casting: str
     applied: bool
-    min_proximity: float
     max_proximity: float
     formulation: str
     lumped: bool
@@ -148,9 +146,7 @@ def _mesh(element: ET.Element) -> ContactMesh:
         frame=_text(element, "socket_frame", "/ground"),
         location=_values(element, "location", "0 0 0"),
         orientation=_values(element, "orientation", "0 0 0"),
-        elastic_modulus=modulus,
-        poissons_ratio=ratio,
-        thickness=thickness,
+        layer=Layer(1e-6 * modulus, ratio, 1e3 * thickness),
         scale_factors=_values(element, "scale_factors", "1 1 1"),
         variable=_flag(element, "use_variable_thickness", "false"),
     )
@@ -158,16 +154,12 @@ def _mesh(element: ET.Element) -> ContactMesh:
 
 def _contact(element: ET.Element) -> ContactForce:
     target, casting = (_text(element, f"socket_{mesh}_mesh", "").split("/")[-1] for mesh in ("target", "casting"))
-    (low,), (high,) = (
-        _values(element, f"{end}_proximity", default) for end, default in (("min", "0"), ("max", "0.01"))
-    )
     return ContactForce(
         name=element.get("name", ""),
         target=target,
         casting=casting,
         applied=_flag(element, "appliesForce", "true"),
-        min_proximity=low,
-        max_proximity=high,
+        max_proximity=_values(element, "max_proximity", "0.01")[0],
         formulation=_text(element, "elastic_foundation_formulation", "linear"),
         lumped=_flag(element, "use_lumped_contact_model", "true"),
     )
