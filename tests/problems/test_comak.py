@@ -6,16 +6,15 @@ from importlib.util import find_spec
 import casadi as ca
 import numpy as np
 import pytest
-import tomli_w
 
 import casadi_contact as cc
 from casadi_contact.networks.network import Network
 from casadi_contact.optimisation.assembly.balance import FrameBalance, networks_together
-from casadi_contact.optimisation.assembly.file import write_paths
+from casadi_contact.optimisation.assembly.file import write_assembly
 from casadi_contact.scenes.opensim import TIME, Table, read_opensim_table, write_table
 from casadi_contact.workflow.opensim_import.importing import import_model, states_of
 from casadi_contact.workflow.opensim_import.model_file import read_model
-from casadi_contact.workflow.opensim_import.process import describe, muscle_curves
+from casadi_contact.workflow.opensim_import.process import describe
 from problems import comak, passive_flexion
 from tests.support.compiler import needs_compiler
 from tests.support.shared_data import shared_file
@@ -167,10 +166,8 @@ def test_a_motion_is_prepared_as_comak_prepares_it(tmp_path):
     folder = stored.parents[1]
     (tmp_path / "bare.osim").write_text(read_model(folder / "lenhart2015.osim").rest)
     said = describe(tmp_path / "bare.osim")
-    tables, curves = said["tables"], muscle_curves(said)
-    write_paths(tmp_path / "paths.h5", {}, curves)
-    (tmp_path / "assembly.toml").write_text(tomli_w.dumps(tables))
-    assembly, told = cc.load_assembly(tmp_path), comak.Settings.read(stored.with_name("settings.xml"))
+    assembly = write_assembly(tmp_path, said["tables"], said["curves"])
+    told = comak.Settings.read(stored.with_name("settings.xml"))
     walking = folder / "walking"
     motion = comak.read_motion(assembly, told, walking / "overground_17_ik.mot", walking / "external_loads.xml")
     theirs = states_of(assembly, read_opensim_table(stored))

@@ -8,15 +8,14 @@ from importlib.util import find_spec
 import casadi as ca
 import numpy as np
 import pytest
-import tomli_w
 
 import casadi_contact as cc
-from casadi_contact.optimisation.assembly.file import ray_casting, write_paths
+from casadi_contact.optimisation.assembly.file import ray_casting, write_assembly
 from casadi_contact.optimisation.assembly.settling import CoordinateSettling
 from casadi_contact.scenes.opensim import read_opensim_table
 from casadi_contact.workflow.opensim_import.importing import import_model, states_of
 from casadi_contact.workflow.opensim_import.model_file import read_model
-from casadi_contact.workflow.opensim_import.process import describe, measure, muscle_curves
+from casadi_contact.workflow.opensim_import.process import describe, measure
 from tests.support.compiler import needs_compiler
 from tests.support.shared_data import shared_file
 from tests.support.small_model import RADIUS, random_states, write_small_model
@@ -86,13 +85,11 @@ def test_places_lengths_and_moment_arms_are_the_wheel_s(small, bare):
 def test_forces_are_those_of_energy_contact_and_the_wheel_s_inverse_dynamics(small, bare):
     _, assembly, _ = small
     (q,), u, udot = random_states(assembly, 1, seed=3), np.array([0.5, -1.0, 0.1]), np.array([3.0, 2.0, -1.0])
-    given = {"q": q.tolist(), "u": u.tolist(), "udot": udot.tolist()}
+    given = json.dumps({"q": q.tolist(), "u": u.tolist(), "udot": udot.tolist()})
     command = [sys.executable, "-c", INVERSE_DYNAMICS, str(bare)]
-    wheel = subprocess.run(
-        command, input=json.dumps(given), capture_output=True, text=True, check=True, cwd=bare.parent
-    )
-    (inertia,) = (np.asarray(assembly.function(["of_inertia"])(q, u, udot, 0.0)).ravel(),)
-    np.testing.assert_allclose(-inertia, json.loads(wheel.stdout), rtol=1e-9)
+    told = subprocess.check_output(command, input=given, text=True, cwd=bare.parent)
+    inertia = np.ravel(assembly.function(["of_inertia"])(q, u, udot, 0.0))
+    np.testing.assert_allclose(-inertia, json.loads(told), rtol=1e-9)
     deeper = assembly.default.copy()
     deeper[2] = -RADIUS + 0.0003
     wrench = np.asarray(assembly.function(["contact_wrenches"])(deeper, 0.0, 0.0, 0.0)).ravel()
@@ -161,22 +158,17 @@ def test_a_bad_model_is_refused_with_the_cure(tmp_path, before, after, message):
 def test_a_knee_of_another_program_has_its_straight_ligaments_and_contact(tmp_path):
     """Lenhart's knee at JAM's stored states, straight paths and rays: its wraps are fitted by a whole import alone."""
     model = shared_file("data/jam_knee/lenhart2015.osim")
-    stored = {
-        name: read_opensim_table(model.parent / "passive_flexion" / f"{name}.sto") for name in ("states", "forces")
-    }
+    folder = model.parent / "passive_flexion"
+    stored = {name: read_opensim_table(folder / f"{name}.sto") for name in ("states", "forces")}
     bare = tmp_path / "bare.osim"
     bare.write_text(read_model(model).rest)
     said = describe(bare)
     tables = said["tables"]
     assert [len(tables[kind]) for kind in ("coordinates", "ligaments", "muscles")] == [52, 76, 44]
-    write_paths(tmp_path / "paths.h5", {}, muscle_curves(said))
-    (tmp_path / "assembly.toml").write_text(tomli_w.dumps(tables))
-    assembly = cc.load_assembly(tmp_path)
+    assembly = write_assembly(tmp_path, tables, said["curves"])
     states = states_of(assembly, stored["states"])[::50]
     lengths, tensions = assembly.function(["ligament_lengths", "ligament_tensions"])(states.T, 0.0, 0.0, 0.0)
-    straight = [i for i, name in enumerate(assembly.ligament_names) if not name.startswith(("MCL", "PT", "pCAP"))]
-    for i in straight:
-        columns = stored["forces"].columns
-        name = assembly.ligament_names[i]
-        np.testing.assert_allclose(np.asarray(lengths)[i], columns[f"{name}.length"][::50], atol=1e-8)
-        np.testing.assert_allclose(np.asarray(tensions)[i], columns[f"{name}.force_spring"][::50], atol=1e-3)
+    for name, length, tension in zip(assembly.ligament_names, lengths.full(), tensions.full(), strict=True):
+        if not name.startswith(("MCL", "PT", "pCAP")):
+            np.testing.assert_allclose(length, stored["forces"].columns[f"{name}.length"][::50], atol=1e-8)
+            np.testing.assert_allclose(tension, stored["forces"].columns[f"{name}.force_spring"][::50], atol=1e-3)

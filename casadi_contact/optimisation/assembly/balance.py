@@ -106,8 +106,7 @@ class FrameBalance:
         x, q = ca.SX.sym("x", len(self.free)), ca.SX.sym("q", n)
         placed = ca.SX(q)
         placed[self.free] = x
-        at = ca.Function("at", [assembly._q], [ca.vertcat(*(assembly._pose(contact) for contact in assembly.contacts))])
-        poses = at(placed)
+        poses = ca.vec(assembly._poses(placed))
         mu = ca.SX.sym("mu", poses.numel())
         first = ca.Function("poses", [x, q], [poses, ca.jacobian(poses, x)])
         second = ca.Function("bent", [x, q, mu], [ca.hessian(ca.dot(mu, poses), x)[0]])
@@ -136,8 +135,7 @@ class FrameBalance:
         paths = [*assembly.ligaments, *assembly.muscles]
         parts = [p.straight(chain) if isinstance(p.wrap, Wrap) else p.length(chain) for p in paths]
         parts += [p.inputs(chain, p.wrap.body, p.wrap.points) for p in paths if isinstance(p.wrap, Wrap)]
-        parts += [assembly._pose(contact) for contact in assembly.contacts]
-        c = ca.vertcat(*parts)
+        c = ca.vertcat(*parts, *assembly._pose_list)
         rest: Any = ca.dot(d, assembly._sprung(q, u))
         for body, inertia in assembly.bodies.items():
             t, R = chain.place(body, assembly.ground)

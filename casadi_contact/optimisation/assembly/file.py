@@ -39,6 +39,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tomli_w
 
 from casadi_contact.contact.cells.choice import CellChoice
 from casadi_contact.contact.cells.foundation import CellFoundation
@@ -50,6 +51,7 @@ from casadi_contact.contact.ray_cast import RayCastFoundation
 from casadi_contact.contact.symbolic import SymbolicContact, symbolic
 from casadi_contact.core.files.containers import new_hdf5, open_hdf5
 from casadi_contact.core.files.reading import toml_tables, toml_text
+from casadi_contact.core.files.writing import write_text
 from casadi_contact.networks.network import Network, read_network, write_network
 from casadi_contact.optimisation.assembly.assembly import Assembly, Contact, CoordinateSpring
 from casadi_contact.optimisation.assembly.joints import Axis, Body, Coordinate, Joint, free_joint
@@ -178,19 +180,25 @@ def _wrap(key: str, table: object, network: Network | None) -> Wrap | Roll:
     return Wrap(body, points, network)
 
 
-def write_paths(path: Path, wraps: Mapping[str, Network], curves: Mapping[str, MuscleCurves]) -> None:
-    """The HDF5 file beside an assembly of joints: a network for each path that wraps, and muscles' curves."""
-    with new_hdf5(path) as file:
-        for name, network in wraps.items():
+def write_assembly(
+    folder: Path,
+    tables: Mapping[str, Any],
+    curves: Mapping[str, Mapping[str, Any]],
+    wraps: Mapping[str, Network] | None = None,
+) -> Assembly:
+    """Write and load a folder: assembly.toml, and paths.h5 with muscles' curves and networks of paths that wrap."""
+    with new_hdf5(folder / "paths.h5") as file:
+        for name, network in (wraps or {}).items():
             write_network(file.create_group(f"wraps/{name}"), network)
         for name, curve in curves.items():
-            group = file.create_group(f"curves/{name}")
             for part in fields(MuscleCurves):
-                group[part.name] = np.asarray(getattr(curve, part.name), dtype="<f8")
+                file[f"curves/{name}/{part.name}"] = np.asarray(curve[part.name], dtype="<f8")
+    write_text(folder / "assembly.toml", tomli_w.dumps(tables))
+    return load_assembly(folder)
 
 
 def read_paths(path: Path) -> tuple[dict[str, Network], dict[str, MuscleCurves]]:
-    """What `write_paths` wrote; raises FileNotFoundError, and ValueError for a damaged file."""
+    """Networks and curves of paths.h5; raises FileNotFoundError, and ValueError for a damaged file."""
     with open_hdf5(path) as file:
         wraps = {name: read_network(group) for name, group in file.get("wraps", {}).items()}
         curves = {

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -52,26 +51,18 @@ def layers(contact: ContactForce, casting: ContactMesh, target: ContactMesh) -> 
     return {**vars(own), "law": law or "linear", "moving": vars(moving)}, lost
 
 
-@dataclass(frozen=True)
-class MeshFile:
-    """A contact mesh's file in m, as the model scales it."""
-
-    path: Path
-    mesh: TriangleMesh
-
-    @classmethod
-    def of(cls, mesh: ContactMesh, path: Path, folder: Path) -> MeshFile:
-        """The file itself, or a scaled copy of it in a folder."""
-        if any(factor != 1.0 for factor in mesh.scale_factors):
-            vertices, faces = read_triangles(path)
-            scaled = np.asarray(vertices) * mesh.scale_factors
-            lines = [
-                *("v {:.9g} {:.9g} {:.9g}".format(*v) for v in scaled),
-                *("f {} {} {}".format(*f) for f in faces + 1),
-            ]
-            path = folder / f"{mesh.name}.obj"
-            write_text(path, "\n".join(lines) + "\n")
-        return cls(path, load_mesh(path, "m"))
+def mesh_file(mesh: ContactMesh, path: Path, folder: Path) -> tuple[Path, TriangleMesh]:
+    """A contact mesh's file in m, and the mesh: the file itself, or a copy of it in a folder as the model scales it."""
+    if any(factor != 1.0 for factor in mesh.scale_factors):
+        vertices, faces = read_triangles(path)
+        scaled = np.asarray(vertices) * mesh.scale_factors
+        lines = [
+            *("v {:.9g} {:.9g} {:.9g}".format(*v) for v in scaled),
+            *("f {} {} {}".format(*f) for f in faces + 1),
+        ]
+        path = folder / f"{mesh.name}.obj"
+        write_text(path, "\n".join(lines) + "\n")
+    return path, load_mesh(path, "m")
 
 
 def pressing(casting: TriangleMesh, target: TriangleMesh, pose: Array) -> list[float]:
@@ -92,18 +83,18 @@ def write_scene(
     path: Path,
     contact: ContactForce,
     meshes: Mapping[str, ContactMesh],
-    files: Mapping[str, MeshFile],
+    files: Mapping[str, tuple[Path, TriangleMesh]],
     pose: Array,
 ) -> list[str]:
     """Write a contact's scene; pose (6,) [mm, rad]: of the target at rest. Returns what is lost."""
-    casting, target = files[contact.casting], files[contact.target]
+    (fixed, casting), (moving, target) = files[contact.casting], files[contact.target]
     material, lost = layers(contact, meshes[contact.casting], meshes[contact.target])
-    thickness = min(shell_thickness(each.mesh) for each in (casting, target))
+    thickness = min(shell_thickness(each) for each in (casting, target))
     geometry: dict[str, Any] = {
-        body: Path(os.path.relpath(file.path.resolve(), path.parent.resolve())).as_posix()
-        for body, file in (("moving", target), ("fixed", casting))
+        body: Path(os.path.relpath(file.resolve(), path.parent.resolve())).as_posix()
+        for body, file in (("moving", moving), ("fixed", fixed))
     }
-    geometry |= {"units": "m", "elements": "grid", "pressing": pressing(casting.mesh, target.mesh, pose)}
+    geometry |= {"units": "m", "elements": "grid", "pressing": pressing(casting, target, pose)}
     geometry |= {"start_pose": pose.tolist(), "patches": {"all": {}}}
     if thickness <= THIN_MM:
         geometry |= {"shell": "whole", "spacing": round(min(SPACING_MM, 0.4 * thickness), 3)}

@@ -17,21 +17,20 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import tomli_w
 
 from casadi_contact.core.conventions import Array, Update
 from casadi_contact.core.files.writing import writable_folder, write_text
 from casadi_contact.networks.frames import pose_of
 from casadi_contact.optimisation.assembly.assembly import Assembly
-from casadi_contact.optimisation.assembly.file import load_assembly, write_paths
+from casadi_contact.optimisation.assembly.file import write_assembly
 from casadi_contact.optimisation.assembly.joints import compose, frame
 from casadi_contact.optimisation.assembly.paths import Wrap
 from casadi_contact.optimisation.assembly.settling import CoordinateSettling
 from casadi_contact.scenes.opensim import TIME, Table, read_opensim_table
-from casadi_contact.workflow.opensim_import.contacts import MeshFile, write_scene
+from casadi_contact.workflow.opensim_import.contacts import mesh_file, write_scene
 from casadi_contact.workflow.opensim_import.excess import described, fit_excesses
 from casadi_contact.workflow.opensim_import.model_file import ModelFile, find_mesh, read_model
-from casadi_contact.workflow.opensim_import.process import describe, muscle_curves
+from casadi_contact.workflow.opensim_import.process import describe
 
 CELLS_MM = 1.4
 PASSIVE = np.linspace(0.0, 1.75, 22)  # rad from rest, either way, within the range of the joint's first coordinate
@@ -61,16 +60,15 @@ def import_model(
         bare = Path(temporary) / "model.osim"
         write_text(bare, source.rest)
         said = describe(bare)
-        tables, curves = said["tables"], muscle_curves(said)
+        tables, curves = said["tables"], said["curves"]
         if progress:
             progress("model", 1.0, 3.0, "scenes")
         lost = [*source.unmapped, *said["lost"]]
-        tables["contacts"] = {}
-        write_paths(out / "paths.h5", {}, curves)
-        assembly = _written(out, tables)
+        assembly = write_assembly(out, tables, curves)
         folders = [model.parent, *([Path(geometry)] if geometry else [])]
-        lost += _contacts(source, said, assembly, folders[::-1], out, tables)
-        assembly = _written(out, tables)
+        tables["contacts"], of_contacts = _contacts(source, said["frames"], assembly, folders[::-1], out)
+        lost += of_contacts
+        assembly = write_assembly(out, tables, curves)
         moving, following = _coordinates(assembly, joint)
         centres, how = _centres(assembly, moving, following, motion)
         if progress:
@@ -80,8 +78,7 @@ def import_model(
         kind = "ligaments" if name in tables["ligaments"] else "muscles"
         tables[kind][name]["wrap"] = {key: value for key, value in vars(wrap).items() if key != "network"}
     networks = {name: wrap.network for name, (wrap, _) in excess.items() if isinstance(wrap, Wrap)}
-    write_paths(out / "paths.h5", networks, curves)
-    _written(out, tables)
+    write_assembly(out, tables, curves, networks)
     counts = ", ".join(
         f"{len(tables[kind])} {kind}" for kind in ("bodies", "coordinates", "contacts", "ligaments", "muscles")
     )
@@ -92,25 +89,15 @@ def import_model(
     return report
 
 
-def _written(out: Path, tables: Mapping[str, Any]) -> Assembly:
-    write_text(out / "assembly.toml", tomli_w.dumps(tables))
-    return load_assembly(out)
-
-
 def _contacts(
-    source: ModelFile,
-    said: Mapping[str, Any],
-    assembly: Assembly,
-    folders: list[Path],
-    out: Path,
-    tables: dict[str, Any],
-) -> list[str]:
-    """Write the scenes and the table of contacts; returns what is lost."""
-    lost, files, frames = [], {}, {}
+    source: ModelFile, places: Mapping[str, Any], assembly: Assembly, folders: list[Path], out: Path
+) -> tuple[dict[str, Any], list[str]]:
+    """Write the scenes; the table of contacts, and what is lost."""
+    tables, lost, files, frames = dict[str, Any](), list[str](), {}, {}
     for name, mesh in source.meshes.items():
         if name in {end for contact in source.contacts for end in (contact.target, contact.casting)}:
-            files[name] = MeshFile.of(mesh, find_mesh(mesh.file, folders), out)
-            at = said["frames"][mesh.frame]
+            files[name] = mesh_file(mesh, find_mesh(mesh.file, folders), out)
+            at = places[mesh.frame]
             own = np.append(1e3 * np.array(mesh.location), mesh.orientation)
             frames[name] = at["body"], np.ravel(pose_of(*compose(frame(at["pose"]), frame(own)))).tolist()
     for contact in source.contacts:
@@ -124,8 +111,8 @@ def _contacts(
         lost += [f"{contact.name}: {what}" for what in write_scene(scene, contact, source.meshes, files, pose)]
         table = {"scene": scene.name, "fixed": fixed, "moving": moving, "cells_mm": CELLS_MM}
         table |= {"fixed_frame": fixed_at, "moving_frame": moving_at}
-        tables["contacts"][contact.name] = table
-    return lost
+        tables[contact.name] = table
+    return tables, lost
 
 
 def _coordinates(assembly: Assembly, joint: str | None) -> tuple[list[str], list[str]]:

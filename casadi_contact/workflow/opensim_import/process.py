@@ -4,7 +4,7 @@ import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,6 @@ import numpy as np
 
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.files.containers import read_npz, write_npz
-from casadi_contact.optimisation.assembly.paths import MuscleCurves
 
 WHEEL = Path(__file__).with_name("wheel.py")
 
@@ -36,14 +35,6 @@ def describe(model: Path) -> dict[str, Any]:
         _run("describe", str(model.resolve()), str(reply))
         found: dict[str, Any] = json.loads(reply.read_text("utf-8"))
         return found
-
-
-def muscle_curves(said: Mapping[str, Any]) -> dict[str, MuscleCurves]:
-    """The muscles' curves by name, of what `describe` says."""
-    return {
-        name: MuscleCurves(**{key: np.array(values) for key, values in curves.items()})
-        for name, curves in said["curves"].items()
-    }
 
 
 def measure(
