@@ -25,7 +25,7 @@ from scipy import signal, sparse
 from scipy.interpolate import CubicSpline
 
 import casadi_contact as cc
-from casadi_contact.core.conventions import LEVER_MM, Array
+from casadi_contact.core.conventions import Array
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.assembly.assembly import Assembly
 from casadi_contact.optimisation.assembly.balance import FrameBalance
@@ -159,8 +159,7 @@ class Walk:
         self.strength = np.array([muscle.max_force_n for muscle in assembly.muscles])
         volume = 1e-3 * self.strength * [muscle.optimal_fibre_mm for muscle in assembly.muscles] / STRESS_MPA  # cm³
         self.weights = volume * [settings.weights.get(name, 1.0) for name in assembly.muscle_names]
-        kinds = [assembly.coordinate_table[name].kind for name in self.balanced]
-        self.in_mm = np.array([1000.0 if kind == "translation" else LEVER_MM for kind in kinds])
+        self.in_mm = np.array([assembly.coordinate_table[name].in_mm for name in self.balanced])
 
     def cost(self, activations: Array) -> Array:
         """Σ w·V·a² [cm³] of each frame."""

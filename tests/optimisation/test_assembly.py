@@ -43,12 +43,7 @@ def held(knee):
 
 
 def transform(pose):
-    return rotation(pose[3:]), np.asarray(pose[:3])
-
-
-def after(first, second):
-    """The frame `second`, given in `first`, where `first` is."""
-    return first[0] @ second[0], first[1] + first[0] @ second[1]
+    return np.block([[rotation(pose[3:]), np.reshape(pose[:3], (3, 1))], [np.eye(4)[3:]]])
 
 
 @needs_compiler
@@ -60,12 +55,11 @@ def test_one_function_gives_the_loads_of_the_contacts_one_by_one(knee, held):
         wrenches = np.asarray(function((poses * ([1e-3] * 3 + [1.0] * 3)).ravel(), 0.0, 0.0, 0.0)).T
         bodies = {"tibia": np.zeros(6), **dict(zip(("femur", "patella"), poses, strict=True))}
         for contact, wrench in zip(knee.contacts, wrenches, strict=True):
-            (R_f, t_f), (R_m, t_m) = (
-                after(transform(bodies[body]), transform(frame))
-                for body, frame in ((contact.fixed, contact.fixed_frame), (contact.moving, contact.moving_frame))
-            )
-            angles = Rotation.from_matrix(R_f.T @ R_m).as_euler("XYZ")
-            alone = contact.model.wrenches(np.concatenate([R_f.T @ (t_m - t_f), angles])[None])[0].sum(axis=0)
+            ends = (contact.fixed, contact.fixed_frame), (contact.moving, contact.moving_frame)
+            fixed, moving = (transform(bodies[body]) @ transform(frame) for body, frame in ends)
+            X = np.linalg.inv(fixed) @ moving
+            angles = Rotation.from_matrix(X[:3, :3]).as_euler("XYZ")
+            alone = contact.model.wrenches([[*X[:3, 3], *angles]])[0].sum(axis=0)
             np.testing.assert_allclose(wrench, alone * ([1.0] * 3 + [1e-3] * 3), rtol=0.0, atol=1e-9)
 
 

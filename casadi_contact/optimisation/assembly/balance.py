@@ -22,7 +22,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from casadi_contact.core.conventions import LEVER_MM, Array
+from casadi_contact.core.conventions import Array
 from casadi_contact.networks.activations import activation_of
 from casadi_contact.networks.network import Network
 from casadi_contact.optimisation.assembly.assembly import Assembly
@@ -87,8 +87,7 @@ class FrameBalance:
         """Free coordinates (f) at rest, from x, or moving on from those before within step_s; and the force [N] that is
         left on one, moments over 25 mm. The balanced coordinates must hold the free ones."""
         rows, m, f = [self.balanced.index(i) for i in self.free], len(drive), len(self.free)
-        table = list(self.assembly.coordinate_table.values())
-        in_mm = np.array([1000.0 if table[i].kind == "translation" else LEVER_MM for i in self.free])
+        in_mm = np.array([c.in_mm for c in self.assembly.coordinate_table.values()])[self.free]
 
         def evaluate(at: Array) -> tuple[Array, Array]:
             v = np.zeros(f) if before is None else (at - before) / step_s

@@ -17,7 +17,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from casadi_contact.core.conventions import POSE_NAMES, Array
+from casadi_contact.core.conventions import LEVER_MM, POSE_NAMES, Array
 from casadi_contact.networks.frames import rotation
 
 Place = tuple[Any, Any]  # origin (3) [mm] and rotation (3 x 3) of a frame in another
@@ -36,6 +36,11 @@ class Coordinate:
     def scale(self) -> float:
         """mm or rad in one of OpenSim's units, m or rad."""
         return 1000.0 if self.kind == "translation" else 1.0
+
+    @property
+    def in_mm(self) -> float:
+        """mm in one of OpenSim's units, a turn at 25 mm."""
+        return 1000.0 if self.kind == "translation" else LEVER_MM
 
 
 @dataclass(frozen=True)

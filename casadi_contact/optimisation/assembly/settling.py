@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from casadi_contact.core.conventions import LEVER_MM, Array, check_above_zero
+from casadi_contact.core.conventions import Array, check_above_zero
 from casadi_contact.optimisation.assembly.assembly import Assembly
 
 
@@ -60,8 +60,7 @@ class CoordinateSettling:
         self.rows = assembly.rows(free)
         if not self.rows or len(set(self.rows)) < len(self.rows):
             raise ValueError(f"free is {', '.join(free) or 'empty'}, expected coordinates, each named once")
-        kinds = [assembly.coordinate_table[name].kind for name in free]
-        self._in_mm = np.array([1000.0 if kind == "translation" else LEVER_MM for kind in kinds])
+        self._in_mm = np.array([assembly.coordinate_table[name].in_mm for name in free])
         sizes = {"x": len(free), "q": len(assembly.coordinates), "drive": len(assembly.muscles), "applied": len(free)}
         x, given, drive, applied = (ca.MX.sym(key, size) for key, size in sizes.items())
         q = ca.MX(given)

@@ -136,17 +136,14 @@ def _flag(element: ET.Element, key: str, default: str) -> bool:
 
 
 def _mesh(element: ET.Element) -> ContactMesh:
-    (modulus,), (ratio,), (thickness,) = (
-        _values(element, key, default)
-        for key, default in (("elastic_modulus", "1e6"), ("poissons_ratio", "0.5"), ("thickness", "0.005"))
-    )
+    given = (("elastic_modulus", "1e6", 1e-6), ("poissons_ratio", "0.5", 1.0), ("thickness", "0.005", 1e3))
     return ContactMesh(
         name=element.get("name", ""),
         file=_text(element, "mesh_file", ""),
         frame=_text(element, "socket_frame", "/ground"),
         location=_values(element, "location", "0 0 0"),
         orientation=_values(element, "orientation", "0 0 0"),
-        layer=Layer(1e-6 * modulus, ratio, 1e3 * thickness),
+        layer=Layer(*(unit * _values(element, key, default)[0] for key, default, unit in given)),
         scale_factors=_values(element, "scale_factors", "1 1 1"),
         variable=_flag(element, "use_variable_thickness", "false"),
     )

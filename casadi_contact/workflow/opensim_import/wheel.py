@@ -103,18 +103,6 @@ def scale_of(coordinate: Any) -> float:
     return 1e3 if coordinate.getMotionType() == opensim.Coordinate.Translational else 1.0
 
 
-def path_table(path: Any, state: Any) -> tuple[dict[str, Any], set[str]]:
-    """Points of a path in their bodies, and kinds of points that are not fixed."""
-    points, bodies, moving = [], [], set()
-    for i in range(path.getPathPointSet().getSize()):
-        point = path.getPathPointSet().get(i)
-        X = transform(point.getParentFrame().findTransformInBaseFrame())
-        points.append((1e3 * (X[:, :3] @ numbers(point.getLocation(state)) + X[:, 3])).tolist())
-        bodies.append(base(point.getParentFrame()))
-        moving.add(point.getConcreteClassName())
-    return {"bodies": bodies, "points_mm": points}, moving - {"PathPoint"}
-
-
 class Model:
     """A model file, its state, and its ligaments and muscles by name."""
 
@@ -180,10 +168,9 @@ class Model:
         return values | {"inertia_kgmm2": [1e6 * float(body.get_inertia().get(i)) for i in range(6)]}
 
     def _coordinate(self, c: Any) -> dict[str, Any]:
-        scale = scale_of(c)
+        scale, given = scale_of(c), {"default": c.getDefaultValue(), "low": c.getRangeMin(), "high": c.getRangeMax()}
         kind = "rotation" if scale == 1.0 else "translation"
-        low, high = scale * c.getRangeMin(), scale * c.getRangeMax()
-        return {"kind": kind, "default": scale * c.getDefaultValue(), "low": low, "high": high}
+        return {"kind": kind, **{key: scale * value for key, value in given.items()}}
 
     def _forces(self) -> dict[str, Any]:
         """Tables of ligaments, muscles and springs by name; what other forces there are is lost."""
@@ -224,15 +211,22 @@ class Model:
     def _path(self, name: str, force: Any) -> dict[str, Any]:
         """A path's table; notes the surface that it wraps over, a cylinder where that is all."""
         path = force.getGeometryPath()
-        table, moving = path_table(path, self.state)
+        points, bodies, kinds = [], [], set()
+        for i in range(path.getPathPointSet().getSize()):
+            point = path.getPathPointSet().get(i)
+            X = transform(point.getParentFrame().findTransformInBaseFrame())
+            points.append((1e3 * (X[:, :3] @ numbers(point.getLocation(self.state)) + X[:, 3])).tolist())
+            bodies.append(base(point.getParentFrame()))
+            kinds.add(point.getConcreteClassName())
+        moving = sorted(kinds - {"PathPoint"})
         over = [self.surfaces[path.getWrapSet().get(i).getWrapObjectName()] for i in range(path.getWrapSet().getSize())]
         if over or moving:
-            body = over[0]["body"] if over else table["bodies"][0]
+            body = over[0]["body"] if over else bodies[0]
             self.wraps[name] = over[0] if len(over) == 1 and not moving else {"body": body}
         if moving:
-            kinds = ", ".join(sorted(moving))
-            self.lost.append(f"{name}: its {kinds} stands still, but for what the fit of its length makes good")
-        return table
+            what = f"{', '.join(moving)} stands still, but for what the fit of its length makes good"
+            self.lost.append(f"{name}: its {what}")
+        return {"bodies": bodies, "points_mm": points}
 
     def _curves(self, muscle: Any) -> str:
         """Name of the muscle's curves: millard, millard_2 ... where they differ."""
