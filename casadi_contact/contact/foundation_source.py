@@ -51,8 +51,8 @@ def kernel_source(
 
 def law_source(material: Material) -> str:
     """C99 of the pressure law alone: pressure_at, pressure_slope_at and pressure_bend_at of four depths."""
-    texts = [c_text("core.h"), c_text("lanes.h", C_FOLDER), c_text("foundation.h", C_FOLDER)]
-    return "\n".join([*definitions({**_law_sizes(material), "MOST_LANES": 4}), *texts])
+    texts = [c_text("core.h"), c_text("pose.h"), c_text("lanes.h", C_FOLDER), c_text("foundation.h", C_FOLDER)]
+    return "\n".join([*definitions({**_law_sizes(material), "MOST_LANES": 4, "MOVING": 0}), *texts])
 
 
 def _law_sizes(material: Material) -> dict[str, float]:

@@ -24,7 +24,7 @@ from casadi_contact.contact.friction import PressedPoints, SlidingContact, check
 from casadi_contact.contact.pressure_law import law_of, pressure_derivatives, pressures
 from casadi_contact.contact.pressures import PressureMap, PressureSummary
 from casadi_contact.contact.symbolic import symbolic
-from casadi_contact.core.compiler import CompilerError, shared_library
+from casadi_contact.core.compiler import CompilerError, compiler_command, shared_library
 from casadi_contact.core.conventions import (
     Array,
     as_poses,
@@ -101,9 +101,10 @@ class PatchElements(NamedTuple):
         if (material := scene.material).law not in C_LAWS:
             return bed
         try:
-            library = shared_library("\n".join([law_source(material), c_text("elements.h", C_FOLDER)]))
+            compiler_command()
         except CompilerError:
             return bed  # numba has the same numbers
+        library = shared_library("\n".join([law_source(material), c_text("elements.h", C_FOLDER)]))
         none = -len(boxes) % lanes  # blocks without elements: all vectors are full
         boxes = np.pad(boxes, ((0, none), (0, 0))).reshape(-1, lanes, 12).transpose(0, 2, 1).copy()
         members = np.pad(_members(e), ((0, none), (0, 0), (0, 0))).transpose(0, 2, 1).copy()
