@@ -78,12 +78,14 @@ def error_reached(training_rms: float, squares: Array, domain: np.ndarray | None
 def typical_error(squares: Array, tolerance: float) -> float:
     """√(exp(mean ln(r² + s²)) - s²) of rows with squared residuals r² (n,), s ten tolerances; NaN without rows.
 
-    It is the RMS of rows that err by less than s. Where a few err by far more, the RMS is theirs alone: of a pose far
+    It is the RMS of rows that err by less than s, and of all where there is no tolerance. Where a few err by far more, the RMS is theirs alone: of a pose far
     from all others, or at a jump of the load, where a network that errs a tenth as much elsewhere may be worse.
     """
     if not len(squares):
         return np.nan
-    scale = (10.0 * tolerance) ** 2 + np.finfo(float).tiny
+    if tolerance == 0.0:
+        return float(np.sqrt(squares.mean()))
+    scale = (10.0 * tolerance) ** 2
     return float(np.sqrt(max(np.exp(np.log(squares + scale).mean()) - scale, 0.0)))
 
 
