@@ -78,8 +78,9 @@ def error_reached(training_rms: float, squares: Array, domain: np.ndarray | None
 def typical_error(squares: Array, tolerance: float) -> float:
     """√(exp(mean ln(r² + s²)) - s²) of rows with squared residuals r² (n,), s ten tolerances; NaN without rows.
 
-    It is the RMS of rows that err by less than s, and of all where there is no tolerance. Where a few err by far more, the RMS is theirs alone: of a pose far
-    from all others, or at a jump of the load, where a network that errs a tenth as much elsewhere may be worse.
+    It is the RMS of rows that err by less than s, and of all where there is no tolerance. Where a few err by far more,
+    the RMS is theirs alone: of a pose far from all others, or at a jump of the load, where a network that errs a tenth
+    as much elsewhere may be worse.
     """
     if not len(squares):
         return np.nan

@@ -39,7 +39,7 @@ class Sampling:
     tolerance_mm: float = 0.02
     first: tuple[tuple[int, ...], ...] = ((8,),)
     sizes: tuple[tuple[int, ...], ...] = ((6,), (10,), (16,), (24,), (32,))
-    most_cpu_s: float = 3.0  # of one path
+    most_gflop: float = 15.0  # of one path
 
 
 def draw(assembly: Assembly, centres: Array, given: Sequence[str], settings: Sampling) -> tuple[Array, np.ndarray]:
@@ -130,7 +130,7 @@ def _fitted(
     weights, held_out, kept = np.where(near, 1.0, settings.far_weight), np.arange(len(x)) % 10 >= 8, near | True
     for sizes in (settings.first, settings.sizes):
         rows = Regression(name, x[kept], excess[kept], weights[kept], held_out[kept], settings.tolerance_mm)
-        network = fit(rows, TrainingSettings(sizes=sizes, max_cpu_s=settings.most_cpu_s)).network
+        network = fit(rows, TrainingSettings(sizes=sizes, max_gflop=settings.most_gflop)).network
         residual = np.abs(network.value(x) - excess)
         if sizes is settings.first:
             kept = residual <= settings.leap_mm + 6.0 * np.quantile(residual, 0.9)

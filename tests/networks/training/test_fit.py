@@ -91,9 +91,9 @@ def test_validation_rising_ends_a_fit_and_the_best_weights_are_kept():
 
 def test_a_lone_validation_row_does_not_choose_a_worse_network():
     """One row in 93 lies where no other does: larger networks err by newtons there, and by a hundredth elsewhere."""
-    lone = smooth()
+    lone, plain = smooth(tolerance=1e-3), smooth(tolerance=1e-3)
     lone.inputs[np.argmax(lone.validation)] *= 6.0
-    assert fit(lone, GROWING).rms == fit(smooth(), GROWING).rms
+    assert fit(lone, GROWING).rms == fit(plain, GROWING).rms
 
 
 def test_validation_rows_do_not_steer_the_weights():
