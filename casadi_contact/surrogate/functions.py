@@ -112,7 +112,7 @@ class SurrogateFunctions(SymbolicContact):
         from casadi_contact.surrogate.sliding import SlidingPatches  # what evaluates a surrogate at rest needs none
 
         _ = self.scene.material
-        return SlidingPatches(self, self.require_confidence().centre_poses)
+        return SlidingPatches(self.scene, self.require_confidence().centre_poses)
 
     def _moving(self, name: str, loads: Sequence[str], compiled: bool, parameters: Iterable[str]) -> ca.Function:
         names = tuple([parameters] if isinstance(parameters, str) else parameters)

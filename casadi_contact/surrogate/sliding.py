@@ -14,7 +14,7 @@ deviation of where the pressure lies. Where a patch is free its wrench is zero, 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -25,9 +25,7 @@ from casadi_contact.core.conventions import Array, load_selection
 from casadi_contact.geometry.elements import ElementGrid
 from casadi_contact.networks.frames import angular_velocity_map
 from casadi_contact.scenes.material import Friction
-
-if TYPE_CHECKING:
-    from casadi_contact.surrogate.functions import SurrogateFunctions
+from casadi_contact.scenes.scene import Scene
 
 
 def fitted_quadric(elements: ElementGrid) -> tuple[Array, Array, float]:
@@ -74,7 +72,7 @@ class Spread(NamedTuple):
 def measured_spreads(model: ElasticFoundation, poses: Array) -> list[Spread]:
     """Of each patch, from pressures at poses (n, 6); raises ValueError for a patch that three of them do not press."""
     seen: list[list[tuple[float, Array]]] = [[] for _ in model.patch_names]
-    for found in (maps for maps in map(model.pressure_maps, poses)):
+    for found in map(model.pressure_maps, poses):
         for p, patch in enumerate(found):
             if patch.centre_mm is not None:
                 off = patch.centres_mm - patch.centre_mm
@@ -107,11 +105,11 @@ def sliding_wrench(spread: Spread, wrench: Any, twist: Any, coefficients: Any) -
 
 
 class SlidingPatches:
-    """Friction of a surrogate: what was measured of its patches, and `shares` (L,) of Σ μ·N below which 95 % of its
-    loads' errors lie where bodies slide, against the same law summed over elements; torques' in N·mm for each N."""
+    """Friction of a surrogate: what was measured of its scene's patches, and `shares` (L,) of Σ μ·N below which 95 % of
+    its loads' errors lie where bodies slide, against the same law summed over elements; torques' in N·mm for each N."""
 
-    def __init__(self, surrogate: SurrogateFunctions, poses: Array) -> None:
-        self.patch_names, scene = surrogate.patch_names, surrogate.scene
+    def __init__(self, scene: Scene, poses: Array) -> None:
+        self.patch_names = scene.patch_names
         sliding = scene.with_overrides(
             static_friction=1.0, dynamic_friction=1.0, transition_velocity=0.1, dissipation=0.0
         )
@@ -122,7 +120,7 @@ class SlidingPatches:
         twists, coefficients = twist_about_origin(poses, rates)[0], coefficients_of(sliding.friction)
         at_rest, found = ca.MX.sym("at_rest", still[0].size), ca.MX.sym("twist", 6)
         law = ca.Function("law", [at_rest, found], [self.wrenches(at_rest, found, ca.DM(coefficients))])
-        loads = load_selection(surrogate.load_names, scene.patch_names).reshape(len(surrogate.load_names), -1)
+        loads = load_selection(scene.load_names, scene.patch_names).reshape(len(scene.load_names), -1)
         made = np.asarray(law(still.reshape(len(poses), -1).T, twists.T)).T
         force = np.linalg.norm(still[..., :3], axis=2).sum(axis=1)
         missed = np.abs((made - moving.reshape(made.shape)) @ loads.T)[force > scene.boundary_load]
