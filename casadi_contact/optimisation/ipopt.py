@@ -20,13 +20,13 @@ class FrameOutcome(Enum):
     NO_LOAD = "no load"
     NOT_SOLVED = "not solved"
 
-
-def frame_outcomes(solved: np.ndarray, *others: tuple[np.ndarray, FrameOutcome]) -> np.ndarray:
-    """`FrameOutcome` of each frame (n,): SOLVED or NOT_SOLVED, and others where their masks (n,) are True."""
-    outcome = np.full(len(solved), FrameOutcome.NOT_SOLVED, dtype=object)
-    for rows, other in ((solved, FrameOutcome.SOLVED), *others):
-        outcome[rows] = other
-    return outcome
+    @staticmethod
+    def of(solved: np.ndarray, *others: tuple[np.ndarray, FrameOutcome]) -> np.ndarray:
+        """The outcome (n,) of each frame: SOLVED or NOT_SOLVED, and others where their masks (n,) are True."""
+        outcome = np.where(solved, FrameOutcome.SOLVED, FrameOutcome.NOT_SOLVED)
+        for rows, other in others:
+            outcome[rows] = other
+        return outcome
 
 
 def ipopt_options(*, tolerance: float = 1e-8, max_iterations: int = 300, **more: Any) -> dict[str, Any]:
@@ -83,3 +83,17 @@ class IpoptOutcome:
 
     def __str__(self) -> str:
         return f"IPOPT: {self.status}, {self.iterations} iterations"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameResult:
+    """What every problem's result has: outcome (n,) of each frame, a `FrameOutcome`, and IPOPT's end and time."""
+
+    outcome: np.ndarray
+    ipopt: IpoptOutcome
+    seconds: float = 0.0
+
+    @property
+    def solved(self) -> np.ndarray:
+        """True (n,) for frames that meet what was asked of them, without overload."""
+        return np.asarray(self.outcome == FrameOutcome.SOLVED)

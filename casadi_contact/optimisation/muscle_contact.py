@@ -34,7 +34,7 @@ import numpy as np
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import POSE_NAMES, Array
 from casadi_contact.optimisation.contact_frames import ContactFrames
-from casadi_contact.optimisation.ipopt import FrameOutcome, IpoptOutcome, frame_outcomes, ipopt_options
+from casadi_contact.optimisation.ipopt import FrameOutcome, FrameResult, IpoptOutcome, ipopt_options
 from casadi_contact.optimisation.knee import (
     COORDINATES,
     KNEE_LOADS,
@@ -86,12 +86,10 @@ class MuscleSettings:
 
 
 @dataclass(frozen=True)
-class MuscleContactResult:
+class MuscleContactResult(FrameResult):
     """Activations and forces along the tendons (n, m), poses (n, 6), contact loads (n, 7) as in `KNEE_LOADS`, reserves
-    and what is left of each balance [N, N·m] by coordinate, soleus' activation (n,) where the ankle counts.
-
-    outcome (n,): `FrameOutcome`; OVERLOADED where a reserve gives more than its size, or soleus more than it can.
-    """
+    and what is left of each balance [N, N·m] by coordinate, soleus' activation (n,) where the ankle counts. A frame is
+    OVERLOADED where a reserve gives more than its size, or soleus more than it can."""
 
     activations: Array
     muscle_forces_n: Array
@@ -100,14 +98,6 @@ class MuscleContactResult:
     reserves: Mapping[str, Array]
     unbalanced: Mapping[str, Array]
     soleus: Array | None
-    outcome: np.ndarray
-    ipopt: IpoptOutcome
-    seconds: float
-
-    @property
-    def solved(self) -> np.ndarray:
-        """True (n,) where muscles and contact alone balance the frame."""
-        return np.asarray(self.outcome == FrameOutcome.SOLVED)
 
 
 class MuscleContact:
@@ -211,7 +201,7 @@ class MuscleContact:
             reserves=given,
             unbalanced=left,
             soleus=soleus[:, 0] if soleus.size else None,
-            outcome=frame_outcomes(solved, (overloaded, FrameOutcome.OVERLOADED)),
+            outcome=FrameOutcome.of(solved, (overloaded, FrameOutcome.OVERLOADED)),
             ipopt=ipopt,
             seconds=seconds,
         )
@@ -231,9 +221,9 @@ def columns_of(names: tuple[str, ...], *parts: str) -> list[int]:
 
 def closed_sides(model: SymbolicContact, knee_ty: Array, margin_mm: float) -> Array:
     """Least root loads (n, patches): s = √(N/N0) of N = max(knee_ty, 0)·Δ/w."""
-    if not 0.0 <= margin_mm <= 44.0:
-        raise ValueError(f"margin is {margin_mm} mm, expected 0 to 44, the distance of a knee's sides")
     places = model.scene.anchors_mm[:, 2]
+    if not 0.0 <= margin_mm <= np.ptp(places):
+        raise ValueError(f"margin is {margin_mm} mm, expected 0 to {np.ptp(places):.3g}, the distance of the sides")
     least_n = np.maximum(knee_ty, 0.0) * margin_mm / np.ptp(places)
     return np.tile(np.sqrt(least_n / model.scene.reference_load)[:, None], (1, len(places)))
 

@@ -31,30 +31,19 @@ from casadi_contact.contact.settle import settle
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, Array
 from casadi_contact.optimisation.contact_frames import ContactFrames
-from casadi_contact.optimisation.ipopt import FrameOutcome, IpoptOutcome, frame_outcomes, least_squares_options
+from casadi_contact.optimisation.ipopt import FrameOutcome, FrameResult, IpoptOutcome, least_squares_options
 from casadi_contact.optimisation.pose_targets import PoseTargets
 from casadi_contact.optimisation.starts import pose_bounds, pose_steps, settle_in_range, touching
 from casadi_contact.scenes.cycle import Cycle
 
 
 @dataclass(frozen=True)
-class PoseResult:
-    """Poses (n, 6), loads there (n, L) of the targets' ``load_names``, errors (n, targets) from the targets.
-
-    outcome (n,): `FrameOutcome`.
-    """
+class PoseResult(FrameResult):
+    """Poses (n, 6), loads there (n, L) of the targets' ``load_names``, errors (n, targets) from the targets."""
 
     poses: Array
     loads: Array
     errors: Array
-    outcome: np.ndarray
-    ipopt: IpoptOutcome
-    seconds: float
-
-    @property
-    def solved(self) -> np.ndarray:
-        """True (n,) where the targets are met."""
-        return np.asarray(self.outcome == FrameOutcome.SOLVED)
 
 
 class PoseEstimation:
@@ -142,8 +131,8 @@ class PoseEstimation:
         errors = targets.errors(loads)
         # Without smoothness frames stand alone: one that meets its targets is solved, whatever IPOPT met in another.
         met = targets.met(errors) & (ipopt.solved or self.smoothness == 0.0)
-        outcome = frame_outcomes(met, (~targets.loaded, FrameOutcome.NO_LOAD))
-        return PoseResult(poses, loads, errors, outcome, ipopt, 0.0)
+        outcome = FrameOutcome.of(met, (~targets.loaded, FrameOutcome.NO_LOAD))
+        return PoseResult(poses, loads, errors, outcome=outcome, ipopt=ipopt)
 
     def settle_start(self, poses: Array) -> Array:
         """Poses (n, 6) settled frame by frame: the sensitive parameters under the normal loads, inside the learned

@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, WRENCH_NAMES, Array, as_poses, pose_index
 from casadi_contact.optimisation.contact_frames import ContactFrames
-from casadi_contact.optimisation.ipopt import FrameOutcome, IpoptOutcome, frame_outcomes, least_squares_options
+from casadi_contact.optimisation.ipopt import FrameOutcome, FrameResult, IpoptOutcome, least_squares_options
 from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection
 from casadi_contact.optimisation.starts import middle_pose, press_together
 
@@ -38,20 +38,12 @@ SOFT_TISSUE = {"tx": 5.0, "ty": 0.0, "tz": 5.0, "rx": 0.0, "ry": 5.0e3, "rz": 1.
 
 
 @dataclass(frozen=True)
-class EquilibriumResult:
-    """Poses (n, 6), contact wrench there (n, 6), misfit r/L (n, free) [N], and what became of each row (n,)."""
+class EquilibriumResult(FrameResult):
+    """Poses (n, 6), contact wrench there (n, 6), and misfit r/L (n, free) [N]."""
 
     poses: Array
     wrenches: Array
     misfit_n: Array
-    outcome: np.ndarray
-    ipopt: IpoptOutcome
-    seconds: float
-
-    @property
-    def solved(self) -> np.ndarray:
-        """True (n,) for rows in equilibrium."""
-        return np.asarray(self.outcome == FrameOutcome.SOLVED)
 
 
 class StaticEquilibrium:
@@ -187,7 +179,7 @@ class StaticEquilibrium:
             poses=poses,
             wrenches=self.model(poses, self.contact.load_names) @ self._total.T,
             misfit_n=self.misfit_n(poses),
-            outcome=frame_outcomes(solved),
+            outcome=FrameOutcome.of(solved),
             ipopt=replace(ipopt, iterations=iterations),
             seconds=time.perf_counter() - began,
         )

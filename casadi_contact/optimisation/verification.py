@@ -1,6 +1,6 @@
 """A solution evaluated again on the contact model that its surrogate stands for: a verdict on every frame."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,13 +22,7 @@ from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.tolerance import Tolerance
 
 UNCOUNTED = 0.05  # of a frame's load, where the model counts none or at edges: with more it is not verified
-VERIFIED, DIFFERS, UNSOLVED, UNCHECKED = "solved and verified", "solved, differs", "not solved", "solved, not checked"
 OUTSIDE = "outside the learned region"
-LEAPS, NOT_ASKED = "solved, its pose leaps", "no load"
-
-_Rows = np.ndarray | int
-_Doubt = tuple[np.ndarray, str, str, Callable[[_Rows], str]]
-"""Rows (n,), what a summary and a frame's own verdict say of them, and the size that either names."""
 
 
 @dataclass(frozen=True)
@@ -103,12 +97,11 @@ class Verification:
     @property
     def words(self) -> list[str]:
         """The verdict of each frame (n,), with the load that differs most against what is allowed."""
-        unchecked = np.full(len(self.poses), not self.checked)
-        cases = {NOT_ASKED: self.without_load, UNSOLVED: ~self.solved, UNCHECKED: unchecked}
-        words = np.select(list(cases.values()), list(cases), VERIFIED).tolist()
-        for rows, _, of_frame, size in self._doubts():
+        best = "solved and verified" if self.checked else "solved, not checked"
+        words = np.select([self.without_load, ~self.solved], ["no load", "not solved"], best).tolist()
+        for rows, said, sizes, _ in self._doubts():
             for frame in np.flatnonzero(rows).tolist():
-                words[frame] = of_frame.format(size(frame))
+                words[frame] = f"solved, {said} {self._largest(sizes, rows=[frame])}".rstrip()
         beyond = self.solved & self.outside & ~self.without_load
         return [f"{word}, {OUTSIDE}" if out else str(word) for word, out in zip(words, beyond, strict=True)]
 
@@ -130,11 +123,9 @@ class Verification:
         parts = [f"{int(self.verified.sum())} of {count} solved and verified on {self.model}{others}"]
         if count > solved:
             parts.append(f"{count - solved} not solved ({_numbers(~self.solved & loaded)})")
-        parts += [f"{rows.sum()} {of_rows.format(size(rows))}" for rows, of_rows, _, size in self._doubts()]
-        slightly = self.solved & loaded & (self.at_edge > 0.0) & (self.at_edge <= UNCOUNTED)
-        if slightly.any():
-            most = self.at_edge[slightly].max()
-            parts.append(f"{slightly.sum()} reach an edge of the elements, with at most {most:.1%} of their load")
+        for rows, said, sizes, cure in self._doubts():
+            most = f" {self._largest(sizes, rows)} at most" if sizes is not None else ""
+            parts.append(f"{rows.sum()} solved, {said}{most}{cure}")
         if (outside := self.outside & loaded).any():
             parts.append(f"{outside.sum()} ({_numbers(outside)}) {OUTSIDE}")
         return "; ".join(parts)
@@ -152,38 +143,19 @@ class Verification:
             )
         return "\n".join([*lines, "  passed" if self.passed else "  not passed"])
 
-    def _doubts(self) -> Iterator[_Doubt]:
-        """Why solved frames are not verified, in the order in which it is told; a frame has one doubt at most."""
+    def _doubts(self) -> Iterator[tuple[np.ndarray, str, Array | None, str]]:
+        """Why solved frames are not verified: rows (n,), words, sizes (n,) or (n, L) to name after them, and a cure. A
+        frame has the first of its doubts alone."""
         if not self.checked:
             return
-        reasons: tuple[_Doubt, ...] = (
-            (
-                self.at_edge > UNCOUNTED,
-                "solved, but with up to {} of their load at an edge of the elements: wider bounds in geometry.patches "
-                "or a larger mesh tell what lies beyond",
-                "solved, {} of the load at an edge of the elements",
-                lambda rows: f"{np.max(self.at_edge[rows]):.0%}",
-            ),
-            (
-                ~self._within(self.off_finer),
-                "solved, but where elements half as wide differ, at most by {}: finer grids.teacher (of a mesh also "
-                "geometry.spacing) in the scene tell whether they hold",
-                "solved, elements half as wide differ by {}",
-                lambda rows: self._largest(self.off_finer, rows),
-            ),
-            (
-                ~self._within(self.errors),
-                "solved but differ, at most by {}",
-                DIFFERS + " by {}",
-                lambda rows: self._largest(self.errors, rows),
-            ),
-            (
-                self.uncounted > UNCOUNTED,
-                "solved, but up to {} of their load lies where none is counted",
-                "solved, {} of the load not counted",
-                lambda rows: f"{np.max(self.uncounted[rows]):.0%}",
-            ),
-            (self.leaps, "solved, but their pose leaps from one to the next", LEAPS, lambda rows: ""),
+        wider = "; wider bounds in geometry.patches or a larger mesh tell what lies beyond"
+        finer = "; finer grids.teacher (of a mesh also geometry.spacing) in the scene tell whether they hold"
+        reasons: tuple[tuple[np.ndarray, str, Array | None, str], ...] = (
+            (self.at_edge > UNCOUNTED, "load at an edge of the elements:", self.at_edge, wider),
+            (~self._within(self.off_finer), "elements half as wide differ by", self.off_finer, finer),
+            (~self._within(self.errors), "differs by", self.errors, ""),
+            (self.uncounted > UNCOUNTED, "load not counted:", self.uncounted, ""),
+            (self.leaps, "its pose leaps", None, ""),
         )
         left = self.solved & ~self.without_load
         for rows, *said in reasons:
@@ -195,10 +167,14 @@ class Verification:
         """True (n,) for frames whose errors (n, L) are all allowed; False for such that are no numbers."""
         return np.asarray((np.abs(errors) <= self.allowed).all(axis=1))
 
-    def _largest(self, errors: Array, rows: _Rows) -> str:
-        """Of errors (n, L) in rows, or in one: the one that is largest against what is allowed."""
-        found, allowed = np.abs(np.atleast_2d(errors[rows])), np.atleast_2d(self.allowed[rows])
-        row, load = np.unravel_index(int(np.nan_to_num(found / allowed, nan=np.inf).argmax()), found.shape)
+    def _largest(self, sizes: Array | None, rows: np.ndarray | list[int]) -> str:
+        """The largest share (n,) in rows, or the error (n, L) that is largest against what is allowed."""
+        if sizes is None:
+            return ""
+        if sizes.ndim == 1:
+            return f"{sizes[rows].max():.0%}"
+        found = np.abs(sizes[rows])
+        row, load = np.unravel_index(int(np.nan_to_num(found / self.allowed[rows], nan=np.inf).argmax()), found.shape)
         name = self.load_names[load]
         return f"{three_digits(found[row, load])} {load_unit(name)} ({name})"
 

@@ -135,8 +135,8 @@ def test_a_verdict_holds_no_frame_verified_whose_load_nothing_counts(folder):
     verdict = cc.verify(model, poses, model, loads=("Fy",))
     assert verdict.verified.tolist() == [False, True], "what bears on the wall is not counted"
     assert verdict.exit_code == 4
-    assert "of the load not counted" in verdict.words[0]
-    assert "1 solved, but up to" in verdict.line
+    assert "load not counted" in verdict.words[0]
+    assert "1 solved, load not counted" in verdict.line
 
 
 @pytest.fixture(scope="module")

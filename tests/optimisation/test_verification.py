@@ -73,7 +73,7 @@ def test_the_error_named_is_the_largest_against_its_tolerance(knee):
     assert check.words[0].endswith(f"({knee.load_names[worst]})")
     assert check.words[1] == "solved and verified, outside the learned region"
     assert check.exit_code == 4
-    assert "1 solved but differ, at most by" in check.line
+    assert "1 solved, differs by" in check.line
 
 
 def test_only_the_loads_that_a_problem_uses_are_judged(knee):
@@ -87,7 +87,7 @@ def test_unsolved_frames_come_first_in_the_exit_code_and_those_without_load_coun
     check = cc.verify(knee, poses, model, [False, True, False], without_load=[False, False, True])
     assert check.words[::2] == ["not solved", "no load"]
     assert check.exit_code == 3
-    assert check.line.startswith("0 of 2 solved and verified on Off, 1 bear no load; 1 not solved (0); 1 solved but")
+    assert check.line.startswith("0 of 2 solved and verified on Off, 1 bear no load; 1 not solved (0); 1 solved, dif")
     assert cc.verify(knee, poses, knee, [True, True, False], without_load=[False, False, True]).exit_code == 0
 
 
@@ -158,7 +158,7 @@ def test_a_frame_on_elements_that_are_too_coarse_is_solved_and_not_verified(solv
         np.testing.assert_allclose(check.off_finer[0], off[0], atol=1e-9)
         assert f"({model.load_names[np.abs(off[0] / check.allowed[0]).argmax()]})" in check.words[0]
         assert check.words[0].startswith("solved, elements half as wide differ by ")
-        assert "1 solved, but where elements half as wide differ, at most by" in check.line
+        assert "1 solved, elements half as wide differ by" in check.line
     unknown = replace(check, off_finer=np.full_like(check.off_finer, np.nan))
     assert not unknown.verified.any(), "a difference that is no number verifies nothing"
     fine = with_teacher((160, 80))
@@ -190,4 +190,3 @@ def test_frames_with_load_at_an_edge_are_said(tmp_path):
     assert check.verified.tolist() == [True, True, False]
     assert 0.0 == check.at_edge[0] < check.at_edge[1] < 0.05 < check.at_edge[2]
     assert "at an edge of the elements" in check.words[2]
-    assert "1 reach an edge of the elements, with at most" in check.line
