@@ -23,8 +23,8 @@ class FrameOutcome(Enum):
     @staticmethod
     def of(solved: np.ndarray, *others: tuple[np.ndarray, FrameOutcome]) -> np.ndarray:
         """The outcome (n,) of each frame: SOLVED or NOT_SOLVED, and others where their masks (n,) are True."""
-        outcome = np.where(solved, FrameOutcome.SOLVED, FrameOutcome.NOT_SOLVED)
-        for rows, other in others:
+        outcome = np.full(len(solved), FrameOutcome.NOT_SOLVED, dtype=object)
+        for rows, other in ((solved, FrameOutcome.SOLVED), *others):
             outcome[rows] = other
         return outcome
 
