@@ -82,7 +82,8 @@ def import_(
         str | None, typer.Option(help="whose first coordinate moves; that of most contacts if left out")
     ] = None,
     geometry: Annotated[
-        Path | None, typer.Option(help="folder with the contact meshes; the model's if left out")
+        list[Path] | None,
+        typer.Option(help="folder with contact meshes, once per folder; last the model's"),
     ] = None,
     motion: Annotated[
         Path | None,
@@ -96,7 +97,7 @@ def import_(
     """
     _check_free("--out", [out / "assembly.toml"], force)
     with progress_bars(console) as update:
-        say(import_model(model, out, joint=joint, geometry=geometry, motion=motion, progress=update))
+        say(import_model(model, out, joint=joint, geometry=geometry or (), motion=motion, progress=update))
     say(f"assembly in {out}")
 
 

@@ -45,7 +45,7 @@ LOADS = """<OpenSimDocument><ExternalLoads><ExternalForce name="plate"><applied_
 def walk(tmp_path_factory):
     """A folder with the imported model, settings, and a motion of 0.3 s under 40 N of the ground."""
     folder = tmp_path_factory.mktemp("walk")
-    import_model(write_small_model(folder), folder / "knee", geometry=folder / "meshes")
+    import_model(write_small_model(folder), folder / "knee", geometry=[folder / "meshes"])
     t = np.linspace(0.0, 0.3, 61)
     motion = {TIME: t, "hip_r": 5.0 + 4.0 * np.sin(8.0 * t), "flex_r": 6.0 + 3.0 * np.cos(6.0 * t)}
     write_table(Table("motion", motion, in_degrees=True), folder / "motion.mot")

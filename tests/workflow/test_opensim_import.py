@@ -42,7 +42,7 @@ print(json.dumps([found.get(i) for i in range(found.size())]))
 def small(tmp_path_factory):
     """The folder of a small model, and the assembly that it became."""
     folder = tmp_path_factory.mktemp("small")
-    report = import_model(write_small_model(folder), folder / "out", geometry=folder / "meshes")
+    report = import_model(write_small_model(folder), folder / "out", geometry=[folder, folder / "meshes"])
     return folder, cc.load_assembly(folder / "out"), report
 
 
@@ -152,7 +152,7 @@ def test_a_bad_model_is_refused_with_the_cure(tmp_path, before, after, message):
     path = write_small_model(tmp_path)
     path.write_text(path.read_text().replace(before, after))
     with pytest.raises((ValueError, FileNotFoundError), match=message):
-        import_model(path, tmp_path / "out", geometry=tmp_path / "meshes")
+        import_model(path, tmp_path / "out", geometry=[tmp_path / "meshes"])
 
 
 def test_a_knee_of_another_program_has_its_straight_ligaments_and_contact(tmp_path):

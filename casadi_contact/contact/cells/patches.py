@@ -45,7 +45,7 @@ def lay_lines(
     return Lines(place(lines), place(lines, 1) / cut, place(lines[:-1, None] + middles(parts) / cut).ravel())
 
 
-CELL_SHAPES = ("mesh", "foot_on_ground", "sphere_on_plane", "cylinder_on_plane", "punch_on_plane")
+CELL_SHAPES = ("mesh", "mesh_on_ground", "foot_on_ground", "sphere_on_plane", "cylinder_on_plane", "punch_on_plane")
 
 BOXES = 8  # that the kernel tests together
 
@@ -74,7 +74,7 @@ class CellPatch:
 
 def patch_charts(scene: Scene) -> list[Chart]:
     """The charts of a scene's patches; raises ValueError for a shape that has none."""
-    if scene.shape == "mesh":
+    if scene.shape in ("mesh", "mesh_on_ground"):
         return [MeshChart(scene, patch) for patch in scene.patch_names]
     g = scene.geometry
     if scene.shape == "foot_on_ground":

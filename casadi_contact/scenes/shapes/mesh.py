@@ -35,14 +35,14 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.elements import Cells, ElementGrid, grid_elements, scattered_elements
 from casadi_contact.geometry.mesh import FILE_AXES, MM_PER_UNIT, axes_rotation, file_digest
-from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface
+from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface, half_space
 from casadi_contact.scenes.shapes.checks import fail, identifier, number, numbers, table_of
 from casadi_contact.scenes.shapes.shape import Geometry, Range, Shape, patch_anchors
 
@@ -57,7 +57,6 @@ _SPACINGS_MM = {"low": 1e-3, "high": 1.5}  # finer does not fit into memory, coa
 _FILES = (*BODIES, "backing")
 _DIGESTS = {file: f"{file}_sha256" for file in _FILES}
 _LISTS = {"pressing": 3, "cup_centre": 3, "start_pose": 6}
-_NEEDED = (*BODIES, "units", "patches")
 _OPTIONAL = (*_CHOICES, "backing", "axes", "spacing", "placement", *_LISTS, *_DIGESTS.values())
 _DEFAULTS: dict[str, Any] = {"axes": list(FILE_AXES), "elements": "grid", "spacing": 0.75, "open_edges": "cut"}
 
@@ -103,10 +102,11 @@ class Mesh(Shape):
     the readers of meshes load when a surface is first built, not with every scene."""
 
     name = "mesh"
-    mesh_bodies = BODIES
+    mesh_bodies: ClassVar[tuple[str, ...]] = BODIES
 
     def check(self, table: object) -> dict[str, Any]:
-        values: dict[str, Any] = _DEFAULTS | table_of("geometry", table, _NEEDED, complete=True, optional=_OPTIONAL)
+        needed = (*self.mesh_bodies, "units", "patches")
+        values: dict[str, Any] = _DEFAULTS | table_of("geometry", table, needed, complete=True, optional=_OPTIONAL)
         for key in sorted({*_FILES, *_DIGESTS.values()} & set(values)):
             if not isinstance(values[key], str) or not values[key]:
                 raise fail(f"geometry.{key}", values[key], "text")
@@ -204,3 +204,16 @@ class Mesh(Shape):
     def identity(self, geometry: Geometry) -> Geometry:
         """The files' digests, where they are known, instead of their paths."""
         return {key: value for key, value in geometry.items() if _DIGESTS.get(key) not in geometry}
+
+
+class MeshOnGround(Mesh):
+    """A mesh, the fixed body, on a half-space: the ground, which moves and fills y <= 0 of its own frame."""
+
+    name = "mesh_on_ground"
+    mesh_bodies = ("fixed",)
+
+    def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
+        from casadi_contact.scenes.shapes.mesh_bodies import check_shells
+
+        check_shells(geometry)
+        return [half_space(-1.0)] * len(geometry["patches"])

@@ -81,7 +81,7 @@ def backing_depths(
 def check_shells(geometry: Geometry, most_spacing: float = 0.4) -> None:
     """Raise ValueError for a moving body that is a thin shell, unless the scene says which side of it counts, and for a
     shell whose field's spacing exceeds 0.4 times its thickness: its surface would be wrong by 0.01 mm and more."""
-    for body in ("moving", "fixed"):
+    for body in {"moving", "fixed"} & {*geometry}:
         source = _source(geometry, body)
         if source.about_mm is not None or (thickness := shell_thickness(_mesh(source))) > THIN_MM:
             continue
@@ -196,8 +196,8 @@ def patch_mesh(geometry: Geometry, patch: str, *, reaching: bool = False) -> Tri
     mesh = _boxed(body_mesh(geometry, "fixed"), tuple(box[0]), tuple(box[1]))
     if reaching:
         return mesh
-    size_mm = float(np.ptp(body_mesh(geometry, "moving").vertices_mm, axis=0).max())
-    mesh = _divided(mesh, min(LONGEST_MM, size_mm / 12.0)).inside_box(*box)
+    size_mm = np.ptp(body_mesh(geometry, "moving").vertices_mm, axis=0).max() if "moving" in geometry else np.inf
+    mesh = _divided(mesh, min(LONGEST_MM, float(size_mm) / 12.0)).inside_box(*box)
     return mesh.part(_seen(geometry, patch, mesh.corners_mm.mean(axis=1), mesh.normals))
 
 

@@ -121,6 +121,7 @@ _MODULES = {
     "foot_on_ground": "foot.FootOnGround",
     "own_model": "shape.OwnModel",
     "mesh": "mesh.Mesh",
+    "mesh_on_ground": "mesh.MeshOnGround",
 }
 SHAPES: dict[str, Shape] = {}
 """Shapes that are loaded, by name."""

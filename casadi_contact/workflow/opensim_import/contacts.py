@@ -1,14 +1,15 @@
-"""Scenes of a JAM model's contacts: the casting mesh is the fixed body, whose surface carries the layer, the target
-moves. Both keep the frames that the model gives them, so that a scene's pose is that of one mesh in the other.
+"""Scenes of a model's contacts: the casting mesh is the fixed body, whose surface carries the layer, the target moves.
+Both keep the frames that the model gives them, so that a scene's pose is that of one in the other.
 
-Each mesh has a layer, except that a lumped contact has one of thickness h_1 + h_2 with the mean E and ν (Smith et al.
-2018).
+Of JAM each mesh has a layer, except that a lumped contact has one of thickness h_1 + h_2 with the mean E and ν (Smith
+et al. 2018). Springs of an ElasticFoundationForce are a layer without Poisson's effect.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,51 +22,83 @@ from casadi_contact.core.files.writing import write_text
 from casadi_contact.geometry.mesh import load_mesh
 from casadi_contact.geometry.mesh_formats import read_triangles
 from casadi_contact.geometry.triangle_mesh import RayCaster, TriangleMesh
-from casadi_contact.scenes.material import Layer
+from casadi_contact.scenes.material import Friction, Layer
 from casadi_contact.scenes.shapes.mesh_bodies import THIN_MM, shell_thickness
-from casadi_contact.workflow.opensim_import.model_file import ContactForce, ContactMesh
+from casadi_contact.workflow.opensim_import.model_file import SPRINGS_MM, ContactForce, Surface
 
 LOADS = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 SPACING_MM = 0.75
 
 
-def layers(contact: ContactForce, casting: ContactMesh, target: ContactMesh) -> tuple[dict[str, Any], list[str]]:
+@dataclass(frozen=True)
+class Body:
+    """A surface's mesh, none of a half-space, the file that holds it [m], the layer on it [MPa, mm], with its mean
+    thickness where that varies, and the file that it then lies on."""
+
+    file: Path | None
+    mesh: TriangleMesh | None
+    layer: Layer
+    backing: Path | None = None
+
+
+def body_of(surface: Surface, find: Callable[[str], Path], folder: Path) -> Body:
+    """A surface's body, its files as `find` finds them by name; scaled meshes, and spheres, are written to a folder."""
+    if surface.kind == "ContactHalfSpace":
+        return Body(None, None, surface.layer)
+    if surface.kind == "ContactSphere":
+        import trimesh
+
+        ball = trimesh.creation.icosphere(4, surface.radius)
+        file = _write_obj(folder / f"{surface.name}.obj", ball.vertices, ball.faces)
+        return Body(file, load_mesh(file, "m"), surface.layer)
+    file, *backing = (_sized(surface, find(name), folder) for name in (surface.file, surface.back) if name)
+    mesh = load_mesh(file, "m")
+    if not backing:
+        return Body(file, mesh, surface.layer)
+    way, _ = RayCaster(load_mesh(backing[0], "m")).first_hits(mesh.corners_mm.mean(axis=1), -mesh.normals)
+    hit = np.isfinite(way)
+    mean = np.average(np.clip(way[hit], surface.bounds_mm[0], surface.bounds_mm[1]), weights=mesh.areas_mm2[hit])
+    return Body(file, mesh, replace(surface.layer, thickness=float(mean)), backing[0])
+
+
+def _sized(surface: Surface, path: Path, folder: Path) -> Path:
+    """The file itself, or a copy of it as the model scales it."""
+    if all(factor == 1.0 for factor in surface.scale_factors):
+        return path
+    vertices, faces = read_triangles(path)
+    return _write_obj(folder / f"{surface.name}_{path.stem}.obj", np.asarray(vertices) * surface.scale_factors, faces)
+
+
+def _write_obj(path: Path, vertices: Array, faces: np.ndarray) -> Path:
+    lines = ["v {:.9g} {:.9g} {:.9g}".format(*v) for v in vertices]
+    write_text(path, "\n".join([*lines, *("f {} {} {}".format(*f) for f in faces + 1), ""]))
+    return path
+
+
+def layers(contact: ContactForce, casting: Body, target: Body) -> tuple[dict[str, Any], list[str]]:
     """The scene's [material] [MPa, mm], and what of the contact it does not say."""
-    lost = [
-        f"the thickness of {mesh.name} varies, {mesh.layer.thickness:g} mm is taken"
-        for mesh in (casting, target)
-        if mesh.variable
-    ]
+    if contact.springs:
+        return {**vars(Layer(contact.springs * SPRINGS_MM, 0.0, SPRINGS_MM)), "law": "linear"}, []
+    lost, own, moving = [], casting.layer, target.layer
     if abs(1e3 * contact.max_proximity - DEEPEST_MM) > 1e-6:
         lost.append(f"max_proximity {contact.max_proximity:g} m: rays are {DEEPEST_MM:g} mm long")
     law = {"linear": "linear", "nonlinear": "log"}.get(contact.formulation)
     if law is None:
         lost.append(f"formulation {contact.formulation}: linear is taken")
-    own, moving = casting.layer, target.layer
+    if target.backing or (casting.backing and law == "log"):
+        which, mean = ("target", moving) if target.backing else ("casting mesh", own)
+        lost.append(f"the thickness of its {which} varies: the mean, {mean.thickness:.3g} mm, is taken")
     if contact.lumped:
         E, nu = (0.5 * (getattr(own, key) + getattr(moving, key)) for key in ("youngs_modulus", "poissons_ratio"))
-        own = Layer(E, nu, own.thickness + moving.thickness)
-        return {**vars(own), "law": law or "linear"}, lost
-    if law == "log" and own.modulus != moving.modulus:
+        own, moving = (Layer(E, nu, each.thickness) for each in (own, moving))
+        if not casting.backing:
+            return {**vars(replace(own, thickness=own.thickness + moving.thickness)), "law": law or "linear"}, lost
+    elif law == "log" and own.modulus != moving.modulus:
         lost.append("two nonlinear layers of different moduli: their pressure is right to the first order")
     return {**vars(own), "law": law or "linear", "moving": vars(moving)}, lost
 
 
-def mesh_file(mesh: ContactMesh, path: Path, folder: Path) -> tuple[Path, TriangleMesh]:
-    """A contact mesh's file in m, and the mesh: the file itself, or a copy of it in a folder as the model scales it."""
-    if any(factor != 1.0 for factor in mesh.scale_factors):
-        vertices, faces = read_triangles(path)
-        scaled = np.asarray(vertices) * mesh.scale_factors
-        lines = [
-            *("v {:.9g} {:.9g} {:.9g}".format(*v) for v in scaled),
-            *("f {} {} {}".format(*f) for f in faces + 1),
-        ]
-        path = folder / f"{mesh.name}.obj"
-        write_text(path, "\n".join(lines) + "\n")
-    return path, load_mesh(path, "m")
-
-
-def pressing(casting: TriangleMesh, target: TriangleMesh, pose: Array) -> list[float]:
+def pressing(casting: TriangleMesh, target: TriangleMesh, pose: Array) -> Array:
     """Where to the target presses the casting mesh, as a unit vector in the casting mesh's frame: against the mean
     normal of the triangles from which a ray outwards, or a short one inwards, meets the target at rest, at its pose."""
     t, R = pose[:3], rotation(pose[3:])
@@ -76,34 +109,35 @@ def pressing(casting: TriangleMesh, target: TriangleMesh, pose: Array) -> list[f
         near |= (face >= 0) & (depth < reach_mm)
     vectors = casting.area_vectors_mm2
     mean = -(vectors[near] if np.linalg.norm(vectors[near].sum(axis=0)) > 1.0 else vectors).sum(axis=0)
-    return [round(float(v), 3) + 0.0 for v in mean / max(float(np.linalg.norm(mean)), 1e-9)]
+    return np.asarray(mean / max(float(np.linalg.norm(mean)), 1e-9))
 
 
-def write_scene(
-    path: Path,
-    contact: ContactForce,
-    meshes: Mapping[str, ContactMesh],
-    files: Mapping[str, tuple[Path, TriangleMesh]],
-    pose: Array,
-) -> list[str]:
+def write_scene(path: Path, contact: ContactForce, casting: Body, target: Body, pose: Array) -> list[str]:
     """Write a contact's scene; pose (6,) [mm, rad]: of the target at rest. Returns what is lost."""
-    (fixed, casting), (moving, target) = files[contact.casting], files[contact.target]
-    material, lost = layers(contact, meshes[contact.casting], meshes[contact.target])
-    thickness = min(shell_thickness(each) for each in (casting, target))
+    material, lost = layers(contact, casting, target)
+    files = {"moving": target.file, "fixed": casting.file}
+    if material["law"] == "linear" and not contact.springs:
+        files["backing"] = casting.backing
     geometry: dict[str, Any] = {
         body: Path(os.path.relpath(file.resolve(), path.parent.resolve())).as_posix()
-        for body, file in (("moving", moving), ("fixed", fixed))
+        for body, file in files.items()
+        if file is not None
     }
-    geometry |= {"units": "m", "elements": "grid", "pressing": pressing(casting, target, pose)}
+    assert casting.mesh is not None
+    way, thickness = rotation(pose[3:])[:, 1], shell_thickness(casting.mesh)  # the ground presses upwards
+    if target.mesh is not None:
+        way, thickness = pressing(casting.mesh, target.mesh, pose), min(thickness, shell_thickness(target.mesh))
+    geometry |= {"units": "m", "elements": "grid", "pressing": [round(float(v), 3) + 0.0 for v in way]}
     geometry |= {"start_pose": pose.tolist(), "patches": {"all": {}}}
     if thickness <= THIN_MM:
         geometry |= {"shell": "whole", "spacing": round(min(SPACING_MM, 0.4 * thickness), 3)}
     tables = {
         "format": 1,
-        "name": contact.name,
-        "shape": "mesh",
+        "name": path.stem,
+        "shape": "mesh" if target.mesh is not None else "mesh_on_ground",
         "geometry": geometry,
         "material": material,
+        "friction": dict(contact.friction) if Friction(**contact.friction) != Friction() else {},
         "grids": {grid: [80, 80] for grid in ("fine", "coarse", "settle", "teacher")},
         "loads": {
             "names": list(LOADS),
@@ -114,9 +148,6 @@ def write_scene(
         },
         "tolerances": {load: 2.0 if load[0] == "F" else 50.0 for load in LOADS},
     }
-    write_text(
-        path,
-        f"# Contact {contact.name} of an OpenSim model: {contact.target} on {contact.casting}\n"
-        + tomli_w.dumps(tables),
-    )
+    of = f"# Contact {contact.name} of an OpenSim model: {contact.target} on {contact.casting}\n"
+    write_text(path, of + tomli_w.dumps(tables))
     return lost

@@ -9,9 +9,12 @@ First the joint moves passively, with paths that do not wrap: its first coordina
 settle. About these states, or those of a given motion, lengths are sampled and wraps fitted.
 """
 
+import re
 import tempfile
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +30,7 @@ from casadi_contact.optimisation.assembly.joints import compose, frame
 from casadi_contact.optimisation.assembly.paths import Wrap
 from casadi_contact.optimisation.assembly.settling import CoordinateSettling
 from casadi_contact.scenes.opensim import TIME, Table, read_opensim_table
-from casadi_contact.workflow.opensim_import.contacts import mesh_file, write_scene
+from casadi_contact.workflow.opensim_import.contacts import body_of, write_scene
 from casadi_contact.workflow.opensim_import.excess import described, fit_excesses
 from casadi_contact.workflow.opensim_import.model_file import ModelFile, find_mesh, read_model
 from casadi_contact.workflow.opensim_import.process import describe
@@ -42,16 +45,16 @@ def import_model(
     out: str | Path,
     *,
     joint: str | None = None,
-    geometry: str | Path | None = None,
+    geometry: Sequence[str | Path] = (),
     motion: str | Path | None = None,
     progress: Update | None = None,
 ) -> str:
     """Read an OpenSim or JAM model file and write an assembly; returns what `import.txt` says.
 
     joint: whose first coordinate moves while the others of the joints in contact follow; that between the meshes of
-    most contacts if left out. geometry: a folder that holds the meshes. motion: a .sto or .mot file of coordinates,
-    whose states take the place of the passive motion. Raises ImportError without the opensim wheel or the extra `mesh`,
-    FileNotFoundError for a missing file, ValueError for a model that cannot be read.
+    most contacts if left out. geometry: folders that hold the meshes, before the model's own. motion: a .sto or .mot
+    file of coordinates, whose states take the place of the passive motion. Raises ImportError without the opensim wheel
+    or the extra `mesh`, FileNotFoundError for a missing file, ValueError for a model that cannot be read.
     """
     model, out = Path(model), Path(out)
     source = read_model(model)
@@ -65,8 +68,8 @@ def import_model(
             progress("model", 1.0, 3.0, "scenes")
         lost = [*source.unmapped, *said["lost"]]
         assembly = write_assembly(out, tables, curves)
-        folders = [model.parent, *([Path(geometry)] if geometry else [])]
-        tables["contacts"], of_contacts = _contacts(source, said["frames"], assembly, folders[::-1], out)
+        folders = [*map(Path, geometry), model.parent]
+        tables["contacts"], of_contacts = _contacts(source, said["frames"], assembly, folders, out)
         lost += of_contacts
         assembly = write_assembly(out, tables, curves)
         moving, following = _coordinates(assembly, joint)
@@ -93,41 +96,52 @@ def _contacts(
     source: ModelFile, places: Mapping[str, Any], assembly: Assembly, folders: list[Path], out: Path
 ) -> tuple[dict[str, Any], list[str]]:
     """Write the scenes; the table of contacts, and what is lost."""
-    tables, lost, files, frames = dict[str, Any](), list[str](), {}, {}
-    for name, mesh in source.meshes.items():
+    tables, lost, bodies, frames = dict[str, Any](), list[str](), {}, {}
+    for name, surface in source.surfaces.items():
         if name in {end for contact in source.contacts for end in (contact.target, contact.casting)}:
-            files[name] = mesh_file(mesh, find_mesh(mesh.file, folders), out)
-            at = places[mesh.frame]
-            own = np.append(1e3 * np.array(mesh.location), mesh.orientation)
-            frames[name] = at["body"], np.ravel(pose_of(*compose(frame(at["pose"]), frame(own)))).tolist()
+            bodies[name] = body_of(surface, partial(find_mesh, folders=folders), out)
+            at, own = places[surface.frame], np.append(1e3 * np.array(surface.location), surface.orientation)
+            place = compose(frame(at["pose"]), frame(own))
+            if bodies[name].mesh is None:  # a half-space, whose outside is -x there, and y in a scene
+                place = compose(place, frame(np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.5 * np.pi])))
+            frames[name] = at["body"], pose_of(*place).full().ravel().tolist()
     for contact in source.contacts:
         if not contact.applied:
             lost.append(f"{contact.name}: appliesForce is false, so it is left out")
             continue
+        name = re.sub(r"[\W_]+", "_", contact.name).strip("_")
         (fixed, fixed_at), (moving, moving_at) = frames[contact.casting], frames[contact.target]
         symbolic = assembly.pose_between(fixed, fixed_at, moving, moving_at)
-        pose = np.ravel(ca.Function("pose", [assembly._q], [symbolic])(assembly.default)) + 0.0
-        scene = out / f"{contact.name}.toml"
-        lost += [f"{contact.name}: {what}" for what in write_scene(scene, contact, source.meshes, files, pose)]
+        pose = ca.Function("pose", [assembly._q], [symbolic])(assembly.default).full().ravel() + 0.0
+        scene = out / f"{name}.toml"
+        ends = bodies[contact.casting], bodies[contact.target]
+        lost += [f"{contact.name}: {what}" for what in write_scene(scene, contact, *ends, pose)]
         table = {"scene": scene.name, "fixed": fixed, "moving": moving, "cells_mm": CELLS_MM}
         table |= {"fixed_frame": fixed_at, "moving_frame": moving_at}
-        tables[contact.name] = table
+        tables[name] = table
     return tables, lost
 
 
 def _coordinates(assembly: Assembly, joint: str | None) -> tuple[list[str], list[str]]:
-    """The coordinate that moves the joint, and those that follow: all others between bodies in contact."""
+    """The coordinate that moves the joint, and those that follow: all others between bodies in contact but for the
+    ground, which no joint holds, and those that are locked."""
     joints = {each.name: each for each in assembly.joints}
     if joint is not None and joint not in joints:
         raise ValueError(f"joint is {joint!r}, expected one of {', '.join(joints)}")
     counts = Counter[str]()
-    for contact in assembly.contacts:
+    for contact in _within(assembly).contacts:
         up, down = (assembly._chain.ancestors(body) for body in contact.bodies)
         between = [*(body for body in up if body not in down), *(body for body in down if body not in up)]
         counts.update(each.name for each in map(assembly._chain.above, between) if each.coordinates)
     chosen = ([joint] if joint else []) + [name for name, _ in counts.most_common() if name != joint]
     names = list(dict.fromkeys(name for each in chosen for name in joints[each].coordinates))
-    return names[:1], names[1:]
+    table = assembly.coordinate_table
+    return names[:1], [name for name in names[1:] if table[name].low < table[name].high]
+
+
+def _within(assembly: Assembly) -> Assembly:
+    """The assembly without contact with the ground."""
+    return replace(assembly, contacts=[each for each in assembly.contacts if assembly.ground not in each.bodies])
 
 
 def _centres(
@@ -137,6 +151,7 @@ def _centres(
     if motion is not None:
         states = states_of(assembly, read_opensim_table(motion))
         return states, f"paths are fitted about the states of {Path(motion).name}"
+    assembly = _within(assembly)
     if not (moving and following and assembly.contacts):
         return assembly.default[None], "paths are fitted about the model's rest"
     q, c = assembly.default, assembly.coordinate_table[moving[0]]

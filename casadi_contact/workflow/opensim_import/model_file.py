@@ -5,50 +5,66 @@ A model file is another's: it is parsed without entities or a document type, up 
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import combinations
 from pathlib import Path
 
 from casadi_contact.core.files.reading import MIB, checked_size, existing_file, finite_number
 from casadi_contact.scenes.material import Layer
 
 MOST_MODEL = 64 * MIB
-CONTACT_PREFIX = "Smith2018"
+SURFACES = ("Smith2018ContactMesh", "ContactMesh", "ContactSphere", "ContactHalfSpace")
+JAM, ELASTIC = "Smith2018ArticularContactForce", "ElasticFoundationForce"
+HERTZ = "force grows with depth to the power 1.5, that of an elastic layer with its square"
+LOST = {
+    "HuntCrossleyForce": HERTZ,
+    "SmoothSphereHalfSpaceForce": HERTZ,
+    "ExponentialContactForce": "no surface",
+}
+SPRINGS_MM = 10.0  # of a layer with ν = 0 that is as stiff as given springs
 
 
 @dataclass(frozen=True)
-class ContactMesh:
-    """A Smith2018ContactMesh: file as the model names it; frame: path of the frame it lies in, moved by location [m]
-    and turned by orientation [rad], x-y-z body-fixed; its layer [MPa, mm]; factors of its size."""
+class Surface:
+    """One of `SURFACES`; frame: path of the frame it lies in, moved by location [m] and turned by orientation [rad],
+    x-y-z body-fixed. A mesh has a file, as the model names it, factors of its size and, of JAM, its layer [MPa, mm],
+    and where its thickness varies within bounds [mm] the file `back` that it lies on; a sphere its radius [m]."""
 
     name: str
-    file: str
+    kind: str
     frame: str
     location: tuple[float, ...]
     orientation: tuple[float, ...]
-    layer: Layer
+    file: str
     scale_factors: tuple[float, ...]
-    variable: bool
+    radius: float
+    layer: Layer
+    back: str
+    bounds_mm: tuple[float, ...]
 
 
 @dataclass(frozen=True)
 class ContactForce:
-    """A Smith2018ArticularContactForce: rays run from the casting mesh to the target."""
+    """Rays run from the casting mesh to the target. Of JAM both bear their layers; else `springs` [MPa/mm] stand on the
+    casting mesh, with coefficients of friction as in a scene."""
 
     name: str
-    target: str
     casting: str
+    target: str
     applied: bool
-    max_proximity: float
-    formulation: str
-    lumped: bool
+    max_proximity: float = 0.02
+    formulation: str = "linear"
+    lumped: bool = True
+    springs: float = 0.0
+    friction: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class ModelFile:
-    """What the XML says of contact, what else of JAM it holds by name and kind, and the rest, for the wheel."""
+    """What the XML says of contact, what else of contact it holds, and the rest, for the wheel."""
 
-    meshes: Mapping[str, ContactMesh]
+    surfaces: Mapping[str, Surface]
     contacts: tuple[ContactForce, ...]
     unmapped: tuple[str, ...]
     rest: str
@@ -63,7 +79,7 @@ def opensim_root(path: str | Path) -> ET.Element:
     if re.search(r"<!\s*(DOCTYPE|ENTITY)", text):
         raise ValueError(f"{path} holds a document type or entities, expected plain XML: delete them")
     try:
-        root = ET.fromstring(text)
+        root = ET.fromstring(re.sub(r"(</?\w+)::", r"\1.", text))  # OpenSim's own tags, which are no XML
     except ET.ParseError as error:
         raise ValueError(f"{path} is no XML ({error}), expected an .osim or .xml file") from None
     if root.tag != "OpenSimDocument":
@@ -77,18 +93,24 @@ def read_model(path: str | Path) -> ModelFile:
     root = opensim_root(path)
     if root.find("Model") is None:
         raise ValueError(f"{path} holds no <Model>, expected an .osim file")
-    meshes = {mesh.name: mesh for mesh in map(_mesh, root.iter(f"{CONTACT_PREFIX}ContactMesh"))}
-    contacts = tuple(map(_contact, root.iter(f"{CONTACT_PREFIX}ArticularContactForce")))
+    surfaces = {element.get("name", ""): _surface(element) for element in root.iter() if element.tag in SURFACES}
+    contacts = [_of_jam(element) for element in root.iter(JAM)]
     for contact in contacts:
-        if missing := {contact.target, contact.casting} - set(meshes):
-            raise ValueError(f"{path}: {contact.name} names the mesh {', '.join(missing)}, it has {', '.join(meshes)}")
-    known = {f"{CONTACT_PREFIX}{kind}" for kind in ("ContactMesh", "ArticularContactForce")}
-    others = [e for e in root.iter() if e.tag.startswith(CONTACT_PREFIX) and e.tag not in known]
-    unmapped = tuple(f"{e.get('name', 'without a name')}: {e.tag}" for e in others)
+        if missing := {contact.target, contact.casting} - set(surfaces):
+            raise ValueError(
+                f"{path}: {contact.name} names the mesh {', '.join(missing)}, it has {', '.join(surfaces)}"
+            )
+    contacts += [contact for element in root.iter(ELASTIC) for contact in _elastic(element, surfaces)]
+    unmapped = []
     for parent in list(root.iter()):
-        for element in [child for child in parent if child.tag.startswith(CONTACT_PREFIX)]:
-            parent.remove(element)
-    return ModelFile(meshes, contacts, unmapped, ET.tostring(root, encoding="unicode"))
+        for element in list(parent):
+            if element.tag.startswith("Smith2018") or element.tag in (*SURFACES, ELASTIC, *LOST):
+                parent.remove(element)
+                if element.tag not in (*SURFACES, JAM, ELASTIC):
+                    why = LOST.get(element.tag)
+                    name = f"{element.get('name', 'without a name')}: {element.tag}"
+                    unmapped.append(f"{name}, whose {why}" if why else name)
+    return ModelFile(surfaces, tuple(contacts), tuple(unmapped), ET.tostring(root, encoding="unicode"))
 
 
 def find_mesh(name: str, folders: list[Path]) -> Path:
@@ -135,21 +157,28 @@ def _flag(element: ET.Element, key: str, default: str) -> bool:
     return _text(element, key, default).lower() == "true"
 
 
-def _mesh(element: ET.Element) -> ContactMesh:
+def _surface(element: ET.Element) -> Surface:
+    body = _text(element, "body_name", "ground")  # of OpenSim 3
+    frame = _text(element, "socket_frame", f"{'' if body == 'ground' else 'bodyset/'}{body}")
     given = (("elastic_modulus", "1e6", 1e-6), ("poissons_ratio", "0.5", 1.0), ("thickness", "0.005", 1e3))
-    return ContactMesh(
+    return Surface(
         name=element.get("name", ""),
-        file=_text(element, "mesh_file", ""),
-        frame=_text(element, "socket_frame", "/ground"),
+        kind=element.tag,
+        frame="/" + "/".join(word for word in frame.split("/") if word not in ("", "..")),
         location=_values(element, "location", "0 0 0"),
         orientation=_values(element, "orientation", "0 0 0"),
-        layer=Layer(*(unit * _values(element, key, default)[0] for key, default, unit in given)),
+        file=_text(element, "mesh_file", _text(element, "filename", "")),
         scale_factors=_values(element, "scale_factors", "1 1 1"),
-        variable=_flag(element, "use_variable_thickness", "false"),
+        radius=_values(element, "radius", "0")[0],
+        layer=Layer(*(unit * _values(element, key, default)[0] for key, default, unit in given)),
+        back=_text(element, "mesh_back_file", "") if _flag(element, "use_variable_thickness", "false") else "",
+        bounds_mm=tuple(
+            1e3 * _values(element, f"{end}_thickness", m)[0] for end, m in (("min", "0.001"), ("max", "0.01"))
+        ),
     )
 
 
-def _contact(element: ET.Element) -> ContactForce:
+def _of_jam(element: ET.Element) -> ContactForce:
     target, casting = (_text(element, f"socket_{mesh}_mesh", "").split("/")[-1] for mesh in ("target", "casting"))
     return ContactForce(
         name=element.get("name", ""),
@@ -160,3 +189,23 @@ def _contact(element: ET.Element) -> ContactForce:
         formulation=_text(element, "elastic_foundation_formulation", "linear"),
         lumped=_flag(element, "use_lumped_contact_model", "true"),
     )
+
+
+def _elastic(element: ET.Element, surfaces: Mapping[str, Surface]) -> Iterator[ContactForce]:
+    """Of an ElasticFoundationForce: springs stand on each mesh against each other surface of its sets, with half of
+    their stiffness where that is a mesh too."""
+    springs = {
+        name.split("/")[-1]: each
+        for each in element.iter(f"{ELASTIC}.ContactParameters")
+        for name in _text(each, "geometry", "").split()
+    }
+    units = {"static_friction": 1.0, "dynamic_friction": 1.0, "viscous_friction": 1e-3, "dissipation": 1e-3}
+    for pair in combinations(springs, 2):
+        meshes = [name for name in pair if surfaces[name].kind == "ContactMesh"]
+        for casting in meshes if surfaces[pair[0]].frame != surfaces[pair[1]].frame else []:
+            (target,) = {*pair} - {casting}
+            friction = {key: unit * _values(springs[casting], key, "0")[0] for key, unit in units.items()}
+            friction["transition_velocity"] = 1e3 * _values(element, "transition_velocity", "0.01")[0]
+            stiffness = 1e-9 * _values(springs[casting], "stiffness", "0")[0] / len(meshes)
+            name, applied = "_".join((element.get("name", ""), casting, target)), _flag(element, "appliesForce", "true")
+            yield ContactForce(name, casting, target, applied, springs=stiffness, friction=friction)

@@ -168,8 +168,10 @@ class Model:
         return values | {"inertia_kgmm2": [1e6 * float(body.get_inertia().get(i)) for i in range(6)]}
 
     def _coordinate(self, c: Any) -> dict[str, Any]:
-        scale, given = scale_of(c), {"default": c.getDefaultValue(), "low": c.getRangeMin(), "high": c.getRangeMax()}
-        kind = "rotation" if scale == 1.0 else "translation"
+        """A locked coordinate has no range but its value."""
+        scale, rest = scale_of(c), c.getDefaultValue()
+        low, high = (rest, rest) if c.getDefaultLocked() else (c.getRangeMin(), c.getRangeMax())
+        kind, given = "rotation" if scale == 1.0 else "translation", {"default": rest, "low": low, "high": high}
         return {"kind": kind, **{key: scale * value for key, value in given.items()}}
 
     def _forces(self) -> dict[str, Any]:
@@ -179,14 +181,15 @@ class Model:
             name, kind = force.getName(), force.getConcreteClassName()
             ligament = opensim.Blankevoort1991Ligament.safeDownCast(force)
             muscle = opensim.Millard2012EquilibriumMuscle.safeDownCast(force)
-            if spring := opensim.SpringGeneralizedForce.safeDownCast(force):
-                values = {"stiffness": spring.getStiffness(), "rest": spring.getRestLength()}
-                values |= {"of": spring.get_coordinate(), "viscosity": spring.getViscosity()}
-                tables["coordinate_springs"][name] = values
-            elif not (ligament or opensim.Muscle.safeDownCast(force)):
+            spring = opensim.SpringGeneralizedForce.safeDownCast(force)
+            if not (spring or ligament or opensim.Muscle.safeDownCast(force)):
                 self.lost.append(f"{name}: {kind}")
             elif not force.get_appliesForce():
                 self.lost.append(f"{name}: appliesForce is false, so it is left out")
+            elif spring:
+                values = {"stiffness": spring.getStiffness(), "rest": spring.getRestLength()}
+                values |= {"of": spring.get_coordinate(), "viscosity": spring.getViscosity()}
+                tables["coordinate_springs"][name] = values
             elif ligament:
                 tables["ligaments"][name] = self._path(name, ligament) | {
                     "stiffness_n": ligament.get_linear_stiffness(),
