@@ -11,8 +11,8 @@
 
 from pathlib import Path
 
-from casadi_contact.cli.scene_commands import name_of_mesh
-from casadi_contact.cli.scene_commands import scene as propose_scene
+from casadi_contact.cli.commands import name_of_mesh
+from casadi_contact.cli.commands import scene as propose_scene
 from casadi_contact.core.files.reading import existing_file
 from casadi_contact.core.terminal import PlainConsole, progress_bars, run_program
 from casadi_contact.geometry.mesh_formats import FORMATS

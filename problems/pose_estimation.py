@@ -19,8 +19,7 @@ from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import POSE_NAMES, Array
 from casadi_contact.core.quantities import FORCE, LENGTH, TORQUE, quantity
 from casadi_contact.core.terminal import run_program
-from casadi_contact.optimisation.pose_estimation import PoseEstimation, PoseResult
-from casadi_contact.optimisation.pose_targets import PoseTargets
+from casadi_contact.optimisation.pose_estimation import PoseEstimation, PoseResult, PoseTargets
 from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.optimisation.verification import Verification, beside_leaps, verify
 from casadi_contact.pictures.page import FAILED, FOUNDATION, SURROGATE, TARGET, frame, new_page, save_page

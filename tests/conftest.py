@@ -49,7 +49,7 @@ def quick_calibration():
     """Training calibrates with a classifier of fewer iterations than a user's."""
     with pytest.MonkeyPatch.context() as patch:
         quick = partial(calibrate, settings=CalibrationSettings(iterations=25))
-        patch.setattr("casadi_contact.workflow.train.calibrate", quick)
+        patch.setattr("casadi_contact.workflow.stages.calibrate", quick)
         yield
 
 

@@ -11,7 +11,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.cli import pipeline
-from casadi_contact.workflow import samples as sampling
+from casadi_contact.workflow import stages as sampling
 from casadi_contact.workflow.benchmark.front_file import read_front
 from casadi_contact.workflow.presets import PRESETS, Effort, Preset
 from casadi_contact.workflow.project import project_surrogates

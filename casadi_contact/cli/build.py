@@ -24,10 +24,10 @@ from casadi_contact.cli.options import (
     say_shipped,
 )
 from casadi_contact.cli.tables import evaluation_tables, front_table
-from casadi_contact.core.conventions import load_unit
 from casadi_contact.core.files.writing import folder_lock
+from casadi_contact.core.quantities import quantity
 from casadi_contact.core.terminal import progress_bars
-from casadi_contact.workflow import samples as sampling
+from casadi_contact.workflow import stages as sampling
 from casadi_contact.workflow.benchmark.front_file import FILE_NAME, read_front
 from casadi_contact.workflow.project import Project, project_surrogates
 from casadi_contact.workflow.tolerance import scene_to_tolerance, train_to_tolerance
@@ -56,19 +56,19 @@ def build(
     files, to_tolerance = [*(cycles or []), *(more_cycles or [])], force_tol is not None or torque_tol is not None
     pipeline.check_single_source(table, files, model)
     if to_tolerance:
-        project = _project_to_tolerance(scene, out, preset, table, force_tol, torque_tol)
+        refused: dict[str, object] = {"--preset": preset, "--table": table, "--on": on}
+        project = _project_to_tolerance(scene, out, refused, force_tol, torque_tol)
     else:
         project = Project.open(scene, preset or DEFAULT_PRESET, out)
     with folder_lock(project.folder):
-        stages: dict[str, Callable[[], None]] = {
-            "samples": lambda: _sample(project, files, table, model),
-            "training": lambda: _train(project),
-        }
-        if to_tolerance:
-            stages = {"samples and training": lambda: _train_to_tolerance(project, files, model)}
+        stages: dict[str, Callable[[], None]] = {"samples": lambda: _sample(project, files, table, model)}
         if on is not None:
-            stages = {"samples": stages["samples"], "what the foundation misses": lambda: _fit_on_foundation(project)}
+            stages |= {"what the foundation misses": lambda: _fit_on_foundation(project)}
         else:
+            if to_tolerance:
+                stages = {"samples and training": lambda: _train_to_tolerance(project, files, model)}
+            else:
+                stages |= {"training": lambda: _train(project)}
             stages |= {
                 "evaluation": lambda: _evaluate(project),
                 "export": lambda: _export(project),
@@ -80,15 +80,10 @@ def build(
 
 
 def _project_to_tolerance(
-    scene: str,
-    out: Path | None,
-    preset: str | None,
-    table: Path | None,
-    force_tol: float | None,
-    torque_tol: float | None,
+    scene: str, out: Path | None, refused: dict[str, object], force_tol: float | None, torque_tol: float | None
 ) -> Project:
-    """The project of a build whose scene has these tolerances [N, N·mm]."""
-    for option, value in (("--preset", preset), ("--table", table)):
+    """The project of a build whose scene has these tolerances [N, N·mm]; ValueError for a refused option."""
+    for option, value in refused.items():
         if value is not None:
             raise ValueError(f"got {option} {value} and a tolerance, expected one: the tolerance decides")
     names = [f"{tol:.15g}{unit}" for tol, unit in ((force_tol, "N"), (torque_tol, "Nmm")) if tol is not None]
@@ -187,7 +182,7 @@ def _train(project: Project, structure: str | None = None) -> None:
 def _fit_on_foundation(project: Project) -> None:
     path, errors = pipeline.fit_on_foundation(project)
     for load, error in errors.items():
-        say(f"{load}: RMS {error:.3g} {load_unit(load)} on the samples held back")
+        say(f"{load}: RMS {error:.3g} {quantity(load).unit} on the samples held back")
     say(f"surrogate in {path}: cc.OnFoundation.load")
 
 

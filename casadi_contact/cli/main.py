@@ -8,9 +8,8 @@ import typer
 
 from casadi_contact import __version__
 from casadi_contact.cli.build import build, calibrate, evaluate, export, sample, train
-from casadi_contact.cli.model_commands import chart, choose, info, page, report, show, speed
+from casadi_contact.cli.commands import chart, choose, cycle, import_, info, page, report, scene, show, speed
 from casadi_contact.cli.options import say
-from casadi_contact.cli.scene_commands import cycle, import_, scene
 from casadi_contact.core.terminal import new_app, run_app
 
 EXAMPLES = """\
@@ -20,19 +19,16 @@ import lenhart2015.osim --joint knee_r --geometry Geometry --out my_knee
 build knee
 build knee --preset standard --cycles walk1.csv walk2.csv
 build my_joint.toml --table samples.csv --out results/my_joint
-sample knee --cycles walk1.csv walk2.csv
 sample knee --preset full --model foundation
-sample my_joint.toml --table samples.csv
 train knee --preset standard
 calibrate knee --preset standard
 evaluate knee --preset standard
-export knee --out results/my_knee
 export knee --foundation
 export knee --fmu
 chart knee --preset standard
 speed knee
 choose knee --force-tol 2 --torque-tol 50
-choose knee --force-tol 2 --loads Fy_med,Fy_lat --preset standard
+choose knee --force-tol 2 --loads Fy_med,Fy_lat
 info knee
 report knee --out knee.html
 cycle walk.mot --map knee_angle_r=-rz:deg --map knee_rot_r=-ry:deg --map F_med=Fy_med:N --map F_lat=Fy_lat:N \
@@ -40,13 +36,12 @@ cycle walk.mot --map knee_angle_r=-rz:deg --map knee_rot_r=-ry:deg --map F_med=F
 cycle fluoroscopy.sto --map t_x=tx:m --map t_y=ty:m --map t_z=tz:m --map r_x=rx --map r_y=ry --map r_z=rz
 cycle states.sto --tibia-in-femur right --map knee_tx_r=tx --map knee_ty_r=ty --map knee_tz_r=tz --map knee_add_r=rx \
 --map knee_rot_r=ry --map knee_flex_r=rz --out poses.csv
-show knee
 show knee --pose=0.5,27.35,0.1,0,-0.05,-0.3 --out knee.png
 show my_knee.toml --poses poses.csv
 page knee --out knee.html
 page my_knee.toml --poses poses.csv --surrogate results/my_knee-quick/patch.h5
 """.splitlines()
-_FIRST = ("info knee", "show knee", "export knee", "build knee --preset standard")
+_FIRST = ("info knee", "show knee", "export knee --fmu", "build knee --preset standard")
 
 
 def examples(lines: Iterable[str]) -> str:

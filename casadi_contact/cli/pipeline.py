@@ -38,8 +38,7 @@ from casadi_contact.workflow.project import (
     project_surrogates,
     read_motion,
 )
-from casadi_contact.workflow.samples import check_single_source, sample, take_table
-from casadi_contact.workflow.train import train
+from casadi_contact.workflow.stages import check_single_source, sample, take_table, train
 
 _EXAMPLE_FRAME = 25  # a quarter of the first cycle: in contact
 

@@ -7,8 +7,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from casadi_contact.contact.compiled_foundation import CompiledFoundation
-from casadi_contact.core.conventions import Array, load_unit
-from casadi_contact.core.quantities import format_above_limit
+from casadi_contact.core.conventions import Array
+from casadi_contact.core.quantities import format_above_limit, quantity
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.tolerance import Tolerance
 
@@ -57,7 +57,7 @@ class Errors:
         load = int(self._of_loads.argmax())
         name, tolerance = self.scene.load_names[load], self.scene.tolerances_of()[load]
         times = format_above_limit(self._of_loads[load], 1.0)
-        return f"{times} times what {name} may be off by (tolerance {tolerance:g} {load_unit(name)})"
+        return f"{times} times what {name} may be off by (tolerance {tolerance:g} {quantity(name).unit})"
 
     def record(self, **details: Any) -> dict[str, Any]:
         """What is said of the model, and its errors, in plain values; which share exceeds it at the rim."""

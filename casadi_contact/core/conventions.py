@@ -41,11 +41,6 @@ def stage_progress(update: Update | None, stage: str) -> Progress | None:
     return None if update is None else lambda done, total: update(stage, done, total, "")
 
 
-def load_unit(name: str) -> str:
-    """Unit of a load by its name."""
-    return quantity(name).unit
-
-
 def pose_index(name: str) -> int:
     """Column of a pose parameter in a pose array; raises ValueError for an unknown name."""
     if name not in POSE_NAMES:

@@ -5,7 +5,6 @@ That is load which all models of a scene treat alike, by where it lies, and elem
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from typing import NamedTuple
 
 import numpy as np
 
@@ -145,50 +144,39 @@ def share_beyond_open_edges(model: ElasticFoundation, poses: Array) -> Array:
     return share_of_force(model, poses, body_surface(geometry, "moving").beyond_open_edges)
 
 
-class _Place(NamedTuple):
-    """Share (n,) of the load that lies there, a description, and the least share that is reported."""
-
-    share: Callable[[ElasticFoundation, Array], Array]
-    words: str
-    least: float = 0.01
-
-
-_PLACES = {
-    "beyond_open_edges": _Place(
+# The share (n,) of the load that lies there, and words for it.
+_PLACES: dict[str, tuple[Callable[[ElasticFoundation, Array], Array], str]] = {
+    "beyond_open_edges": (
         share_beyond_open_edges,
-        "beyond open edges of the moving mesh, where its surface is taken to round off: a part that ends there carries "
-        "less",
+        "beyond open edges of the moving mesh, where its surface is taken to round off: a part may end there",
     ),
-    "at_edges": _Place(
+    "at_edges": (
         share_at_edges,
-        "within 1 mm of an edge of the elements, where the surface goes on or was cut: beyond it none is counted; "
-        'wider bounds in geometry.patches or a larger mesh count it; open_edges = "rim" says that the part ends',
+        "within 1 mm of an edge of the elements, beyond which none is counted: wider bounds in geometry.patches or a "
+        'larger mesh count it; open_edges = "rim" says that the part ends',
     ),
-    "on_walls": _Place(
+    "on_walls": (
         share_on_walls,
-        "on walls of the fixed mesh steeper than 78 degrees, such as a post's, or on faces turned away from "
-        "geometry.pressing, where there are no elements: it is not counted; geometry.cup_centre on the axis of a notch "
-        "or in the middle of a cup counts it, elsewhere a patch of its own there, with its own "
-        "geometry.patches.NAME.pressing",
+        "on walls of the fixed mesh, where no elements count it: geometry.cup_centre on the axis of a notch or in the "
+        "middle of a cup counts it, elsewhere a patch of its own with its own geometry.patches.NAME.pressing",
     ),
-    "outside_patches": _Place(
+    "outside_patches": (
         share_outside_patches,
-        "on the fixed mesh outside of all patches, where there are no elements: it is not counted; wider bounds in "
-        "geometry.patches.NAME count it, as does a patch of its own there",
+        "on the fixed mesh outside of all patches, where no elements count it: wider bounds in geometry.patches.NAME "
+        "do, or a patch of its own",
     ),
-    "at_sharp_edges": _Place(
+    "at_sharp_edges": (
         share_at_sharp_edges,
-        "at sharp edges of the moving mesh, which its distance field rounds off: up to that share of the load may be "
-        "wrong; a finer geometry.spacing.moving mends it, and a smoother mesh where they are a scan's noise",
-        least=SHARP_SHARE,
+        "at sharp edges of the moving mesh, which its distance field rounds off: a finer geometry.spacing.moving mends "
+        "it, and a smoother mesh where they are a scan's noise",
     ),
 }
 
 
 def unmodelled_load_shares(model: ElasticFoundation, poses: Array) -> dict[str, Array]:
-    """Shares (n,) of the load in poses (n, 6): beyond_open_edges and at_sharp_edges of the moving mesh, on_walls and
-    outside_patches of the fixed one. Raises ValueError for bad poses."""
-    return {where: place.share(model, poses) for where, place in _PLACES.items()}
+    """Shares (n,) of the load in poses (n, 6) by place: at edges of a mesh or of the elements, on walls and outside
+    of the patches of the fixed one. Raises ValueError for bad poses."""
+    return {where: share(model, poses) for where, (share, _) in _PLACES.items()}
 
 
 def unmodelled_fraction(model: ElasticFoundation, poses: Array) -> Array:
@@ -198,11 +186,10 @@ def unmodelled_fraction(model: ElasticFoundation, poses: Array) -> Array:
 
 
 def unmodelled_load_words(shares: Mapping[str, Array]) -> dict[str, str]:
-    """For `unmodelled_load_shares` above the least that is reported: in how many frames, and the largest share."""
+    """Of `unmodelled_load_shares` above 1 %, or `SHARP_SHARE`: in how many frames, and the largest share."""
     words = {}
     for where, share in shares.items():
-        if count := int((share > _PLACES[where].least).sum()):
-            words[where] = (
-                f"in {count} of {len(share)} frames up to {share.max():.0%} of the load lies {_PLACES[where].words}"
-            )
+        if count := int((share > (SHARP_SHARE if where == "at_sharp_edges" else 0.01)).sum()):
+            said = f"in {count} of {len(share)} frames up to {share.max():.0%} of the load lies"
+            words[where] = f"{said} {_PLACES[where][1]}"
     return words

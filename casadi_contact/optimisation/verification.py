@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.symbolic import SymbolicContact
-from casadi_contact.core.conventions import Array, as_poses, load_unit
-from casadi_contact.core.quantities import FORCE, format_above_limit, of_kind, three_digits
+from casadi_contact.core.conventions import Array, as_poses
+from casadi_contact.core.quantities import FORCE, format_above_limit, of_kind, quantity, three_digits
 from casadi_contact.optimisation.reference import (
     loads_on,
     off_finer,
@@ -31,10 +31,9 @@ class Verification:
 
     solved (n,): as the solver says; errors (n, L): surrogate minus model [N, N·mm] of load_names, infinite where the
     model gave no number, NaN where there was no model to ask; tolerance: the scene's; model: its name, or why there is
-    none; outside (n,): frames out of the learned region; uncounted (n,): share of the load that lies where no model of
-    the scene counts any; off_finer (n, L): what the model differs by from a finer one;
-    without_load (n,): frames that bear none, which count for nothing; leaps (n,): frames whose pose leaps from a
-    neighbour's (`beside_leaps`).
+    none; outside (n,): frames out of the learned region; uncounted, at_edge (n,): shares of the load that lie where no
+    model of the scene counts any, and at edges of the elements; off_finer (n, L): what the model differs by from a
+    finer one; without_load (n,): frames that bear none, which count for nothing; leaps (n,): see `beside_leaps`.
     """
 
     load_names: tuple[str, ...]
@@ -137,10 +136,8 @@ class Verification:
         for name, rms, worst, allowed in zip(
             self.load_names, self.rms, self.worst, self.tolerance.allowed, strict=True
         ):
-            said = "" if rms <= allowed else "  too large"
-            lines.append(
-                f"  {name:<8}{format_above_limit(rms, allowed):>10}{worst:>10.3g}{allowed:>11g} {load_unit(name)}{said}"
-            )
+            said = quantity(name).unit + ("" if rms <= allowed else "  too large")
+            lines.append(f"  {name:<8}{format_above_limit(rms, allowed):>10}{worst:>10.3g}{allowed:>11g} {said}")
         return "\n".join([*lines, "  passed" if self.passed else "  not passed"])
 
     def _doubts(self) -> Iterator[tuple[np.ndarray, str, Array | None, str]]:
@@ -176,7 +173,7 @@ class Verification:
         found = np.abs(sizes[rows])
         row, load = np.unravel_index(int(np.nan_to_num(found / self.allowed[rows], nan=np.inf).argmax()), found.shape)
         name = self.load_names[load]
-        return f"{three_digits(found[row, load])} {load_unit(name)} ({name})"
+        return f"{three_digits(found[row, load])} {quantity(name).unit} ({name})"
 
 
 def _numbers(rows: np.ndarray) -> str:

@@ -26,18 +26,6 @@ class Effort:
 
 
 @dataclass(frozen=True)
-class ChartEffort:
-    """What the speed-accuracy chart trains beside the preset's own surrogates.
-
-    sizes: by structure, one effort for each size; its budget goes to each network, or the share of it that the
-    structure says (`Surrogate.budget_shares`). peer_gflop: budget of each peer.
-    """
-
-    sizes: dict[str, tuple[Effort, ...]] = field(default_factory=dict)
-    peer_gflop: float = 300.0
-
-
-@dataclass(frozen=True)
 class ActiveRound:
     """Training goes on with samples on which the surrogate of before is worst (see `active`).
 
@@ -53,14 +41,15 @@ class ActiveRound:
 @dataclass(frozen=True)
 class Preset:
     """sampling_scale: samples as a share of the paper's 122,400; efforts: by structure, then by the start of a
-    network's name (see `effort_for`); active: rounds that follow; chart: what the speed-accuracy chart trains;
-    domain_weights: what residuals in a domain ("D1") are multiplied by in training, 1 where it is not named; sampling:
-    other fields of `SamplingSettings` than the scene's."""
+    network's name (see `effort_for`); active: rounds that follow; charted: what the speed-accuracy chart trains beside
+    these, by structure one effort for each size, whose budget goes to each network, or the share of it that the
+    structure says (`Surrogate.budget_shares`); domain_weights: what residuals in a domain ("D1") are multiplied by in
+    training, 1 where it is not named; sampling: other fields of `SamplingSettings` than the scene's."""
 
     sampling_scale: float
     efforts: dict[str, dict[str, Effort]] = field(default_factory=dict)
     active: tuple[ActiveRound, ...] = ()
-    chart: ChartEffort = field(default_factory=ChartEffort)
+    charted: dict[str, tuple[Effort, ...]] = field(default_factory=dict)
     domain_weights: dict[str, float] = field(default_factory=dict)
     sampling: dict[str, Any] = field(default_factory=dict)
 
@@ -110,37 +99,32 @@ PRESETS: dict[str, Preset] = {
         efforts={
             "patch": {"root": Effort(((8, 8), (16, 16, 16)), 1_000.0), "ratios": Effort(((8, 8), (14, 14)), 150.0)}
         },
-        chart=ChartEffort(
-            sizes={
-                "patch": _ladder(
-                    "algebraic",
-                    *((6, 6.0, 5_000), (8, 15.0, 5_000), (12, 55.0, None)),
-                    *((16, 100.0, None), (24, 220.0, None), (32, 380.0, None), (48, 800.0, None)),
-                ),
-                "two_stage": _ladder("tanh", (8, 6.0, 5_000), (16, 18.0, 5_000)),
-            }
-        ),
+        charted={
+            "patch": _ladder(
+                "algebraic",
+                *((6, 6.0, 5_000), (8, 15.0, 5_000), (12, 55.0, None)),
+                *((16, 100.0, None), (24, 220.0, None), (32, 380.0, None), (48, 800.0, None)),
+            ),
+            "two_stage": _ladder("tanh", (8, 6.0, 5_000), (16, 18.0, 5_000)),
+        },
     ),
     "standard": Preset(
         sampling_scale=0.4,
         efforts={"patch": _patch((20, 9_000.0), (14, 700.0)), "two_stage": _as_in_the_paper(2_000.0)},
-        chart=ChartEffort(
-            sizes={
-                "patch": _ladder(
-                    "algebraic",
-                    *((6, 45.0, 10_000), (8, 95.0, 15_000), (12, 400.0, None)),
-                    *((16, 700.0, None), (24, 1_500.0, None), (32, 3_200.0, None), (48, 13_000.0, None)),
-                ),
-                "two_stage": _ladder("tanh", (8, 28.0, 12_000), (16, 115.0, 12_000), (24, 310.0, 12_000)),
-            },
-            peer_gflop=9_000.0,
-        ),
+        charted={
+            "patch": _ladder(
+                "algebraic",
+                *((6, 45.0, 10_000), (8, 95.0, 15_000), (12, 400.0, None)),
+                *((16, 700.0, None), (24, 1_500.0, None), (32, 3_200.0, None), (48, 13_000.0, None)),
+            ),
+            "two_stage": _ladder("tanh", (8, 28.0, 12_000), (16, 115.0, 12_000), (24, 310.0, 12_000)),
+        },
     ),
     "parts": Preset(  # for scenes whose patches are cut into parts: many small networks
         sampling_scale=0.4,
         efforts={"patch": _patch((16, 600.0), (14, 250.0), 30_000)},
         active=(ActiveRound(1.0, 0.2, {"patch": _patch((16, 600.0), (16, 250.0), 30_000)}),),
-        chart=ChartEffort({"patch": _ladder("algebraic", (8, 30.0, 20_000), (12, 120.0, None))}, peer_gflop=900.0),
+        charted={"patch": _ladder("algebraic", (8, 30.0, 20_000), (12, 120.0, None))},
         domain_weights={"D1": 6.0, "D3": 2.0, "D4": 1.5},  # poses like those of the motion are to be the most accurate
     ),
     "reach": Preset(  # for scenes whose plan is a joint's whole reach: larger networks than around a motion

@@ -28,8 +28,7 @@ from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
 from casadi_contact.workflow.presets import TO_TOLERANCE, Preset
 from casadi_contact.workflow.project import Project, exclusive, trained_surrogates
-from casadi_contact.workflow.samples import sample
-from casadi_contact.workflow.train import build_command
+from casadi_contact.workflow.stages import build_command, sample
 
 _log = logging.getLogger(__name__)
 

@@ -26,7 +26,6 @@ from casadi_contact.core.terminal import PlainConsole, progress_bars, run_progra
 from casadi_contact.core.workers import one_thread
 from casadi_contact.networks.frames import rotation
 from casadi_contact.networks.network import Regression
-from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import Samples, finite, fitted_rows
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.patch.networks import part_components, ratios_name, root_name
@@ -203,23 +202,14 @@ def _candidate(name: str, family: str, peer: Peer, samples: int, seconds: float)
     return Candidate(point, peer, {"value": partial(time_single_calls, value), "batch": batch})
 
 
-FAMILIES = (*METHODS, SPLINE)
-
-
-def peer_candidates(
-    samples: Samples,
-    motion: ReferenceMotion | None,
-    gflop: float,
-    names: Sequence[str] | None = None,
-    families: Sequence[str] = FAMILIES,
-) -> Iterator[Candidate]:
+def peer_candidates(samples: Samples, names: Sequence[str] | None = None) -> Iterator[Candidate]:
     """Every peer, fitted on the training samples on one thread, one after the other.
 
     names: loads to predict, the scene's if left out. A family that fails becomes a candidate with model None and the
     failure's text. Raises ValueError for unknown loads.
     """
     names = check_loads(samples.scene.load_names, names)
-    for family in families:
+    for family in (*METHODS, SPLINE):
         if family == SPLINE:
             candidates = spline_candidates(samples, names)
         else:

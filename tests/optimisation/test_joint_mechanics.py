@@ -15,7 +15,7 @@ from casadi_contact.optimisation.joint_mechanics import (
     total_selection,
     whole_wrench,
 )
-from casadi_contact.optimisation.pose_targets import PoseTargets
+from casadi_contact.optimisation.pose_estimation import PoseTargets
 from problems.contact_source import wrench_function
 
 POSE = np.array([0.7, 27.3, 0.1, 0.002, -0.04, -0.5])

@@ -12,8 +12,7 @@ from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.conventions import POSE_IN_MM
 from casadi_contact.optimisation.ipopt import FrameOutcome
-from casadi_contact.optimisation.pose_estimation import PoseEstimation
-from casadi_contact.optimisation.pose_targets import PoseTargets
+from casadi_contact.optimisation.pose_estimation import PoseEstimation, PoseTargets
 from casadi_contact.optimisation.reference import reference_model
 from casadi_contact.scenes.cycle import Cycle, read_cycle, scene_cycles
 from casadi_contact.scenes.walking import reference_cycle

@@ -9,8 +9,7 @@ import trimesh
 import casadi_contact as cc
 from casadi_contact.core.conventions import pose_index
 from casadi_contact.pictures.drawn_bodies import fixed_surfaces
-from casadi_contact.pictures.joint_page import joint_page
-from casadi_contact.pictures.page_model import page_contact
+from casadi_contact.pictures.joint_page import joint_page, page_contact
 from casadi_contact.scenes.opensim import read_opensim_table
 from casadi_contact.scenes.pose_file import read_poses, write_poses
 from tests.support.agreement import agree

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 import casadi_contact as cc
 from casadi_contact.cli.main import app
 from casadi_contact.core.conventions import POSE_NAMES
-from casadi_contact.pictures import page_model as compiling
+from casadi_contact.pictures import joint_page as compiling
 from casadi_contact.pictures.drawn_bodies import (
     MOST_TRIANGLES,
     Triangles,

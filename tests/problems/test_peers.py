@@ -18,7 +18,7 @@ def test_every_family_is_in_the_table_and_every_stopwatch_runs(monkeypatch):
         monkeypatch.setitem(regressors.METHODS, family, {"small": method})
     monkeypatch.setattr(peers, "NODES", 4**6)
     samples = replace(smooth_samples(200), scene=SPHERE.with_overrides(teacher=(30, 30)))
-    made = list(peers.peer_candidates(samples, None, 1.0, NAMES))
+    made = list(peers.peer_candidates(samples, NAMES))
     poses = smooth_poses(4, seed=1)
     assert {c.point.family for c in made} == set(peers.FAMILIES)
     for candidate in made:

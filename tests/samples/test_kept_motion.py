@@ -9,7 +9,7 @@ import casadi_contact as cc
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.workflow.presets import Preset
 from casadi_contact.workflow.project import Project, read_motion
-from casadi_contact.workflow.samples import sample, take_table
+from casadi_contact.workflow.stages import sample, take_table
 from tests.support import own_contact
 
 COUNTS = {"D1": 60, "D2": 0, "D3": 60, "D4": 0, "D5": 15, "D6": 0, "D7": 10}

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from casadi_contact.cli.scene_commands import cycle
+from casadi_contact.cli.commands import cycle
 from casadi_contact.core.conventions import POSE_NAMES, rotation
 from casadi_contact.scenes.cycle import read_cycle
 from casadi_contact.scenes.loading import load_scene

@@ -9,10 +9,10 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, write_samples
-from casadi_contact.workflow import samples as sampling
+from casadi_contact.workflow import stages as sampling
 from casadi_contact.workflow.presets import PRESETS, ActiveRound, Effort, Preset
 from casadi_contact.workflow.project import Project
-from casadi_contact.workflow.train import candidates, train, worst_samples
+from casadi_contact.workflow.stages import candidates, train, worst_samples
 from tests.support.smooth_samples import smooth_samples
 
 

@@ -12,8 +12,8 @@ from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, write_sample
 from casadi_contact.workflow import tolerance
 from casadi_contact.workflow.presets import Effort, Preset
 from casadi_contact.workflow.project import Project, project_surrogates
+from casadi_contact.workflow.stages import train
 from casadi_contact.workflow.tolerance import misses, scene_to_tolerance
-from casadi_contact.workflow.train import train
 from tests.support.smooth_samples import SPHERE, smooth_samples
 
 
@@ -79,7 +79,7 @@ def trained(folder, force_n, torque_nmm, *sizes):
 
 
 def test_the_first_round_that_meets_the_tolerance_is_the_last(tmp_path, asked, monkeypatch):
-    monkeypatch.setattr("casadi_contact.workflow.train.model_name_of", lambda samples: "foundation")
+    monkeypatch.setattr("casadi_contact.workflow.stages.model_name_of", lambda samples: "foundation")
     sizes = ((4,), (12, 12), (40, 40))
     small = trained(tmp_path, 100.12345678, 3000.0, *sizes)
     assert asked == [0.1]

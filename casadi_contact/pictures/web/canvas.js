@@ -1,4 +1,4 @@
-/** Canvases that are as sharp as the screen, and colours. */
+/** Canvases that are as sharp as the screen, colours, and numbers as people read them. */
 
 export const INK = "#1d2329";
 export const FAINT = "#6b747d";
@@ -42,3 +42,17 @@ export function line(context, points) {
 }
 
 export const css = ([r, g, b]) => `rgb(${Math.round(255 * r)} ${Math.round(255 * g)} ${Math.round(255 * b)})`;
+
+/** A number with about three significant digits, minus sign included; "–" for what is not a number. */
+export function readable(value) {
+  if (!Number.isFinite(value)) return "–";
+  const size = Math.abs(value);
+  const digits = size >= 100 ? 0 : size >= 10 ? 1 : size >= 1 ? 2 : 3;
+  const text = size < 1e6 ? value.toFixed(digits) : value.toExponential(1);
+  return Number(text) === 0 ? "0" : text.replace("-", "−");
+}
+
+/** Let an element say a text; the same text again costs nothing. */
+export function say(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}

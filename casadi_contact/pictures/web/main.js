@@ -1,16 +1,14 @@
 /** The page: one pose, and everything that follows from it. */
 
-import { presets, sliders, targets } from "./controls.js";
-import { readable, say } from "./format.js";
+import { readable, say } from "./canvas.js";
 import { loadModels, unpack } from "./kernel.js";
 import { dot } from "./linear.js";
-import { PressureMap } from "./map.js";
-import { LEARNED, LoadsPanel } from "./panel.js";
+import { LEARNED, LoadsPanel, presets, sliders, targets } from "./panel.js";
 import { csvOf, download, optiOf, stoOf } from "./save.js";
 import { Bodies } from "./scene.js";
-import { Section } from "./section.js";
 import { settle } from "./settle.js";
 import { Timeline } from "./timeline.js";
+import { PressureMap, Section } from "./views.js";
 
 const byId = (id) => document.getElementById(id);
 

@@ -1,6 +1,72 @@
-/** Loads, expected errors, gaps, and the light of validity. */
+/** Sliders of the pose, presets, typed loads to settle under; loads, expected errors, gaps, the light of validity. */
 
-import { readable, say } from "./format.js";
+import { readable, say } from "./canvas.js";
+
+const element = (tag, properties = {}, ...children) => {
+  const made = Object.assign(document.createElement(tag), properties);
+  made.append(...children);
+  return made;
+};
+
+/** Six sliders; changed(pose) is called when one moves. show(pose) moves them. */
+export function sliders(place, content, changed) {
+  let pose = [];
+  const rows = content.pose.map((parameter, k) => {
+    const [low, high] = parameter.range.map((bound) => parameter.factor * bound);
+    const step = (high - low) / 1000;
+    const slide = element("input", { type: "range", min: low, max: high, step, ariaLabel: parameter.name });
+    const number = element("input", { type: "number", min: low, max: high, step: "any", id: parameter.name });
+    const take = (text) => {
+      const value = Number(text);
+      if (text === "" || !Number.isFinite(value)) return;
+      pose = pose.with(k, Math.min(Math.max(value, low), high) / parameter.factor);
+      changed(pose);
+    };
+    slide.addEventListener("input", () => take(slide.value));
+    number.addEventListener("change", () => take(number.value));
+    const ends = element("div", { className: "ends" }, ...parameter.ends.map((end, i) =>
+      element("span", { textContent: i ? `${end} ${readable(high)}` : `${readable(low)} ${end}` })));
+    place.append(element("div", { className: "slider" },
+      element("label", { htmlFor: parameter.name }, parameter.label, element("small", { textContent: ` ${parameter.name}` })), number,
+      element("span", { className: "unit", textContent: parameter.unit }), slide, ends));
+    return { parameter, slide, number };
+  });
+  return (next) => {
+    pose = Array.from(next);
+    rows.forEach(({ parameter, slide, number }, k) => {
+      const value = parameter.factor * pose[k];
+      slide.value = value;
+      if (document.activeElement !== number) number.value = value.toFixed(3);
+    });
+  };
+}
+
+/** A button for each preset, a frame of the cycle; chosen(frame). */
+export function presets(place, content, chosen) {
+  for (const [name, frame] of Object.entries(content.presets)) {
+    const button = element("button", { type: "button", textContent: name });
+    button.addEventListener("click", () => chosen(frame));
+    place.append(button);
+  }
+}
+
+/** Fields for the wanted loads; wanted(values) when the form is sent. */
+export function targets(form, content, wanted) {
+  const { free, loads, start } = content.settle;
+  form.hidden = !free.length;
+  form.querySelector("#free").textContent = `moves ${free.join(", ")}`;
+  const fields = loads.map((name, i) => {
+    const { unit } = content.loads.find((load) => load.name === name);
+    const field = element("input", { type: "number", step: "any", value: start[i].toFixed(1), id: `target-${name}` });
+    form.querySelector("#targets").append(element("div", { className: "target" },
+      element("label", { textContent: name, htmlFor: field.id }), field, element("span", { textContent: unit })));
+    return field;
+  });
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    wanted(fields.map((field) => Number(field.value)));
+  });
+}
 
 const VALID = 0.9;
 export const LEARNED = 0.5;

@@ -1,7 +1,6 @@
 /** The loads over the cycle, and a scrubber through it. */
 
-import { FAINT, LINE, cleared, line, write } from "./canvas.js";
-import { readable } from "./format.js";
+import { FAINT, LINE, cleared, line, readable, write } from "./canvas.js";
 
 const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"];
 const [LEFT, RIGHT] = [58, 8];

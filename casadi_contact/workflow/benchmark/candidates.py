@@ -126,7 +126,7 @@ def chart_sizes(project: Project) -> dict[str, tuple[str, dict[str, Effort]]]:
     """Structure and efforts of every surrogate that the preset's chart shows, of the structures that fit the scene, by
     its name on the chart: "patch 12-12"."""
     found = {}
-    for structure, efforts in project.preset.chart.sizes.items():
+    for structure, efforts in project.preset.charted.items():
         shares = {"": 1.0, **STRUCTURES[structure].budget_shares}
         for effort in efforts if STRUCTURES[structure].fits(project.scene) else ():
             by_network = {name: replace(effort, gflop=share * effort.gflop) for name, share in shares.items()}

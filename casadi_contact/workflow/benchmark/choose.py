@@ -191,5 +191,4 @@ def python_line(scene: str, name: str, loads: Sequence[str], file: Path | str | 
         kind = next(kind for kind in _RESOLUTIONS if kind in name)
         numbers = ", ".join(re.findall(r"[\d.]+", name))
         return _RESOLUTIONS[kind].format(scene=f"cc.load_scene({scene!r})", numbers=numbers)
-    maker = f"problems.studies.peers.peer_candidates(samples, motion, gflop, {list(loads)!r})"
-    return f"{maker}, the one named {name!r}"
+    return f"problems.studies.peers.peer_candidates(samples, {list(loads)!r}), the one named {name!r}"

@@ -86,17 +86,17 @@ _POSES = 505
 _FAILURES = (ValueError, ArithmeticError, RuntimeError, MemoryError)
 
 Tell = Callable[[str], None]
-Peers = Callable[[Samples, ReferenceMotion, float], Iterable[Candidate]]
-"""Samples, the motion they lie around, and 10⁹ floating-point operations for each -> models of other methods."""
+Peers = Callable[[Samples], Iterable[Candidate]]
+"""Samples -> models of other methods that learned from them."""
 
 
 def measure_project(project: Project, *, peers: Peers | None = None, tell: Tell | None = None) -> Path:
     """Measure the surrogates at hand (see `charted_surrogates`), what needs no training, and peers; write
     ``speed_accuracy.csv`` and return its path.
 
-    peers: gives models of other methods, fitted to the project's samples and motion. tell: called with what is measured
-    next. Where nothing has been built, poses are those of the built-in cycles. Surrogates of finite elements are
-    compared with these. Without elements, in scenes without geometry and of a table, only times are measured.
+    tell: called with what is measured next. Where nothing has been built, poses are those of the built-in cycles.
+    Surrogates of finite elements are compared with these. Without elements, in scenes without geometry and of a table,
+    only times are measured.
     """
     scene, candidates = project.scene, list[Candidate]()
     compared = scene.layer is not None and (not project.has_results or has_motion(project))
@@ -116,7 +116,7 @@ def measure_project(project: Project, *, peers: Peers | None = None, tell: Tell 
     for name, surrogate in charted_surrogates(project):
         candidates += surrogate_candidates(name, surrogate, graph=name in shown_as_graph)
     if peers is not None:
-        candidates += peers(project.samples(), motion, project.preset.chart.peer_gflop)
+        candidates += peers(project.samples())
     path = project.folder / FILE_NAME
     front = measure(candidates, scene, poses, tell, reference=reference)
     write_front(path, Front({**front.header, "preset": project.preset_name}, front.points))

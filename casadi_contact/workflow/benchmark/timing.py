@@ -30,12 +30,12 @@ def time_batch(evaluate: Callable[[Array], object], poses: Array) -> float:
 
 
 def time_single_calls(function: ca.Function, poses: Array, *others: Array) -> float:
-    """CPU seconds per pose of a CasADi function (pose, *others) -> outputs, called pose by pose through its buffer.
+    """CPU seconds per call of a CasADi function (pose, *others) -> outputs, called pose by pose through its buffer.
 
     Includes the copy of each pose into the buffer, as a simulation would make it. Other arguments stay as given.
     """
     buffer, call = function.buffer()
-    pose = np.zeros(6)
+    pose = np.zeros(poses.shape[1])
     view, rows = memoryview(pose), [memoryview(row) for row in np.ascontiguousarray(poses)]  # type: ignore[arg-type]
     outputs = [np.zeros(function.sparsity_out(i).nnz()) for i in range(function.n_out())]
     buffer.set_arg(0, view)  # type: ignore[call-arg, arg-type]
@@ -52,14 +52,7 @@ def time_single_calls(function: ca.Function, poses: Array, *others: Array) -> fl
 
 def time_mapped(mapped: ca.Function, poses: Array) -> float:
     """CPU seconds per pose of one buffered call of a CasADi function poses (6 x n) -> outputs, for n = len(poses)."""
-    buffer, call = mapped.buffer()
-    columns = np.ascontiguousarray(poses).reshape(-1)  # CasADi stores columns one after the other: pose by pose
-    output = np.zeros(mapped.nnz_out(0))
-    buffer.set_arg(0, memoryview(columns))  # type: ignore[call-arg, arg-type]
-    buffer.set_res(0, memoryview(output))  # type: ignore[call-arg, arg-type]
-    start = time.process_time()
-    call()
-    return (time.process_time() - start) / len(poses)
+    return time_single_calls(mapped, np.reshape(poses, (1, -1))) / len(poses)  # CasADi stores column after column
 
 
 def compare(measurements: Mapping[Name, Callable[[], float]], repeats: int = 7) -> dict[Name, Timing]:

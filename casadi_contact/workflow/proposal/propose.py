@@ -29,13 +29,6 @@ from casadi_contact.workflow.proposal.tables import MATERIALS, direction_of, fir
 
 _STEPS = ("surfaces", "pose at rest", "reference motion", "element grids", "done")
 REST_SHARE = 0.3  # of the reference load, on every patch of a body at rest
-_UNMODELLED = {
-    "beyond_open_edges": "whether the moving part ends at its open edges",
-    "at_edges": "what carries load beyond the elements",
-    "on_walls": "what walls carry",
-    "outside_patches": "what lies outside of the patches",
-    "at_sharp_edges": "what sharp edges carry",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,8 +249,7 @@ def _questions_about_motion(model: ElasticFoundation, poses: Array, report: Refe
         questions.append("whether the part ends at the fixed mesh's open edges: taken as cut there (open_edges)")
     some = poses[:: max(1, len(poses) // 50)]
     unmodelled = unmodelled_load_words(unmodelled_load_shares(model, some))
-    questions += [f"{_UNMODELLED[where]}: {words}" for where, words in unmodelled.items()]
-    return questions
+    return [*questions, *(f"load that the model may miss: {words}" for words in unmodelled.values())]
 
 
 def rest_pose(

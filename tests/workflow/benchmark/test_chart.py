@@ -17,19 +17,19 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.polar.foundation import RayChoice
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.samples.samples import TEST, write_samples
-from casadi_contact.workflow import samples as sampling
+from casadi_contact.workflow import stages as sampling
 from casadi_contact.workflow.benchmark.candidates import Candidate, chart_sizes, sized_path, train_sizes
 from casadi_contact.workflow.benchmark.choose import python_line
 from casadi_contact.workflow.benchmark.front_file import Point, read_front
 from casadi_contact.workflow.benchmark.measure import measure, measure_project, unseen_walking
-from casadi_contact.workflow.presets import PRESETS, ChartEffort, Effort, Preset
+from casadi_contact.workflow.presets import PRESETS, Effort, Preset
 from casadi_contact.workflow.project import Project, read_motion
 
 PATCH = {"patch": (Effort(((4, 4),), 0.2),)}
 TINY = Preset(
     sampling_scale=0.005,
     efforts={"patch": {"": Effort(((5, 5),), 0.3)}},
-    chart=ChartEffort({**PATCH, "two_stage": (Effort(((4,),), 0.05, "tanh", max_rows=300),)}),
+    charted={**PATCH, "two_stage": (Effort(((4,),), 0.05, "tanh", max_rows=300),)},
 )
 
 
@@ -56,7 +56,7 @@ def test_sizes_that_are_damaged_or_of_other_tolerances_or_samples_are_trained_an
 ):
     shutil.copytree(project.folder, tmp_path / "out")
     half = project.scene.with_tolerances(**{name: 0.5 * most for name, most in project.scene.tolerances.items()})
-    other = replace(project, scene=half, folder=tmp_path / "out", own=replace(TINY, chart=ChartEffort(PATCH)))
+    other = replace(project, scene=half, folder=tmp_path / "out", own=replace(TINY, charted=PATCH))
     path = sized_path(other, "patch 4-4")
     with ThreadPoolExecutor(1) as here:
         train_sizes(other, executor=here)
