@@ -5,7 +5,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from casadi_contact.contact.pressure_law import law_of
 from casadi_contact.core.conventions import load_selection
 from casadi_contact.networks.kernel.source import c_text, guards
-from casadi_contact.scenes.material import Material
 from casadi_contact.scenes.scene import Scene
 
 C_LAWS = ("linear", "log")
@@ -21,9 +20,10 @@ def kernel_source(
     inputs: of 12 or 17, loads depend on a pose and its rates, and on coefficients of friction; roots then has to be 0.
     """
     selection = load_selection(loads, scene.patch_names)
+    _, modulus, thickness = law_of(scene.material)
     sizes = {
-        **{"LOADS": len(loads), "ROOTS": roots, "PATCHES": len(scene.patch_names)},
-        **_law_sizes(scene.material),
+        **{"LOADS": len(loads), "ROOTS": roots, "PATCHES": len(scene.patch_names), "WIDEST": 8, "WIDTH": 8},
+        **{"LOGARITHMIC": int(scene.material.law == "log"), "MODULUS": modulus, "THICKNESS": thickness},
         **{"MOST_LANES": lanes, "MOVING": int(inputs > 6), "COEFFICIENTS": 5 if inputs > 12 else 0},
         **{"REFERENCE_LOAD": float(scene.reference_load), "GAP_SLOPE": float(scene.gap_slope)},
     }
@@ -47,18 +47,6 @@ def kernel_source(
             guards(inputs="VARIABLES"),
         ]
     )
-
-
-def law_source(material: Material) -> str:
-    """C99 of the pressure law alone: pressure_at, pressure_slope_at and pressure_bend_at of four depths."""
-    texts = [c_text("core.h"), c_text("pose.h"), c_text("lanes.h", C_FOLDER), c_text("foundation.h", C_FOLDER)]
-    return "\n".join([*definitions({**_law_sizes(material), "MOST_LANES": 4, "MOVING": 0}), *texts])
-
-
-def _law_sizes(material: Material) -> dict[str, float]:
-    _, modulus, thickness = law_of(material)
-    sizes = {"WIDEST": 8, "WIDTH": 8, "LOGARITHMIC": int(material.law == "log")}
-    return {**sizes, "MODULUS": modulus, "THICKNESS": thickness}
 
 
 def definitions(sizes: Mapping[str, float], tables: Mapping[str, Iterable[float]] | None = None) -> list[str]:

@@ -6,7 +6,7 @@ stay, hang in the fork.
 
 import ctypes
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -67,20 +67,13 @@ def loaded(path: Path) -> ctypes.CDLL:
     return ctypes.CDLL(str(path))
 
 
-def call_in_shares(
-    library: Path,
-    function: str,
-    poses: Array,
-    *arrays: np.ndarray | None,
-    constants: Sequence[np.ndarray] = (),
-) -> None:
-    """Call function(n, poses, *arrays, *constants) of a library on shares of the rows (see `in_shares`): every array
-    has a row for each pose (None is passed on as 0), constants are passed on whole."""
+def call_in_shares(library: Path, function: str, poses: Array, *arrays: np.ndarray | None) -> None:
+    """Call function(n, poses, *arrays) of a library on shares of the rows (see `in_shares`): every array has a row for
+    each pose (None is passed on as 0)."""
     entry = getattr(loaded(library), function)
-    whole = [constant.ctypes.data_as(ctypes.c_void_p) for constant in constants]
 
     def one(part: slice) -> None:
         pointers = [None if a is None else a[part].ctypes.data_as(ctypes.c_void_p) for a in (poses, *arrays)]
-        entry(ctypes.c_longlong(len(poses[part])), *pointers, *whole)
+        entry(ctypes.c_longlong(len(poses[part])), *pointers)
 
     in_shares(len(poses), one)

@@ -1,16 +1,16 @@
-"""Element grids of every surface: derivatives of their loads, culling, and the same sums in C and in numba."""
+"""Element grids of every surface: derivatives of their loads, and culling."""
 
 import numpy as np
 import pytest
 
 import casadi_contact as cc
 import casadi_contact.geometry.elements as grids
-from casadi_contact.contact.elements.loops import block_bound, point_bound
-from casadi_contact.core.compiler import CACHE_VARIABLE
+from casadi_contact.contact.elements.loops import block_bounds, point_bound
+from casadi_contact.core.conventions import rotation
 from casadi_contact.geometry.moving_surface import MESH_FIELD
+from casadi_contact.geometry.surface_distances import signed_distance_value
 from casadi_contact.pictures.contact_picture import contact_pose
 from tests.support.agreement import differences
-from tests.support.compiler import needs_compiler
 from tests.support.meshes import scene_of, sheet_mesh, torus_mesh
 
 SCENES = ("knee", "hip", "patellofemoral", "mesh")
@@ -27,7 +27,7 @@ def case(request, tmp_path_factory):
         first = np.array([0.0, 29.85, 0.0, 0.0, 0.0, 0.0])
     else:
         scene = cc.load_scene(request.param)
-        first = contact_pose(cc.ElasticFoundation(scene, (40, 30), compiled=False))
+        first = contact_pose(cc.ElasticFoundation(scene, (40, 30)))
     return scene, first + SPREAD * np.random.default_rng(1).normal(size=(60, 6))
 
 
@@ -51,7 +51,7 @@ def test_culling_never_changes_the_result(case, monkeypatch):
     culled = cc.ElasticFoundation(scene, (40, 30))
     for side in (1, 64):
         monkeypatch.setattr(grids, "BLOCK_SIDE", side)
-        other = cc.ElasticFoundation(scene, (40, 30), compiled=False)
+        other = cc.ElasticFoundation(scene, (40, 30))
         np.testing.assert_allclose(other.wrenches(poses), culled.wrenches(poses), rtol=1e-10, atol=1e-7)
         np.testing.assert_allclose(other.gaps(poses), culled.gaps(poses), rtol=1e-10)
 
@@ -67,44 +67,17 @@ def test_bounds_hold_at_all_points_of_a_block_in_a_hollow(from_middle_mm, direct
     offsets = half * np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 9)] * 3), axis=-1).reshape(-1, 3)
     distances = hollow_mm - np.linalg.norm(centre + offsets, axis=1)
     bounds = np.array([point_bound.py_func(tangent, *offset) for offset in offsets])
-    box = np.concatenate([[0.0] * 3, np.diag(half).ravel()])[None]
-    assert block_bound.py_func(MESH_FIELD, tangent, box, 0) <= distances.min()
+    box = np.asfortranarray(np.concatenate([[0.0] * 3, np.diag(half).ravel()])[None])
+    assert block_bounds(MESH_FIELD, np.array(tangent)[:, None], box)[0] <= distances.min()
     assert (bounds <= distances + 1e-12).all()
     assert (distances - bounds).max() < 2.0 * curvature * half @ half  # and not so low that nothing is left out
 
 
-def in_c(model):
-    return [bed.library is not None for bed in model._patches]
-
-
-@needs_compiler
-@pytest.mark.usefixtures("as_shipped")
-@pytest.mark.parametrize(
-    ("name", "grid", "law"),
-    [
-        ("knee", (37, 21), "log"),  # blocks that are not full
-        ("patellofemoral", (30, 20), "linear"),
-        ("hip", (60, 60), "linear"),
-    ],
-)
-def test_c_and_numba_have_the_same_loads_and_jacobian_to_rounding(name, grid, law):
-    scene = cc.load_scene(name, law=law)
-    compiled, loops = (cc.ElasticFoundation(scene, grid, compiled=c) for c in (True, False))
-    assert all(in_c(compiled))
-    assert not any(in_c(loops))
-    poses = contact_pose(loops) + SPREAD * np.random.default_rng(1).normal(size=(300, 6))
-    wrenches = loops.wrenches(poses)
-    touching = (wrenches != 0.0).any(axis=2)
-    assert 0.1 < touching.mean() < 0.95
-    np.testing.assert_array_equal((compiled.wrenches(poses) != 0.0).any(axis=2), touching)
-    for a, b in zip(compiled.jacobian(poses), loops.jacobian(poses), strict=True):
-        np.testing.assert_allclose(a, b, atol=1e-12 * np.abs(b).max())
-
-
-def test_without_a_compiler_and_for_other_surfaces_numba_runs(monkeypatch, tmp_path):
-    assert in_c(cc.ElasticFoundation(cc.load_scene("cylinder_on_plane"))) == [False]
-    monkeypatch.setenv("CC", "no-such-compiler")
-    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
-    model = cc.ElasticFoundation(cc.load_scene("knee"), (40, 30))
-    assert in_c(model) == [False, False]
-    assert model(np.array([0.5, 27.23, 0.1, 0.0, -0.05, -0.3]))[0] < -100.0
+def test_distances_of_many_points_are_those_of_each(case):
+    """Swept arcs have loops of their own."""
+    scene, poses = case
+    model, patch = cc.ElasticFoundation(scene, (10, 10)), scene.patch_names[0]
+    points = poses[0, :3] + 30.0 * np.random.default_rng(2).normal(size=(200, 3))
+    surface, frame = scene.surfaces()[0], rotation(poses[0, 3:])
+    each = [signed_distance_value(surface.family, surface.parameters, *q) for q in (points - poses[0, :3]) @ frame]
+    np.testing.assert_allclose(model.distances(points, poses[0], patch), each, atol=1e-10)

@@ -18,7 +18,7 @@ RUBBING = dict(zip(FRICTION_NAMES, (0.3, 0.2, 1e-3, 20.0, 2e-3), strict=True))
 ON_PLANE, IN_GROOVE = [0.3, 29.8, -0.2, 0.05, 0.1, -0.2], [-49.7, 1.0, 0.3, 0.02, 0.05, 0.1]
 RATES = np.array([20.0, -30.0, 12.0, 0.5, -0.2, 0.4])
 MODELS = {  # scene, a pose, class, its resolution
-    "elements": ("sphere_on_plane", ON_PLANE, cc.ElasticFoundation, (120, 120)),
+    "elements": ("sphere_on_plane", ON_PLANE, lambda *made, compiled: cc.ElasticFoundation(*made), (120, 120)),
     "rays": ("patellofemoral", IN_GROOVE, cc.PolarFoundation, cc.Rays(24, 4)),
     "cells": ("sphere_on_plane", ON_PLANE, cc.CellFoundation, cc.Cells(1.2, 0.75)),
 }

@@ -56,7 +56,7 @@ def test_rows_are_shared_among_threads_that_have_work_and_come_back_in_order():
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_a_process_that_is_forked_after_use_evaluates_too():
-    model, poses = cc.ElasticFoundation(cc.load_scene("sphere_on_plane"), (20, 20), compiled=False), np.zeros((40, 6))
+    model, poses = cc.ElasticFoundation(cc.load_scene("sphere_on_plane"), (20, 20)), np.zeros((40, 6))
     with at_most_threads(2):
         gaps = model.gaps(poses)
         with multiprocessing.get_context("fork").Pool(1) as pool:

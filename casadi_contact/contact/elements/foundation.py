@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property, partial
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -19,12 +18,10 @@ from casadi_contact.contact.elements.loops import (
     point_distances,
     wrench_many,
 )
-from casadi_contact.contact.foundation_source import C_FOLDER, C_LAWS, law_source
 from casadi_contact.contact.friction import PressedPoints, SlidingContact, checked_velocities
 from casadi_contact.contact.pressure_law import law_of, pressure_derivatives, pressures
 from casadi_contact.contact.pressures import PressureMap, PressureSummary
 from casadi_contact.contact.symbolic import symbolic
-from casadi_contact.core.compiler import CompilerError, compiler_command, shared_library
 from casadi_contact.core.conventions import (
     Array,
     as_poses,
@@ -33,11 +30,10 @@ from casadi_contact.core.conventions import (
     twist_to_pose_gradient,
     wrench_about_origin,
 )
-from casadi_contact.core.threads import call_in_shares, in_shares
-from casadi_contact.geometry.elements import BLOCK_SIDE, ElementGrid, scattered_elements
-from casadi_contact.geometry.moving_surface import SWEPT_ARCS, MovingSurface
+from casadi_contact.core.threads import in_shares
+from casadi_contact.geometry.elements import ElementGrid, scattered_elements
+from casadi_contact.geometry.moving_surface import MovingSurface
 from casadi_contact.geometry.triangle_mesh import beside_creases, creases
-from casadi_contact.networks.kernel.source import c_text
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.checks import grid_size
 from casadi_contact.scenes.shapes.mesh_bodies import body_mesh, field_spacing
@@ -48,14 +44,6 @@ EDGE_MM = 1.0  # from the outermost elements
 def grid_text(grid: tuple[int, int]) -> str:
     """Elements per side as people write them: "80×40"."""
     return f"{grid[0]}×{grid[1]}"
-
-
-def _members(e: ElementGrid) -> Array:
-    """c, n and area (blocks, g, 7) of each block's elements, filled up with zeros."""
-    place = e.blocks[:-1, None] + np.arange(BLOCK_SIDE**2)
-    present = place < e.blocks[1:, None]
-    columns = np.column_stack([e.centres_mm, e.normals, e.areas_mm2])
-    return np.asarray(columns[np.where(present, place, 0)] * present[..., None])
 
 
 def _boxes(e: ElementGrid) -> Array:
@@ -73,55 +61,26 @@ def _boxes(e: ElementGrid) -> Array:
 
 class PatchElements(NamedTuple):
     """Elements, as numba's loops read an `ElementGrid`, the moving surface that faces them, and the law's number, K and
-    h (m,) under each; where there is one, the library in C (``c/elements.h``), and what that gets besides poses.
-
-    Both C and numba stay. Numba has every surface and pressure law, and needs no compiler. The C has swept arcs on one
-    thickness only, with four elements in a vector: 7 against 35 µs a pose of 80×40 elements, which all samples of knees
-    wait for.
-    """
+    h (m,) under each."""
 
     surface: MovingSurface
     elements: tuple[Array, Array, Array, np.ndarray, Array]
     law: tuple[int, float, Array]
-    library: Path | None = None
-    constants: tuple[np.ndarray, ...] = ()
 
     @classmethod
-    def of(
-        cls, surface: MovingSurface, e: ElementGrid, scene: Scene | None, *, compiled: bool = False, lanes: int = 4
-    ) -> PatchElements:
-        """scene: None for gaps alone. compiled: whether to take the C where it has the scene's law, `lanes` blocks of
-        elements in a vector."""
-        boxes, law = _boxes(e), (0, np.nan, np.zeros(0))
+    def of(cls, surface: MovingSurface, e: ElementGrid, scene: Scene | None) -> PatchElements:
+        """scene: None for gaps alone."""
+        law = (0, np.nan, np.zeros(0))
         if scene is not None:
             law = *law_of(scene.material)[:2], scene.thickness_at(e.centres_mm, e.normals)
-        bed = cls(surface, (e.centres_mm, e.normals, e.areas_mm2, e.blocks, boxes), law)
-        if not compiled or scene is None or scene.varies or surface.family != SWEPT_ARCS:
-            return bed
-        if (material := scene.material).law not in C_LAWS:
-            return bed
-        try:
-            compiler_command()
-        except CompilerError:
-            return bed  # numba has the same numbers
-        library = shared_library("\n".join([law_source(material), c_text("elements.h", C_FOLDER)]))
-        none = -len(boxes) % lanes  # blocks without elements: all vectors are full
-        boxes = np.pad(boxes, ((0, none), (0, 0))).reshape(-1, lanes, 12).transpose(0, 2, 1).copy()
-        members = np.pad(_members(e), ((0, none), (0, 0), (0, 0))).transpose(0, 2, 1).copy()
-        constants = (np.array([len(members)], dtype=np.int64), surface.parameters.copy(), boxes, members)
-        return bed._replace(library=library, constants=constants)
+        centres, normals, boxes = map(np.asfortranarray, (e.centres_mm, e.normals, _boxes(e)))
+        return cls(surface, (centres, normals, e.areas_mm2, e.blocks, boxes), law)
 
     def wrenches(self, rotations: Array, translations: Array, *, derivatives: bool) -> tuple[Array, Array]:
         """Wrenches (n, 6) and, if asked, d wrench / d twist (n, 6, 6)."""
-        if self.library is None:
-            s = self.surface
-            loop = partial(wrench_many, s.family, s.parameters, self.elements, *self.law, derivatives)
-            return _of_shares(loop, rotations, translations)
-        wrenches = np.empty((len(translations), 6))
-        stiffness = np.empty((len(translations), 6, 6)) if derivatives else None
-        arrays = (np.ascontiguousarray(rotations), translations, wrenches, stiffness)
-        call_in_shares(self.library, "element_wrenches", *arrays, constants=self.constants)
-        return wrenches, np.empty((0, 6, 6)) if stiffness is None else stiffness
+        s = self.surface
+        loop = partial(wrench_many, s.family, s.parameters, self.elements, *self.law, derivatives)
+        return _of_shares(loop, rotations, translations)
 
 
 class ElasticFoundation(SlidingContact):
@@ -130,20 +89,16 @@ class ElasticFoundation(SlidingContact):
     The wrench of a patch on the fixed body is Σ -p(d_i)·A_i·(n_i, c_i × n_i) over its elements, with d_i the depth
     along the element's normal. Each method takes poses (n, 6), side by side on threads, or one pose (6,).
 
-    grid: elements per patch (nx, nz), the scene's fine grid if left out. compiled: False for numba's loops in any
-    case; they are slower, and their loads the same to rounding.
+    grid: elements per patch (nx, nz), the scene's fine grid if left out.
     """
 
-    def __init__(self, scene: Scene, grid: tuple[int, int] | None = None, *, compiled: bool = True) -> None:
+    def __init__(self, scene: Scene, grid: tuple[int, int] | None = None) -> None:
         super().__init__(scene)
         _ = scene.material  # a scene without geometry says so
         self.grid = scene.grids["fine"] if grid is None else grid_size("grid", grid)
         grids = scene.elements(self.grid)
-        self._edges = [e.edge_centres_mm for e in grids]
-        self._compiled = compiled
-        self._patches = [
-            PatchElements.of(s, e, scene, compiled=compiled) for s, e in zip(scene.surfaces(), grids, strict=True)
-        ]
+        self._edges = [np.asfortranarray(e.edge_centres_mm) for e in grids]
+        self._patches = [PatchElements.of(s, e, scene) for s, e in zip(scene.surfaces(), grids, strict=True)]
 
     def __repr__(self) -> str:
         return f"ElasticFoundation({self.scene.name}, grid={grid_text(self.grid)})"
@@ -175,7 +130,8 @@ class ElasticFoundation(SlidingContact):
     def _pressed(self, bed: PatchElements, loads: Array, R: Array, t: Array) -> PressedPoints:
         surface, (centres, normals, areas, *_) = bed.surface, bed.elements
         near = near_elements(surface.family, surface.parameters, bed.elements, R, t)
-        depths, by_twist = overlap_many(surface.family, surface.parameters, centres[near], normals[near], R, t, 0.0)
+        points, along = np.asfortranarray(centres[near]), np.asfortranarray(normals[near])
+        depths, by_twist = overlap_many(surface.family, surface.parameters, points, along, R, t, 0.0)
         pressed = depths > 0.0
         depths, by_twist, on = depths[pressed], by_twist[pressed], near[pressed]
         number, modulus, thickness = bed.law
@@ -254,7 +210,7 @@ class ElasticFoundation(SlidingContact):
         """Signed distances (m,) [mm] of fixed-frame points (m, 3) from the moving surface that faces a patch."""
         (position,) = as_poses([pose])
         surface = self._patches[self.patch_names.index(patch)].surface
-        points = np.ascontiguousarray(points_mm, dtype=float)
+        points = np.asfortranarray(points_mm, dtype=float)
         return point_distances(surface.family, surface.parameters, points, rotation(position[3:]), position[:3].copy())
 
     def _depths(self, pose: Array) -> Iterator[tuple[PatchElements, Array]]:
@@ -283,7 +239,7 @@ class ElasticFoundation(SlidingContact):
             return self._patches
         grids = self.scene.part_elements(self.grid)
         return [
-            PatchElements.of(self._patches[part.patch].surface, e, self.scene, compiled=self._compiled)
+            PatchElements.of(self._patches[part.patch].surface, e, self.scene)
             for part, e in zip(parts, grids, strict=True)
         ]
 

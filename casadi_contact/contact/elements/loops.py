@@ -3,17 +3,22 @@
 An element at c with outward normal n meets the moving body if c lies inside it (g(c) < 0); its depth d is the
 distance from c along -n to the body's surface, found by Newton's method on g(c - d·n) = 0. Its load on the fixed
 body is -p(d)·A·(n, c × n).
+
+Points of a patch are stored coordinate after coordinate (order="F"), so that loops over them run in vectors.
 """
+
+from typing import Any
 
 import numpy as np
 
 from casadi_contact.contact.pressure_law import pressure
 from casadi_contact.core.compilation import njit
 from casadi_contact.geometry.distance_field import CURVATURE_REACH_MM, field_curvature
-from casadi_contact.geometry.moving_surface import MESH_FIELD
+from casadi_contact.geometry.moving_surface import MESH_FIELD, NUMBERS_PER_ARC, SWEPT_ARCS
 from casadi_contact.geometry.surface_distances import signed_distance, signed_distance_value
 
 STEEPEST_FIELD = 1.1  # slope of a mesh's distance field: 1, and what its spline overshoots at sharp edges
+_VECTORS: Any = {"error_model": "numpy", "fastmath": {"contract", "nsz", "arcp", "reassoc"}}  # sums in any order
 
 
 @njit(inline="always")
@@ -48,38 +53,91 @@ def _square_reach(boxes, b):
     return total
 
 
-@njit(inline="always")
-def tangent_at(family, parameters, R, t, boxes, b):
-    """g and its gradient G (fixed frame) at the centre c of block b, and a bound M on its curvature over the block.
+@njit(**_VECTORS)
+def _swept_distances(parameters, points, R, t):
+    """As `_distances`, of swept arcs: `signed_distance` of all points at once."""
+    found, (qx, qy, qz) = np.empty((4, len(points))), np.empty((3, len(points)))
+    g, x, y, offset = found
+    last = 3 + NUMBERS_PER_ARC * (int(parameters[0]) - 1)
+    end_x, end_y, end_offset = parameters[last], parameters[last + 1], parameters[last + 2]
+    for e in range(len(points)):
+        qx[e], qy[e], qz[e] = to_moving(R, t, points[e, 0], points[e, 1], points[e, 2])
+        x[e], y[e], offset[e] = end_x, end_y, end_offset
+    for at in range(last - NUMBERS_PER_ARC, 0, -NUMBERS_PER_ARC):
+        axis_x, axis_y, out, along_x, along_y = parameters[at : at + NUMBERS_PER_ARC]
+        for e in range(len(points)):
+            past = (qx[e] - axis_x) * along_x + (qy[e] - axis_y) * along_y > 0.0
+            x[e], y[e], offset[e] = x[e] if past else axis_x, y[e] if past else axis_y, offset[e] if past else out
+    for e in range(len(points)):
+        dx, dy, dz = qx[e] - x[e], qy[e] - y[e], qz[e] - parameters[2]
+        rho = max(np.sqrt(dx * dx + dy * dy), 1e-12)
+        out = rho - offset[e]
+        distance = max(np.sqrt(out * out + dz * dz), 1e-12)
+        scale = out / (distance * rho)
+        g[e] = distance - parameters[1]
+        x[e], y[e], offset[e] = to_fixed(R, scale * dx, scale * dy, dz / distance)
+    return found
+
+
+@njit(**_VECTORS)
+def _distances(family, parameters, points, R, t):
+    """g and its gradient G (fixed frame) (4, n) at points (n, 3) of the fixed frame, the body in one pose."""
+    if family == SWEPT_ARCS:
+        return _swept_distances(parameters, points, R, t)
+    found = np.empty((4, len(points)))
+    for e in range(len(points)):
+        qx, qy, qz = to_moving(R, t, points[e, 0], points[e, 1], points[e, 2])
+        found[0, e], ax, ay, az = signed_distance(family, parameters, qx, qy, qz)
+        found[1, e], found[2, e], found[3, e] = to_fixed(R, ax, ay, az)
+    return found
+
+
+@njit(**_VECTORS)
+def point_distances(family, parameters, points, R, t):
+    """g of points (m, 3) of the fixed frame from the moving body in one pose [mm]."""
+    if family != MESH_FIELD:
+        return _distances(family, parameters, points, R, t)[0]
+    distances = np.empty(len(points))
+    for k in range(len(points)):
+        qx, qy, qz = to_moving(R, t, points[k, 0], points[k, 1], points[k, 2])
+        distances[k] = signed_distance_value(family, parameters, qx, qy, qz)
+    return distances
+
+
+@njit(**_VECTORS)
+def _tangents(family, parameters, R, t, boxes):
+    """g and its gradient G (fixed frame) at the middles c of blocks, and bounds M on its curvature there (5, b).
 
     Where g_c + G·(p - c) - M|p - c|²/2 > 0 the point p of the block lies outside the body. M = 0 for the analytic
     families, which are convex; see `geometry.distance_field` for a mesh. (An infinite M excludes nothing.)
     """
-    qx, qy, qz = to_moving(R, t, boxes[b, 0], boxes[b, 1], boxes[b, 2])
-    g, ax, ay, az = signed_distance(family, parameters, qx, qy, qz)
-    curvature = 0.0
+    tangents = np.zeros((5, len(boxes)))
+    tangents[:4] = _distances(family, parameters, boxes[:, :3], R, t)
     if family == MESH_FIELD:
-        near = _square_reach(boxes, b) < CURVATURE_REACH_MM**2
-        curvature = field_curvature(parameters, qx, qy, qz) if near else np.inf
-    gx, gy, gz = to_fixed(R, ax, ay, az)
-    return g, gx, gy, gz, curvature
+        for b in range(len(boxes)):
+            qx, qy, qz = to_moving(R, t, boxes[b, 0], boxes[b, 1], boxes[b, 2])
+            near = _square_reach(boxes, b) < CURVATURE_REACH_MM**2
+            tangents[4, b] = field_curvature(parameters, qx, qy, qz) if near else np.inf
+    return tangents
 
 
-@njit(inline="always")
-def block_bound(family, tangent, boxes, b):
-    """Least g that any point of block b can have: by its tangent at the centre, where g is convex; for a
-    mesh by its tangent and curvature if these say that the block lies outside, else by its slope."""
-    g, gx, gy, gz, curvature = tangent
-    bound = g
-    for k in (3, 6, 9):
-        bound -= abs(gx * boxes[b, k] + gy * boxes[b, k + 1] + gz * boxes[b, k + 2])
-    if family == MESH_FIELD:
-        reach2 = _square_reach(boxes, b)
+@njit(**_VECTORS)
+def block_bounds(family, tangents, boxes):
+    """Least g (b,) that any point of each block can have: by its tangent at the centre, where g is convex; for a mesh
+    by its tangent and curvature if these say that the block lies outside, else by its slope."""
+    bounds = np.empty(len(boxes))
+    for b in range(len(boxes)):
+        gx, gy, gz = tangents[1, b], tangents[2, b], tangents[3, b]
+        bounds[b] = tangents[0, b]
+        for k in (3, 6, 9):
+            bounds[b] -= abs(gx * boxes[b, k] + gy * boxes[b, k + 1] + gz * boxes[b, k + 2])
+    for b in range(len(boxes) if family == MESH_FIELD else 0):
+        reach2, curvature = _square_reach(boxes, b), tangents[4, b]
         if curvature < np.inf:
-            bound -= 0.5 * curvature * reach2
-        if bound <= 0.0 or curvature == np.inf:
-            bound = g - STEEPEST_FIELD * np.sqrt(reach2)
-    return bound
+            bounds[b] -= 0.5 * curvature * reach2
+        if bounds[b] <= 0.0 or curvature == np.inf:
+            bounds[b] = tangents[0, b] - STEEPEST_FIELD * np.sqrt(reach2)
+    return bounds
 
 
 @njit(inline="always")
@@ -89,89 +147,118 @@ def point_bound(tangent, dx, dy, dz):
     return g + gx * dx + gy * dy + gz * dz - 0.5 * curvature * (dx * dx + dy * dy + dz * dz)
 
 
-@njit(inline="always")
-def _set_twist(out, scale, fx, fy, fz, x, y, z):
-    """scale·(f, p × f) (6,): what a force f at p does to the velocities of a twist."""
-    out[0], out[1], out[2] = scale * fx, scale * fy, scale * fz
-    out[3] = scale * (y * fz - z * fy)
-    out[4] = scale * (z * fx - x * fz)
-    out[5] = scale * (x * fy - y * fx)
-
-
 RAY_ITERATIONS = 30
 RAY_TOLERANCE_MM = 1e-5  # of the last step: Newton's method squares it, so that the next would be below 1e-9
 NEAREST_SURFACE = 0.9  # of -g(c): g rises by 1 over 1 mm, the field of a mesh by a little more at sharp edges
 STEEPEST_RAY_SLOPE = -0.05  # cos of the angle between ray and surface: flatter rays are cut off here
 
 
-@njit(inline="always")
-def _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, start):
-    """Depth d along -n, below 0 for a point outside, and the surface gradient G (fixed frame) there; start = -g(c)."""
-    d = start  # below: without this bound Newton's method diverges where g jumps
-    least = NEAREST_SURFACE * start if start > 0.0 else -start / STEEPEST_RAY_SLOPE
-    gx = gy = gz = 0.0
+@njit(**_VECTORS)
+def near_elements(family, parameters, elements, R, t):
+    """Numbers (k,) of the elements of blocks that the body may meet, those that it may lie over."""
+    centres, _, _, blocks, boxes = elements
+    tangents = _tangents(family, parameters, R, t, boxes)
+    bounds = block_bounds(family, tangents, boxes)
+    found, count = np.empty(len(centres), np.int64), 0
+    for b in range(len(boxes)):
+        if bounds[b] > 0.0:
+            continue
+        tangent = tangents[:, b]
+        for e in range(blocks[b], blocks[b + 1]):
+            dx, dy, dz = centres[e, 0] - boxes[b, 0], centres[e, 1] - boxes[b, 1], centres[e, 2] - boxes[b, 2]
+            found[count] = e
+            count += point_bound(tangent, dx, dy, dz) < 0.0
+    return found[:count]
+
+
+@njit(**_VECTORS)
+def overlap_many(family, parameters, points, normals, R, t, reach):
+    """Signed depths (m,) [mm] of points along -n in one pose, below 0 outside of the moving body, and the derivatives
+    by its twist about t (m, 6); -inf for points farther from it than the reach."""
+    overlaps, slopes = np.full(len(points), -np.inf), np.zeros((6, len(points)))
+    outside = point_distances(family, parameters, points, R, t)
+    active = np.flatnonzero(outside < reach)
+    # Newton's method would diverge without the bound 0.9·start, or start/0.05 from outside, where g jumps.
+    start = -outside
+    overlaps[active] = start[active]
     for _ in range(RAY_ITERATIONS):
-        qx, qy, qz = to_moving(R, t, cx - d * nx, cy - d * ny, cz - d * nz)
-        g, ax, ay, az = signed_distance(family, parameters, qx, qy, qz)
-        gx, gy, gz = to_fixed(R, ax, ay, az)
-        slope = min(gx * nx + gy * ny + gz * nz, STEEPEST_RAY_SLOPE)
-        before, d = d, max(d + g / slope, least)
-        if abs(d - before) < RAY_TOLERANCE_MM:
+        count = 0
+        ends = np.empty((3, len(active)))
+        for k, e in enumerate(active):
+            for i in range(3):
+                ends[i, k] = points[e, i] - overlaps[e] * normals[e, i]
+        found = _distances(family, parameters, ends.T, R, t)
+        for k, e in enumerate(active):
+            gx, gy, gz = found[1, k], found[2, k], found[3, k]
+            slope = min(gx * normals[e, 0] + gy * normals[e, 1] + gz * normals[e, 2], STEEPEST_RAY_SLOPE)
+            least = NEAREST_SURFACE * start[e] if start[e] > 0.0 else -start[e] / STEEPEST_RAY_SLOPE
+            d = max(overlaps[e] + found[0, k] / slope, least)
+            moved, overlaps[e] = abs(d - overlaps[e]), d
+            slopes[0, e], slopes[1, e], slopes[2, e] = -gx / slope, -gy / slope, -gz / slope
+            active[count] = e
+            count += moved >= RAY_TOLERANCE_MM
+        active = active[:count]
+        if not count:
             break
-    return d, gx, gy, gz
+    for k in range(len(points)):
+        d = overlaps[k] if np.isfinite(overlaps[k]) else 0.0
+        x, y, z = points[k, 0] - t[0], points[k, 1] - t[1], points[k, 2] - t[2]
+        x, y, z = x - d * normals[k, 0], y - d * normals[k, 1], z - d * normals[k, 2]
+        fx, fy, fz = slopes[0, k], slopes[1, k], slopes[2, k]
+        slopes[3, k], slopes[4, k], slopes[5, k] = y * fz - z * fy, z * fx - x * fz, x * fy - y * fx
+        if outside[k] >= 0.0:
+            overlaps[k] = min(overlaps[k], 0.0)
+    return overlaps, slopes.T
 
 
-@njit()
+@njit(**_VECTORS)
 def _patch_wrench(family, parameters, elements, law, modulus, thickness, R, t, wrench, stiffness, derivatives):
     """Add up one patch's wrench (6,) and, if asked, d wrench / d twist of the moving body about t (6, 6)."""
-    centres, normals, areas, blocks, boxes = elements
-    wrench[:] = 0.0
-    stiffness[:] = 0.0
-    load_direction = np.empty(6)
-    depth_slope = np.empty(6)
-    for b in range(len(boxes)):
-        tangent = tangent_at(family, parameters, R, t, boxes, b)
-        if block_bound(family, tangent, boxes, b) > 0.0:
-            continue
-        bx, by, bz = boxes[b, 0], boxes[b, 1], boxes[b, 2]
-        for e in range(blocks[b], blocks[b + 1]):
-            cx, cy, cz = centres[e, 0], centres[e, 1], centres[e, 2]
-            if point_bound(tangent, cx - bx, cy - by, cz - bz) >= 0.0:
-                continue
-            qx, qy, qz = to_moving(R, t, cx, cy, cz)
-            g = signed_distance_value(family, parameters, qx, qy, qz)
-            if g >= 0.0:
-                continue
-            nx, ny, nz = normals[e, 0], normals[e, 1], normals[e, 2]
-            d, gx, gy, gz = _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, -g)
-            p, dp, _ = pressure(law, modulus, thickness[e], d)
-            _set_twist(load_direction, -1.0, nx, ny, nz, cx, cy, cz)
-            force = p * areas[e]
-            for i in range(6):
-                wrench[i] += force * load_direction[i]
-            if derivatives:
-                # g(p) = 0 at p = c - d·n moves with the body: dd/dt = -G/(G·n), dd/dω = -((p - t) × G)/(G·n).
-                rx, ry, rz = cx - d * nx - t[0], cy - d * ny - t[1], cz - d * nz - t[2]
-                scale = -dp * areas[e] / min(gx * nx + gy * ny + gz * nz, STEEPEST_RAY_SLOPE)
-                _set_twist(depth_slope, scale, gx, gy, gz, rx, ry, rz)
-                for i in range(6):
-                    for j in range(6):
-                        stiffness[i, j] += load_direction[i] * depth_slope[j]
+    centres, normals, areas, _, _ = elements
+    near = near_elements(family, parameters, elements, R, t)
+    points, along = np.empty((3, len(near))), np.empty((3, len(near)))
+    for i in range(3):
+        for k, e in enumerate(near):
+            points[i, k], along[i, k] = centres[e, i], normals[e, i]
+    depths, slopes = overlap_many(family, parameters, points.T, along.T, R, t, 0.0)
+    loads, forces, rises = np.empty((6, len(near))), np.zeros(len(near)), np.zeros(len(near))
+    for k, e in enumerate(near):
+        if depths[k] > 0.0:
+            p, dp, _ = pressure(law, modulus, thickness[e], depths[k])
+            forces[k], rises[k] = -p * areas[e], -dp * areas[e]
+    for k in range(len(near)):
+        cx, cy, cz, nx, ny, nz = points[0, k], points[1, k], points[2, k], along[0, k], along[1, k], along[2, k]
+        loads[0, k], loads[1, k], loads[2, k] = nx, ny, nz
+        loads[3, k], loads[4, k], loads[5, k] = cy * nz - cz * ny, cz * nx - cx * nz, cx * ny - cy * nx
+    for i in range(6):
+        total = 0.0
+        for k in range(len(near)):
+            total += forces[k] * loads[i, k]
+        wrench[i] = total
+    for i in range(6 if derivatives else 0):
+        for j in range(6):
+            total = 0.0
+            for k in range(len(near)):
+                total += rises[k] * loads[i, k] * slopes[k, j]
+            stiffness[i, j] = total
 
 
-@njit()
+@njit(**_VECTORS)
 def _patch_gap(family, parameters, elements, R, t, slope):
     """Smallest g over the elements, and its derivative by the twist of the moving body about t (6,)."""
     centres, _, _, blocks, boxes = elements
-    bounds = np.empty(len(boxes))
-    for b in range(len(boxes)):
-        bounds[b] = block_bound(family, tangent_at(family, parameters, R, t, boxes, b), boxes, b)
-    best = np.inf
-    nearest = -1
-    for b in np.argsort(bounds):
+    tangents = _tangents(family, parameters, R, t, boxes)
+    bounds = block_bounds(family, tangents, boxes)
+    best, nearest, first = np.inf, -1, np.argmin(bounds)
+    for turn in range(-1, len(boxes)):
+        b = first if turn < 0 else turn
         if bounds[b] >= best:
-            break
+            continue
+        tangent = tangents[:, b]
         for e in range(blocks[b], blocks[b + 1]):
+            dx, dy, dz = centres[e, 0] - boxes[b, 0], centres[e, 1] - boxes[b, 1], centres[e, 2] - boxes[b, 2]
+            if point_bound(tangent, dx, dy, dz) >= max(best, 0.0):
+                continue
             qx, qy, qz = to_moving(R, t, centres[e, 0], centres[e, 1], centres[e, 2])
             g = signed_distance_value(family, parameters, qx, qy, qz)
             if g < best:
@@ -181,24 +268,9 @@ def _patch_gap(family, parameters, elements, R, t, slope):
     qx, qy, qz = to_moving(R, t, c[0], c[1], c[2])
     g, ax, ay, az = signed_distance(family, parameters, qx, qy, qz)
     gx, gy, gz = to_fixed(R, ax, ay, az)
-    _set_twist(slope, -1.0, gx, gy, gz, c[0] - t[0], c[1] - t[1], c[2] - t[2])
+    x, y, z = c[0] - t[0], c[1] - t[1], c[2] - t[2]
+    slope[:] = (-gx, -gy, -gz, z * gy - y * gz, x * gz - z * gx, y * gx - x * gy)
     return best
-
-
-@njit()
-def near_elements(family, parameters, elements, R, t):
-    """Numbers (k,) of the elements of blocks that the body may meet, those that it may lie over."""
-    centres, _, _, blocks, boxes = elements
-    found, count = np.empty(len(centres), np.int64), 0
-    for b in range(len(boxes)):
-        tangent = tangent_at(family, parameters, R, t, boxes, b)
-        if block_bound(family, tangent, boxes, b) > 0.0:
-            continue
-        for e in range(blocks[b], blocks[b + 1]):
-            dx, dy, dz = centres[e, 0] - boxes[b, 0], centres[e, 1] - boxes[b, 1], centres[e, 2] - boxes[b, 2]
-            found[count] = e
-            count += point_bound(tangent, dx, dy, dz) < 0.0
-    return found[:count]
 
 
 @njit(nogil=True)
@@ -225,31 +297,3 @@ def gap_many(family, parameters, elements, rotations, translations):
     for k in range(count):
         gaps[k] = _patch_gap(family, parameters, elements, rotations[k], translations[k], slopes[k])
     return gaps, slopes
-
-
-@njit()
-def point_distances(family, parameters, points, R, t):
-    """g of points (m, 3) of the fixed frame from the moving body in one pose [mm]."""
-    distances = np.empty(len(points))
-    for k in range(len(points)):
-        qx, qy, qz = to_moving(R, t, points[k, 0], points[k, 1], points[k, 2])
-        distances[k] = signed_distance_value(family, parameters, qx, qy, qz)
-    return distances
-
-
-@njit()
-def overlap_many(family, parameters, points, normals, R, t, reach):
-    """Signed depths (m,) [mm] of points along -n in one pose, below 0 outside of the moving body, and the derivatives
-    by its twist about t (m, 6); -inf for points farther from it than the reach."""
-    overlaps, slopes = np.full(len(points), -np.inf), np.zeros((len(points), 6))
-    for e in range(len(points)):
-        cx, cy, cz = points[e, 0], points[e, 1], points[e, 2]
-        qx, qy, qz = to_moving(R, t, cx, cy, cz)
-        g = signed_distance_value(family, parameters, qx, qy, qz)
-        if g < reach:
-            nx, ny, nz = normals[e, 0], normals[e, 1], normals[e, 2]
-            d, gx, gy, gz = _depth(family, parameters, R, t, cx, cy, cz, nx, ny, nz, -g)
-            overlaps[e] = d if g < 0.0 else min(d, 0.0)
-            scale = -1.0 / min(gx * nx + gy * ny + gz * nz, STEEPEST_RAY_SLOPE)
-            _set_twist(slopes[e], scale, gx, gy, gz, cx - d * nx - t[0], cy - d * ny - t[1], cz - d * nz - t[2])
-    return overlaps, slopes

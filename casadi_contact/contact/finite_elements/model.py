@@ -128,7 +128,7 @@ class FiniteElements(WrenchLoads):
         self.mesh, self.reach_mm = mesh, reach_mm
         self.record: dict[str, Any] = {}
         self._blas = ThreadpoolController()
-        self._elements = ElasticFoundation(scene, self.grid, compiled=False)  # on the same points: it knows the rims
+        self._elements = ElasticFoundation(scene, self.grid)  # on the same points: it knows the rims
         self._bodies = []
         cells = shape_named(scene.shape).cells(scene.geometry, self.grid)
         for patch, (surface, (points, normals, areas)) in enumerate(zip(scene.surfaces(), cells, strict=True)):

@@ -108,8 +108,7 @@ def ray_casting(scene: Scene) -> RayCastFoundation:
     """The scene on all its flat triangles, whichever way they face, as JAM evaluates it: for ``load_assembly(folder,
     contact=ray_casting)``."""
     geometry = {key: value for key, value in scene.tables["geometry"].items() if key != "pressing"}
-    changed = {"geometry": {**geometry, "elements": "triangles"}, "friction": {}}
-    return RayCastFoundation(Scene.from_tables({**scene.tables, **changed}))
+    return RayCastFoundation(Scene.from_tables({**scene.tables, "geometry": {**geometry, "elements": "triangles"}}))
 
 
 def _assembly(tables: Mapping[str, Any], folder: Path, contact: MakeContact | None) -> Assembly:
