@@ -111,10 +111,7 @@ class AssemblyPoses:
 
 def solve(assembly: cc.Assembly, cycle: AssemblyCycle, tolerance_n: float = 1e-4) -> AssemblyPoses:
     """Find the measured body's poses, then settle the other bodies. Frames that are not solved are marked, not raised.
-
-    tolerance_n: what may be left along a coordinate, moments over 25 mm. Raises ValueError for a muscle without force
-    and for unknown coordinates.
-    """
+    tolerance_n: what may be left along a coordinate, moments over 25 mm."""
     count, names = len(cycle), assembly.coordinates
     if set(cycle.muscles) != set(assembly.muscle_names):
         raise ValueError(

@@ -34,8 +34,7 @@ def load_contact(
     or with a warning the surrogate `knee` where there is no C compiler, without which a foundation takes minutes.
 
     whole: a foundation has the whole wrench among its loads, as equations of motion need it. cycles: at whose poses a
-    mesh's foundation is tested too. A scene that no foundation fits takes its fine elements, with a warning. Raises
-    ValueError for both names and unknown ones.
+    mesh's foundation is tested too. A scene that no foundation fits takes its fine elements, with a warning.
     """
     if surrogate is not None and scene is not None:
         raise ValueError(f"got surrogate {surrogate} and scene {scene}, expected one of them")
@@ -65,12 +64,7 @@ def load_cycle(scene: Scene, path: Path | None = None) -> Cycle:
 
 def wrench_function(model: ContactModel, name: str = "contact_wrench", *, velocity: bool = False) -> ca.Function:
     """casadi.Function pose (6), and velocity (6) if asked for -> total contact wrench on the fixed body (6), about its
-    origin [N, N·mm].
-
-    A surrogate or foundation gives its own compiled function with exact derivatives; any other contact model is called
-    back, with its analytic Jacobian and differences of that. Raises ValueError where the model lacks a component of the
-    wrench.
-    """
+    origin [N, N·mm]; ValueError where the model lacks a component of it."""
     total = ca.sparsify(ca.DM(total_selection(model.load_names, model.patch_names)))
     inputs = [ca.MX.sym(key, 6) for key in ("pose", "velocity")[: 1 + velocity]]
     loads = symbolic(model).function(name=f"{name}_loads", velocity=velocity)(*inputs)

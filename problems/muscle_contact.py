@@ -119,9 +119,7 @@ def walk_of(
 def measured_compression(path: Path, walk: MuscleWalk) -> Array:
     """Measured medial and lateral compression (n, 2) [N] at the walk's times."""
     cycle = read_cycle(path)
-    return at_times(
-        str(path), cycle.time_s, -np.column_stack([cycle.loads["Fy_med"], cycle.loads["Fy_lat"]]), walk.time_s
-    )
+    return at_times(str(path), cycle.time_s, -np.stack([cycle.loads[side] for side in SIDES], axis=1), walk.time_s)
 
 
 def draw(path: Path, walk: MuscleWalk, result: MuscleContactResult, measured: Array | None) -> None:

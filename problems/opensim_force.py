@@ -23,12 +23,11 @@ def contact_wrench(library: Path, total: np.ndarray) -> Callable[[np.ndarray], n
     """Function pose (6) [mm, rad] -> wrench (6) [N, N·mm] on the fixed body; total (6, loads) adds up the loads."""
     kernel = ctypes.CDLL(str(library.resolve())).contact_loads
     vector = np.ctypeslib.ndpointer(dtype=float, flags="C_CONTIGUOUS")
-    kernel.argtypes, kernel.restype = (vector, vector), ctypes.c_int
+    kernel.argtypes, kernel.restype = (vector, vector), None
 
     def wrench(pose: np.ndarray) -> np.ndarray:
         loads = np.empty(total.shape[1])
-        if kernel(np.ascontiguousarray(pose), loads) == 2:
-            raise ValueError(f"the pose {pose} is not finite")
+        kernel(np.ascontiguousarray(pose), loads)
         return np.asarray(total @ loads)
 
     return wrench

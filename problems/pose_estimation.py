@@ -53,17 +53,9 @@ def estimate(model: SymbolicContact, measured: Cycle, out: Path, smoothness: flo
     for warning in check_targets(problem.targets):
         print(f"{measured.name}: {warning}")
     result, reference = problem.solve(), reference_model(model)
-    names = problem.targets.load_names
     leaps = beside_leaps(result.poses, result.solved)[:, problem.contact.columns].any(axis=1)
-    verdict = verify(
-        model,
-        result.poses,
-        reference,
-        result.solved,
-        names,
-        without_load=~problem.targets.loaded,
-        leaps=leaps,
-    )
+    rows = {"without_load": ~problem.targets.loaded, "leaps": leaps}
+    verdict = verify(model, result.poses, reference, result.solved, problem.targets.load_names, **rows)
     on_elements = elements_say(problem, result, reference)
 
     print(verdict.line)
@@ -83,8 +75,6 @@ def estimate(model: SymbolicContact, measured: Cycle, out: Path, smoothness: flo
         "scene": model.scene.name,
         "frames": problem.frames,
         "solved": int(result.solved.sum()),
-        "frames_at_edges": int((verdict.at_edge > 0.0).sum()),
-        "largest_share_of_load_at_edges": float(verdict.at_edge.max()),
         "ipopt_status": result.ipopt.status,
         "ipopt_iterations": result.ipopt.iterations,
         "seconds": result.seconds,
@@ -112,12 +102,9 @@ def rms_and_max(errors: Array) -> tuple[float, float]:
 
 
 def check_targets(targets: PoseTargets) -> list[str]:
-    """Warnings about units and signs of a cycle; none where they look like a joint's.
-
-    Forces outside 0.01 to 20 times the scene's reference load, torques of forces on levers below 0.05 mm, centres of
-    pressure within 0.5 mm of the origin throughout, and of a knee a centre of pressure off the one of forces at the
-    patches' anchors, Σ F z / Σ F, by more than half of that and 1 mm (RMS).
-    """
+    """Warnings about units and signs: forces outside 0.01 to 20 times the scene's reference load, torques of forces on
+    levers below 0.05 mm, centres of pressure within 0.5 mm of the origin throughout, and of a knee a centre off that of
+    forces at the patches' anchors, Σ F z / Σ F, by more than half of it and 1 mm (RMS)."""
     values, warnings = targets.values, []
     force_n, torque_nmm, centre_mm = (
         max((float(np.abs(v).max()) for n, v in values.items() if quantity(n).kind == kind), default=0.0)

@@ -32,7 +32,6 @@ def read_walk(
     muscles: CSV with ``frame, muscle, length_m, velocity_m_per_s, arm_knee_ty, ...``, a frame for each row of
     inverse dynamics; or a folder of OpenSim's MuscleAnalysis (``*_Length.sto``, ``*_MomentArm_knee_ty.sto``, ...).
     parameters: CSV with ``muscle`` and `PARAMETER_COLUMNS`, one row for each muscle that counts.
-    Raises FileNotFoundError for no file and ValueError for what cannot be used.
     """
     labels = {label: name for name in COORDINATES for label in (name, f"{name}_{coordinate_unit(name)}")}
     dynamics = _table(inverse_dynamics, optional=list(labels)).columns
@@ -64,16 +63,11 @@ def read_walk(
 
 
 def at_times(what: str, time_s: Array, curves: Array, needed_s: Array) -> Array:
-    """Curves (k, c) at the times needed_s, (n, c), by straight lines.
-
-    Raises ValueError where they leave out more than one of their own steps at an end.
-    """
+    """Curves (k, c) at the times needed_s, (n, c), by straight lines; ValueError where these reach beyond them."""
     step = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
     if needed_s[0] < time_s[0] - step or needed_s[-1] > time_s[-1] + step:
-        raise ValueError(
-            f"{what} reaches from {time_s[0]:g} to {time_s[-1]:g} s, expected {needed_s[0]:g} to {needed_s[-1]:g} s as "
-            "inverse dynamics: cut both to the same times"
-        )
+        needed = f"{needed_s[0]:g} to {needed_s[-1]:g} s as inverse dynamics: cut both to the same times"
+        raise ValueError(f"{what} reaches from {time_s[0]:g} to {time_s[-1]:g} s, expected {needed}")
     return np.column_stack([np.interp(needed_s, time_s, curve) for curve in curves.T])
 
 
@@ -96,10 +90,8 @@ def _geometry(path: Path, names: tuple[str, ...], time_s: Array) -> tuple[Array,
     expected = {(float(frame), name) for frame in range(len(time_s)) for name in names}
     if set(rows) != expected or len(rows) != len(table.rows):
         frame, name = min(set(rows) ^ expected or {(0.0, names[0])})
-        raise ValueError(
-            f"{path}: muscle {name} at frame {frame:g} is missing, twice there, or not expected: expected one line for "
-            f"each of {len(time_s)} frames, from 0, and each of the muscles {', '.join(names)}"
-        )
+        wanted = f"expected one line for each of {len(time_s)} frames, from 0, and of {', '.join(names)}"
+        raise ValueError(f"{path}: muscle {name} at frame {frame:g} is missing, twice there, or not known: {wanted}")
     order = np.array([[rows[float(frame), name] for name in names] for frame in range(len(time_s))])
     arms = {name: table.numbers(f"arm_{name}")[order] for name in COORDINATES if f"arm_{name}" in table.header}
     return table.numbers("length_m")[order], table.numbers("velocity_m_per_s")[order], arms
@@ -144,12 +136,8 @@ _MUSCLES = {
 
 
 def example_walk(frames: int = 101) -> MuscleWalk:
-    """A made-up walk of the usual size, at the rotations of the built-in reference cycle.
-
-    knee_ty is the ground's push (two humps) less the shank's weight in swing; adduction goes with it; flexion extends
-    in loading response and flexes at push-off and before heel strike. Lengths follow from the arms,
-    length = length0 - arm·rz, velocities from lengths.
-    """
+    """A made-up walk of the usual size, at the rotations of the built-in reference cycle: knee_ty is the ground's push
+    (two humps) less the shank's weight in swing; length = length0 - arm·rz, velocities follow from lengths."""
     cycle, slack_over_fibre = reference_cycle(frames), 2.0
     rz = cycle.pose["rz"]
     share = (cycle.time_s - cycle.time_s[0]) / (cycle.time_s[-1] - cycle.time_s[0])

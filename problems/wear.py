@@ -47,7 +47,6 @@ def archard_wear(model: ElasticFoundation, poses: Array, wear_factor: float = 1e
     """Wear of every patch over a cycle of poses (n, 6), the last of which is followed by the first.
 
     wear_factor [mm³/(N·m)]: the default is that of Fregly, Sawyer, Harman and Banks (J Biomech 38 (2005) 305-314).
-    Raises ValueError for fewer than two poses and for a factor that is not positive.
     """
     poses = as_poses(poses)
     if len(poses) < 2 or not 0.0 < wear_factor < np.inf:

@@ -144,10 +144,7 @@ def export(
         bool, typer.Option("--foundation", help="the contact model that needs no training, instead of surrogates")
     ] = False,
 ) -> None:
-    """Write CasADi files, and C kernels without dependencies, with an example; or FMUs.
-
-    Where nothing has been built in the folder, the shipped surrogates of the scene are exported.
-    """
+    """Write CasADi files and C kernels with an example, or FMUs; of shipped surrogates where nothing has been built."""
     _export(Project.open(scene, preset, out), fmu=fmu, contact_model=foundation)
 
 

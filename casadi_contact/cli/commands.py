@@ -248,10 +248,7 @@ def page(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="page to write; SCENE.html if left out")] = None,
 ) -> None:
-    """Write the joint as one HTML file that moves: sliders, loads, pressures and settling, computed in the browser.
-
-    It works offline, from a file. Compiling its kernel takes the extra "page" (ziglang), and a minute.
-    """
+    """Write the joint as one offline HTML file: sliders, loads, pressures, settling (extra "page", a minute)."""
     path = Path(f"{load_scene(scene).name}.html") if out is None else out
     check_html(path)
     writable_folder(path.parent)
@@ -275,10 +272,7 @@ def chart(
 
 
 def speed(scene: SceneOrSurrogate, preset: PresetName = DEFAULT_PRESET, out: Out = None) -> None:
-    """Measure surrogates (compiled, and as CasADi graphs), foundation and elements: the chart, without training.
-
-    Where nothing has been built in the folder, the shipped surrogates of the scene are timed.
-    """
+    """Measure surrogates, shipped ones where nothing has been built, foundation and elements: a chart, untrained."""
     project = Project.open(scene, preset, out)
     say_shipped(project, "timing")
     with progress_bars(console) as update:
@@ -295,11 +289,7 @@ def choose(
     preset: PresetName = DEFAULT_PRESET,
     out: Out = None,
 ) -> None:
-    """Name the cheapest measured model that meets a tolerance.
-
-    Where nothing has been built in the folder, the answer comes from the chart shipped for the scene, or from measuring
-    elements and foundation now.
-    """
+    """Name the cheapest measured model that meets a tolerance, by the chart that was built, shipped, or made now."""
     names = None if loads is None else [name.strip() for name in loads.split(",")]
     wanted = {"force_tolerance_n": force_tol, "torque_tolerance_nmm": torque_tol}
     with progress_bars(console) as update:

@@ -54,15 +54,13 @@ def build(
     progress: Update | None = None,
     executor: Executor | None = None,
 ) -> dict[str, Surrogate]:
-    """Sample, train, evaluate and export, as ``casadi-contact build`` does; return the surrogates by structure.
+    """Sample, train, evaluate and export, as ``casadi-contact build`` does, going on where an earlier call stopped;
+    return the surrogates by structure.
 
     scene: a ready name or the path of a scene file. cycles: measured cycles to sample around. table: samples of any
-    contact model to learn from instead of drawing them (`dataset.read_sample_table`). model: what samples are drawn
-    from, "elements" or "foundation" as in the command, or a contact model of the same scene, in this process. folder:
-    of all results, results/SCENE-PRESET if left out. progress: called as (what, done, all, remark). Called again
-    after an interruption it goes on where it stopped.
-
-    Raises ValueError for input that cannot be used, OSError for a folder without right to write or in use.
+    contact model, instead of drawing them. model: what samples are drawn from, a name as in the command, or a contact
+    model of the same scene, in this process. folder: of all results, results/SCENE-PRESET if left out. progress: called
+    as (what, done, all, remark). Raises ValueError for input that cannot be used, OSError for a folder in use.
     """
     check_single_source(table, cycles, model)
     project = Project.open(scene, preset, None if folder is None else Path(folder))
@@ -111,11 +109,8 @@ def fit_on_foundation(project: Project) -> tuple[Path, dict[str, float]]:
 
 @exclusive
 def evaluate(project: Project) -> dict[str, dict[str, LoadErrors]]:
-    """Errors by model, domain and load, also written to ``evaluation.csv`` (Tables 2 and 3).
-
-    Where the samples are of the library's models, also measure ``speed_accuracy.csv`` (Table 4), which `cc.choose`
-    reads.
-    """
+    """Errors by model, domain and load, also written to ``evaluation.csv`` (Tables 2 and 3); where the samples are of
+    the library's models, also ``speed_accuracy.csv`` (Table 4), which `cc.choose` reads."""
     samples = project.samples()
     found = evaluate_models(project_surrogates(project), samples)
     rows = [
@@ -132,11 +127,8 @@ def evaluate(project: Project) -> dict[str, dict[str, LoadErrors]]:
 
 @exclusive
 def export(project: Project, *, fmu: bool = False, contact_model: bool = False) -> list[Path]:
-    """Write each surrogate as a ``.casadi`` file and as a C kernel with header and example.
-
-    Where nothing has been built: the scene's shipped surrogates. fmu: a functional mock-up unit of each instead.
-    contact_model: `cc.foundation` instead of surrogates, as C or as FMU.
-    """
+    """Write each surrogate, the scene's shipped ones where nothing has been built, as a ``.casadi`` file and as a C
+    kernel with header and example; fmu: as FMU instead. contact_model: `cc.foundation` instead of surrogates."""
     folder, stem = project.folder / "export", project.scene.name
     models: dict[str, Surrogate | CompiledFoundation]
     if contact_model:
@@ -168,7 +160,7 @@ def report(project: Project) -> Path:
 
 def write_report(surrogates: Mapping[str, Surrogate], folder: Path, path: Path) -> Path:
     """Write `surrogate_page` of surrogates, with the samples and the chart of their scene that lie in a folder, or the
-    chart shipped for it; return the page's path. Raises ValueError for a damaged file of samples or chart."""
+    chart shipped for it; return the page's path."""
     scene = next(iter(surrogates.values())).scene
     samples = read_samples(folder / "samples.h5") if (folder / "samples.h5").is_file() else None
     if samples is not None and samples.scene.digest != scene.digest:

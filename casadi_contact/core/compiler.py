@@ -88,8 +88,7 @@ def _processor() -> str:
 
 
 def run_compiler(command: list[str], folder: Path | None = None) -> str:
-    """What a command prints; raises CompilerError with its first error. Interrupted or terminated, it leaves nothing
-    running: a compiler starts programs of its own."""
+    """What a command prints; raises CompilerError with its first error. Interrupted, it leaves no program running."""
     name = "ziglang" if "ziglang" in command else command[0]  # a module of Python
     in_main = threading.current_thread() is threading.main_thread()
     pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "process_group": 0}
@@ -112,15 +111,10 @@ def run_compiler(command: list[str], folder: Path | None = None) -> str:
 
 
 def shared_library(source: str, waited_for: str = "", data: bytes = b"", linked: Path | None = None) -> Path:
-    """Path of the compiled source, from the cache if it is there.
-
-    waited_for: what is announced, with a time, where it must be compiled; nothing if left out. data: what the source
-    includes into the library as the file DATA_FILE (`.incbin`), large tables for instance. linked: a library whose
-    functions it calls.
-    Where the cache folder cannot be written, the library lies in a folder that is removed when Python ends.
-    Raises CompilerError without a compiler, where it fails, refuses $CASADI_CONTACT_CFLAGS or compiles for another
-    machine, and for a cache that is not the user's alone or whose disc may hold no programs.
-    """
+    """Path of the compiled source, from the cache if it is there; where that cannot be written, from a folder that is
+    removed when Python ends. waited_for: what is announced where it must be compiled. data: what the source includes as
+    the file DATA_FILE (`.incbin`). linked: a library whose functions it calls. Raises CompilerError without a compiler,
+    where it fails, and for a cache that is not the user's alone or whose disc may hold no programs."""
     command, asked = compiler_command(), CFLAGS_VARIABLE in os.environ
     chosen = tuple(_words_of(CFLAGS_VARIABLE)) if asked else NATIVE
     libraries = ["-lm"] if linked is None else [str(linked)]
@@ -166,9 +160,9 @@ def _compile(
         try:
             _ctypes.dlclose(ctypes.CDLL(str(library))._handle)  # closed, since a file that is open may not be changed
         except OSError as error:
+            said = f"the compiled kernel cannot be loaded ({short(str(error))}), expected a compiler for this machine"
             raise CompilerError(
-                f"the compiled kernel cannot be loaded ({short(str(error))}), expected a compiler for this machine "
-                f"($CC) and a folder on a disc that may hold programs (not noexec): choose one by ${CACHE_VARIABLE}"
+                f"{said} ($CC) and a disc that may hold programs: choose by ${CACHE_VARIABLE}"
             ) from None
         os.replace(library, path)
 
@@ -192,17 +186,13 @@ def portable_library(folder: Path, sources: Sequence[str], library: str) -> Path
 def check_private(folder: Path) -> None:
     """Raise CompilerError where another user could put a file into the folder, or another folder in its place."""
     if not is_private(folder):
-        raise CompilerError(
-            f"the kernel cache {folder} belongs to user {folder.stat().st_uid} or can be written by other users, "
-            f"expected your own: chmod go-w {folder}, or choose another folder by ${CACHE_VARIABLE}"
-        )
+        others = f"belongs to user {folder.stat().st_uid} or can be written by other users, expected your own"
+        raise CompilerError(f"the kernel cache {folder} {others}: chmod go-w, or choose another by ${CACHE_VARIABLE}")
     for above in folder.parents if os.name == "posix" else ():
         there = above.stat()
         if there.st_uid not in (0, os.geteuid()) or there.st_mode & (stat.S_IWOTH | stat.S_ISVTX) == stat.S_IWOTH:
-            raise CompilerError(
-                f"the kernel cache {folder} lies in {above}, where another user can replace it: "
-                f"choose another folder by ${CACHE_VARIABLE}"
-            )
+            others = f"lies in {above}, where another user can replace it"
+            raise CompilerError(f"the kernel cache {folder} {others}: choose another by ${CACHE_VARIABLE}")
 
 
 def is_private(path: Path) -> bool:

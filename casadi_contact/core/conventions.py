@@ -63,9 +63,7 @@ def as_poses(poses: ArrayLike) -> Array:
     finite = np.isfinite(array)
     if not finite.all():
         row, column = np.argwhere(~finite)[0]
-        raise ValueError(
-            f"poses holds {array[row, column]} at row {row} ({POSE_NAMES[column]}), expected finite numbers"
-        )
+        raise ValueError(f"poses holds {array[row, column]} at row {row} ({POSE_NAMES[column]}), expected finite ones")
     return array
 
 
@@ -212,11 +210,8 @@ def check_loads(load_names: Sequence[str], loads: Iterable[str] | None) -> tuple
 
 
 def load_selection(load_names: Sequence[str], patch_names: Sequence[str]) -> Array:
-    """Matrix S of shape (loads, patches, 6) that picks named loads from patch wrenches.
-
-    ``Fy_med`` is Fy of the patch ``med``; ``Fx`` without a patch name is the sum over patches [EF15 Eqs. 1-7]:
-    loads = einsum("lpk,npk->nl", S, wrenches). Raises ValueError for an unknown load, naming the possible ones.
-    """
+    """Matrix S of shape (loads, patches, 6) that picks named loads from patch wrenches: ``Fy_med`` is Fy of the patch
+    ``med``, ``Fx`` the sum over patches [EF15 Eqs. 1-7]: loads = einsum("lpk,npk->nl", S, wrenches)."""
     selection = np.zeros((len(load_names), len(patch_names), 6))
     for row, name in enumerate(load_names):
         component, _, patch = name.partition("_")

@@ -31,11 +31,8 @@ def instruction_set() -> str:
 
 
 def blas_environment() -> dict[str, str]:
-    """Environment variables with which a new process multiplies matrices by AVX-512 on an AMD processor that has it.
-
-    The OpenBLAS in the wheels of NumPy and SciPy runs kernels of a Haswell, without AVX-512, on an AMD EPYC (Zen 5),
-    which takes twice as long. Empty on any other processor, and where the user has chosen.
-    """
+    """Environment variables with which a new process multiplies matrices by AVX-512 on an AMD processor that has it,
+    for which OpenBLAS takes kernels of a Haswell, twice as slow; none on others, and where the user has chosen."""
     able = _cpuinfo("vendor_id") == "AuthenticAMD" and set(_cpuinfo("flags").split()) >= _BLAS_NEEDS
     wanted = able and _BLAS_VARIABLE not in os.environ
     return {_BLAS_VARIABLE: "SkylakeX"} if wanted else {}

@@ -80,9 +80,7 @@ def quantity(name: str) -> Quantity:
         return Quantity(name, "", KINDS[name])
     fitting = [measure for measure in KINDS if name.startswith(f"{measure}_") and len(name) > len(measure) + 1]
     if not fitting:
-        raise ValueError(
-            f"unknown quantity {name!r}, expected one of {', '.join(KINDS)}, or one of these of a patch, such as Fy_med"
-        )
+        raise ValueError(f"unknown quantity {name!r}, expected one of {', '.join(KINDS)}, or that of a patch (Fy_med)")
     measure = max(fitting, key=len)
     return Quantity(measure, name[len(measure) + 1 :], KINDS[measure])
 

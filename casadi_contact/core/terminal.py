@@ -103,7 +103,7 @@ def new_app(**settings: Any) -> typer.Typer:
 
 def run_app(app: typer.Typer, name: str, arguments: Sequence[str], prog_name: str | None = None) -> NoReturn:
     """Run and end with an exit status: a user's mistake is one line on stderr, after `name`, and status 1, or 2 for an
-    unknown command or option. prog_name: in its help; as it was called if left out."""
+    unknown command or option. prog_name: in its help."""
     remember_interrupts()
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without ² or · must not end the program

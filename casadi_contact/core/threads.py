@@ -47,12 +47,9 @@ def in_shares(
     rows_of_a_thread: int = 256,
     multiple: int = 64,
 ) -> list[Result]:
-    """What work returns for all rows at once, or for shares of them on several threads, in order.
-
-    Another thread starts from rows_of_a_thread on: threads wait for each other, and where other programs keep the cores
-    busy, one row takes 40 times as long on two threads as on one. Threads take several shares, so that fast ones take
-    over; a share is a multiple of the lanes of a kernel. work must let other threads run.
-    """
+    """What work, which must let other threads run, returns for all rows at once, or for shares of them on several
+    threads, in order. Another thread starts from rows_of_a_thread on: for few rows threads wait for each other. Threads
+    take several shares, so that fast ones take over; a share is a multiple of the lanes of a kernel."""
     threads = min(thread_count(), rows // rows_of_a_thread)
     if threads < 2:
         return [work(slice(0, rows))]

@@ -19,8 +19,7 @@ class _OwnPool(ProcessPoolExecutor):  # type: ignore[misc]
     """What `worker_pool` makes, and ends with all its work."""
 
     def shutdown(self, wait: bool = True, kill_workers: bool = False) -> None:
-        """As loky's, which does not wait for the thread that feeds the workers: where Python ends while that thread
-        gives its semaphore back, a warning of a leak is printed."""
+        """As loky's, and waits for the thread that feeds the workers: else Python may warn of a leak where it ends."""
         queue = self._call_queue
         super().shutdown(wait, kill_workers)
         feeder = None if queue is None else queue._thread
@@ -39,12 +38,9 @@ def one_thread() -> Iterator[None]:
 
 @contextmanager
 def worker_pool(executor: Executor | None = None) -> Iterator[Executor]:
-    """The caller's executor, left open, or one process of our own per core that this process may use.
-
-    Our own processes are started afresh, not forked (unsafe where threads hold locks), and do not run the user's
-    script again, which so needs no ``if __name__ == "__main__"``. They end at once where the block is left by an
-    exception, and when this process is killed. Raises ChildProcessError where a worker was killed.
-    """
+    """The caller's executor, left open, or one process of our own per core: started afresh, not forked (unsafe where
+    threads hold locks), and without the user's script, which so needs no ``if __name__ == "__main__"``. They end where
+    the block is left by an exception, and with this process. Raises ChildProcessError where a worker was killed."""
     try:
         if executor is not None:
             yield executor
@@ -61,9 +57,7 @@ def worker_pool(executor: Executor | None = None) -> Iterator[Executor]:
             raise
         pool.shutdown(wait=True)
     except BrokenExecutor:
-        raise ChildProcessError(
-            "a worker process was killed (is the memory full?): run the same command again to go on"
-        ) from None
+        raise ChildProcessError("a worker was killed (is the memory full?): run the same again to go on") from None
 
 
 @contextmanager

@@ -9,10 +9,7 @@ def check_gives(model: object, *methods: str) -> None:
     """Raise ValueError for a model without one of these methods, before a library's own call-back meets it."""
     lacking = [name for name in methods if not callable(getattr(model, name, None))]
     if lacking:
-        raise ValueError(
-            f"{type(model).__name__} gives no {' and no '.join(lacking)}, "
-            "expected a surrogate or the contact model of cc.foundation"
-        )
+        raise ValueError(f"{type(model).__name__} gives no {', '.join(lacking)}, expected a surrogate or a foundation")
 
 
 def check_last_axis(shape: Sequence[int]) -> None:

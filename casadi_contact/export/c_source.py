@@ -121,17 +121,14 @@ def export_c(
     loads: Iterable[str] | None = None,
     example_pose: Sequence[float] | None = None,
 ) -> list[Path]:
-    """Write ``name.c`` and ``name.h``, ``example.c``, a ``Makefile`` and ``name_mex.c`` for MATLAB and Octave.
+    """Write ``name.c`` and ``name.h``, ``example.c``, a ``Makefile`` and ``name_mex.c`` for MATLAB and Octave, and of a
+    model with `wrench_source` ``name_patch_wrenches.c``; return their paths in folder.
 
-    model: a surrogate, or what `cc.foundation` chooses (it has `exported` and `example_pose`).
-    ``name_patch_wrenches.c`` too where the model has `wrench_source`. Returns their paths in folder. Left out: the
-    model's own name, all loads, and `example_pose()` as the pose at which ``example.c`` evaluates the model.
-
-    C99 without dependencies: pose (6) -> loads, Jacobian, weighted Hessian, root loads, validity and expected error,
-    each with a status, and pressures where the model has them. casadi.external, and code that CasADi generates, find
-    ``name`` (loads), ``name_root_loads``, ``name_loads_and_roots`` and ``name_patch_wrenches`` there.
-    Raises ValueError for an unusable name and a pose that is not six finite numbers, OSError where folder cannot be
-    written.
+    model: a surrogate, or what `cc.foundation` chooses. Left out: the model's own name, all loads, and `example_pose()`
+    as the pose at which ``example.c`` evaluates it. C99 without dependencies: pose (6) -> loads, Jacobian, weighted
+    Hessian, root loads, validity and expected error, each with a status, and pressures. casadi.external, and code that
+    CasADi generates, find ``name`` (loads), ``name_root_loads``, ``name_loads_and_roots``, ``name_patch_wrenches``.
+    Raises ValueError for an unusable name and a pose that is not six finite numbers.
     """
     exported, pose = model.exported(loads), pose_or_example(model, example_pose)
     name = name or exported.name

@@ -128,10 +128,9 @@ def export_fmu(
     """Write an FMU (FMI 3.0, model exchange and co-simulation, directional and adjoint derivatives); return its path.
 
     Inputs are the pose [mm, rad], from `start` (6; `example_pose()` if left out) on; outputs the loads [N, N·mm] and
-    root loads; validity and expected errors can be read. Left out: the model's own name, all loads. Compiled for any
-    processor of this machine's kind, or as $CASADI_CONTACT_CFLAGS says.
-    Raises CompilerError (an OSError) without a compiler and on a system other than Linux and macOS, ValueError for an
-    unusable name and a pose that is not six finite numbers.
+    root loads; validity and expected errors can be read. Compiled for any processor of this machine's kind, or as
+    $CASADI_CONTACT_CFLAGS says. Raises CompilerError (an OSError) without a compiler, ValueError for an unusable name
+    and a pose that is not six finite numbers.
     """
     exported, pose = model.exported(loads), pose_or_example(model, start)
     name = name or exported.name

@@ -14,9 +14,8 @@ from casadi_contact.export import check_gives, check_last_axis
 def contact_loads(model: Any) -> Callable[[jax.Array], jax.Array]:
     """Function poses (..., 6) [mm, rad] -> loads (..., L) [N, N·mm], for jit, vmap, grad, jacfwd, jacrev and hessian.
 
-    Compiled programs call the model back on the CPU, in double precision: poses in single precision raise ValueError.
-    A pose that is not finite has loads and derivatives NaN, as JAX's own functions do. A third derivative raises JAX's
-    error for callbacks. A model without Jacobian raises ValueError, one without Hessian at a second derivative.
+    Compiled programs call the model back on the CPU. ValueError for poses in single precision and a model without
+    Jacobian, or without Hessian at a second derivative. A pose that is not finite has loads and derivatives NaN.
     """
     check_gives(model, "__call__", "jacobian")
     count = len(model.load_names)
@@ -62,10 +61,7 @@ def contact_loads(model: Any) -> Callable[[jax.Array], jax.Array]:
         poses = jnp.asarray(poses)
         check_last_axis(poses.shape)
         if poses.dtype != jnp.float64:
-            raise ValueError(
-                f'poses is {poses.dtype}, expected float64: jax.config.update("jax_enable_x64", True) before the first '
-                "array is made"
-            )
+            raise ValueError(f'poses is {poses.dtype}, expected float64: jax.config.update("jax_enable_x64", True)')
         return values(poses)
 
     return loads

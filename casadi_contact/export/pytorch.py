@@ -11,12 +11,9 @@ from casadi_contact.export import check_gives, check_last_axis
 
 
 def contact_loads(model: Any) -> Callable[[torch.Tensor], torch.Tensor]:
-    """Function poses (..., 6) [mm, rad] -> loads (..., L) [N, N·mm] of tensors, twice differentiable.
-
-    The model computes on the CPU in double precision: other poses, and those that are not finite, raise ValueError. A
-    third derivative raises RuntimeError. A model without Jacobian raises ValueError, one without Hessian at a second
-    derivative.
-    """
+    """Function poses (..., 6) [mm, rad] -> loads (..., L) [N, N·mm] of tensors, twice differentiable, on the CPU in
+    double precision. ValueError for other poses, those that are not finite, and a model without Jacobian, or without
+    Hessian at a second derivative; RuntimeError for a third."""
     check_gives(model, "__call__", "jacobian")
 
     def loads(poses: torch.Tensor) -> torch.Tensor:
@@ -24,9 +21,7 @@ def contact_loads(model: Any) -> Callable[[torch.Tensor], torch.Tensor]:
             raise ValueError(f"poses is a {type(poses).__name__}, expected a tensor: torch.tensor(poses).double()")
         check_last_axis(poses.shape)
         if poses.dtype != torch.float64 or poses.device.type != "cpu":
-            raise ValueError(
-                f"poses is {poses.dtype} on {poses.device}, expected torch.float64 on cpu: poses.double().cpu()"
-            )
+            raise ValueError(f"poses is {poses.dtype} on {poses.device}, expected float64 on cpu: poses.double().cpu()")
         flat: torch.Tensor = _Loads.apply(poses.reshape(-1, 6), model)
         return flat.reshape(*poses.shape[:-1], flat.shape[-1])
 

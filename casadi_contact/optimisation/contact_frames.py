@@ -131,10 +131,8 @@ class ContactFrames:
 
     def report(self, value: Callable[[ca.MX], Any]) -> str:
         """What a solution is worth, a line for each finding: what each patch carries, how far off the loads are that
-        `misfit` was asked for, which frames lie on a bound, are not valid, or have no contact.
-
-        value: of an expression at the solution, such as ``solution.value`` of an Opti.
-        """
+        `misfit` was asked for, which frames lie on a bound, are not valid, or have no contact. value: of an expression
+        at the solution, such as ``solution.value`` of an Opti."""
         pose, roots = (np.reshape(value(of), (-1, self.frames), order="F") for of in (self.pose, self.roots))
         forces = self._scene.reference_load * np.maximum(roots, 0.0) ** 2
         patches = zip(self._scene.patch_names, forces.min(axis=1), forces.max(axis=1), strict=True)
@@ -160,12 +158,8 @@ class ContactFrames:
     def start_poses(self, targets: Mapping[str, ArrayLike] | None = None, poses: ArrayLike | None = None) -> Array:
         """Poses (n, 6) in the learned range and in contact, to begin from: settled from given ones (n, 6) or (6,), the
         middle of the range if left out, turned about the anchors to the locked rotations, along the scene's sensitive
-        pose parameters under the target normal loads: a fifth of the scene's reference load on each patch if targets
-        are left out, so that a balance begins with contact.
-
-        Other target loads than normal ones are left to the optimiser. Raises ValueError for locked expressions, unknown
-        loads, and another number of poses.
-        """
+        pose parameters under the target normal loads (other targets are left to the optimiser): a fifth of the scene's
+        reference load on each patch if left out. Raises ValueError for locked expressions and unknown loads."""
         space, middle = self._scene.pose_space, middle_pose(self.model)
         rest = np.tile(middle, (self.frames, 1))
         for name, value in self._locked.items():
@@ -262,11 +256,8 @@ def total_root(roots: ca.MX) -> ca.MX:
 
 
 def _checked_locked(locked: Mapping[str, Any] | None, space: PoseSpace, frames: int) -> dict[str, Any]:
-    """The given locked parameters that the scene leaves free: expressions as they are, numbers as one for each frame.
-
-    Raises ValueError for others that contradict the scene, for numbers that are not one or one for each of a whole
-    number of frames, and for angles that are too large for radians.
-    """
+    """The given locked parameters that the scene leaves free: expressions as they are, numbers as one for each frame;
+    ValueError for others that contradict the scene, another count of numbers and angles too large for radians."""
     frames = whole_number("frames", frames, 1)
     locked = {} if locked is None else locked
     symbols = {name: value for name, value in locked.items() if isinstance(value, ca.MX)}

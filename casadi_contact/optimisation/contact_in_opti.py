@@ -56,11 +56,9 @@ class ContactInOpti(ContactFrames):
             self.begin()
 
     def carry(self, targets: Mapping[str, Any]) -> None:
-        """Ask for loads (as for `misfit`) as constraints, and begin where the contact carries the normal ones.
-
-        A load that need not be met exactly goes into the objective as ``ca.sumsqr(contact.misfit(targets))``; forces
-        that press the joint together had better be constraints. Expressions among the targets leave the start alone.
-        """
+        """Ask for loads (as for `misfit`) as constraints, and begin where the contact carries the normal ones, unless
+        targets are expressions. A load that need not be met exactly goes into the objective as
+        ``ca.sumsqr(contact.misfit(targets))``; forces that press the joint together had better be constraints."""
         self._opti.subject_to(ca.vec(self.misfit(targets)) / 100.0 == 0.0)
         if not any(isinstance(value, ca.MX) for value in (*targets.values(), *self._locked.values())):
             self.begin(targets)

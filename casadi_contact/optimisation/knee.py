@@ -31,10 +31,8 @@ def check_knee(what: str, scene: Scene, load_names: Sequence[str], needed: Seque
     """ValueError for a contact model of a scene whose loads (L,) are not those needed of a knee that carries on two
     sides, or that locks or ties pose parameters; what: the problem that needs such a knee, with its article."""
     if not set(needed) <= set(load_names):
-        raise ValueError(
-            f"{what} needs a knee with two sides, but scene {scene.name} has the loads {', '.join(load_names)}, "
-            f"expected {', '.join(needed)}: take the scene knee or one like it"
-        )
+        got = f"scene {scene.name} has the loads {', '.join(load_names)}"
+        raise ValueError(f"{what} needs a knee with two sides: {got}, expected {', '.join(needed)}")
     scene.pose_space.check_unconstrained(what)
 
 
@@ -88,10 +86,8 @@ def shear_free_poses(model: SymbolicContact, ry: Array, rz: Array) -> Array:
         column = POSE_NAMES.index(name)
         poses[:, column] = angle
         if angle.min() < low[column] or angle.max() > high[column]:
-            raise ValueError(
-                f"{name} reaches from {angle.min():.3g} to {angle.max():.3g} rad, the surrogate learned "
-                f"{low[column]:.3g} to {high[column]:.3g}: train one around your own cycles"
-            )
+            learned = f"the surrogate learned {low[column]:.3g} to {high[column]:.3g}: train one around your own cycles"
+            raise ValueError(f"{name} reaches from {angle.min():.3g} to {angle.max():.3g} rad, {learned}")
     poses, shear = _without_shear(model, poses)
     for frame, beside in (*itertools.pairwise(range(len(rz) - 1, -1, -1)), *itertools.pairwise(range(len(rz)))):
         if shear[frame] == 0.0 and shear[beside] > 0.0:  # from a neighbour's pose

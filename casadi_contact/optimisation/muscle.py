@@ -86,13 +86,9 @@ class MuscleParameters:
             object.__setattr__(self, key, values)
 
     def fitted_to(self, lengths_m: Array) -> MuscleParameters:
-        """Fibres and tendons of an average person scaled to one of another size, from musculotendon lengths (n, m) of
-        all cycles that are at hand:
-
-        1. One factor for each muscle, so that its longest length stretches the fibre to `LONGEST_FIBRE` of its optimum.
-        2. Where that leaves the tendon slack at its shortest length, fibre and tendon have a factor each: the longest
-           length stretches the fibre as far, the shortest just straightens the tendon.
-        """
+        """Fibres and tendons of an average person scaled to another's musculotendon lengths (n, m): by one factor for
+        each muscle, so that its longest length stretches the fibre to `LONGEST_FIBRE` of its optimum; where that leaves
+        the tendon slack at its shortest length, by a factor each, so that the shortest just straightens the tendon."""
         shortest, longest = lengths_m.min(axis=0), lengths_m.max(axis=0)
         stretched = np.sqrt(LONGEST_FIBRE**2 - np.sin(self.pennation_rad) ** 2)  # along the tendon, of optimal length
         factor = longest / (self.tendon_slack_length_m + self.optimal_fibre_length_m * stretched)
@@ -148,18 +144,15 @@ class MuscleWalk(OverTime):
                     raise ValueError(f"walk {self.name}: {what} has shape {values.shape}, expected finite {shape}")
         check_rising(f"walk {self.name}", self.time_s)
         if set(self.loads) != set(self.arms) or not set(self.loads) <= set(COORDINATES):
-            raise ValueError(
-                f"walk {self.name}: got loads of {', '.join(self.loads)} and arms about {', '.join(self.arms)}, "
-                f"expected the same coordinates in both, of {', '.join(COORDINATES)}"
-            )
+            got = f"got loads of {', '.join(self.loads)} and arms about {', '.join(self.arms)}"
+            raise ValueError(f"walk {self.name}: {got}, expected the same ones of {', '.join(COORDINATES)}")
         _check_units_and_signs(self)
 
     def check_has(self, coordinates: Iterable[str]) -> None:
         """ValueError for coordinates of which the walk has no loads and arms."""
         if missing := [name for name in coordinates if name not in self.loads]:
             raise ValueError(
-                f"walk {self.name} has loads and arms of {', '.join(self.loads)}, expected {', '.join(missing)} too: "
-                "add their columns to inverse dynamics (knee_ty_N) and muscles (arm_knee_ty)"
+                f"walk {self.name} has loads and arms of {', '.join(self.loads)}, expected {', '.join(missing)} too"
             )
 
 

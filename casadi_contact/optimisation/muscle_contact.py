@@ -212,10 +212,8 @@ def columns_of(names: tuple[str, ...], *parts: str) -> list[int]:
     ValueError where there are none."""
     columns = [column for column, name in enumerate(names) if any(part in name.lower() for part in parts)]
     if not columns:
-        raise ValueError(
-            f"muscles are {', '.join(names)}, expected some named with {' or '.join(parts)}: leave out the rules that "
-            "need them (share_heads=False, ankle=False)"
-        )
+        said = f"muscles are {', '.join(names)}, expected some named with {' or '.join(parts)}"
+        raise ValueError(f"{said}: or leave out the rules that need them (share_heads=False, ankle=False)")
     return columns
 
 

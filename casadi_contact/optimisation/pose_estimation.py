@@ -72,10 +72,8 @@ class PoseTargets:
             centres[name] = centre
             parts = [_summands(component, scene, values) for component in centre.made_of]
             if not all(parts):
-                raise ValueError(
-                    f"got {name} for scene {scene.name} with the loads {', '.join(scene.load_names)}, expected "
-                    f"{' and '.join(centre.made_of)} among them: add them to its loads.names and tolerances"
-                )
+                needs = f"{' and '.join(centre.made_of)} among the loads of scene {scene.name}"
+                raise ValueError(f"{name} needs {needs}, got {', '.join(scene.load_names)}: add them with tolerances")
             needed |= {*parts[0], *parts[1]}
         if unknown := needed - set(scene.load_names):
             raise ValueError(f"unknown load {', '.join(sorted(unknown))}, expected {', '.join(scene.load_names)}")

@@ -149,13 +149,10 @@ class StaticEquilibrium:
     def solve(
         self, start: ArrayLike | None = None, *, restarts: int = 0, max_iterations: int = 300
     ) -> EquilibriumResult:
-        """Solve with IPOPT from a start (n, 6), the rest poses if left out.
-
-        A start may be anywhere: it is brought into the learned range, and what is sensitive settles under the patches'
-        shares of the loads (`press_together`). restarts: how often rows that stay unsolved begin again beside the pose
-        of the solved row that is nearest; a convex body, such as a natural tibia, has minima off balance. Loads that no
-        pose carries are reported, never raised.
-        """
+        """Solve with IPOPT from a start (n, 6), the rest poses if left out, brought into the learned range and settled
+        by `press_together`. restarts: how often rows that stay unsolved begin again beside the pose of the solved row
+        that is nearest; a convex body, such as a natural tibia, has minima off balance. Loads that no pose carries are
+        reported, never raised."""
         began = time.perf_counter()
         poses, ipopt = self.contact.each_frame(self.rest if start is None else start), IpoptOutcome("Not_Needed", 0)
         left, iterations = np.flatnonzero(~self.pulls), 0

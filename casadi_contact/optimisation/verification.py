@@ -183,11 +183,9 @@ def _numbers(rows: np.ndarray) -> str:
 
 
 def allowed_errors(scene: Scene, names: Sequence[str], forces: Array, share: float = 0.01) -> Array:
-    """Largest errors (n, L) of named loads in verified frames with forces (n, F) [N].
-
-    A force may be off by 1 % of the frame's (√ΣF²) and 0.5 % of the scene's reference load (5 N of 1,000 N), but not by
-    more than a single one may (`Tolerance`); a torque by as much of its own.
-    """
+    """Largest errors (n, L) of named loads in verified frames with forces (n, F) [N]: a force may be off by 1 % of the
+    frame's (√ΣF²) and 0.5 % of the scene's reference load (5 N of 1,000 N), but not by more than a single one may
+    (`Tolerance`); a torque by as much of its own."""
     single = Tolerance.of(scene, names).allowed * Tolerance.single
     of_force = Tolerance.single * min(scene.tolerances_of(of_kind(scene.load_names, FORCE)))
     load_n = np.linalg.norm(forces, axis=1) + 0.5 * scene.reference_load
@@ -206,10 +204,9 @@ def verify(
 ) -> Verification:
     """Compare a surrogate, or a foundation, with a contact model at poses (n, 6) of a solution on it.
 
-    model: the `reference_model` if left out; of any other the own error should be well below the scene's
-    tolerances; where it is a reason in words, frames are not checked. solved: which frames (n,) the solver did not give
-    up. loads: those that the problem uses, all if left out. without_load, leaps: as in `Verification`.
-    Raises ValueError for bad or no poses, for a model without the loads, and for truths of another number of poses.
+    model: the `reference_model` if left out; any other should err well below the scene's tolerances; where it is a
+    reason in words, frames are not checked. solved: which frames (n,) the solver did not give up. loads: those that the
+    problem uses, all if left out. without_load, leaps: as in `Verification`. Raises ValueError for what does not fit.
     """
     poses, names = as_poses(poses), surrogate.check_loads(loads)
     if not len(poses):
@@ -260,12 +257,9 @@ def beside_leaps(
     beside: int = 2,
 ) -> np.ndarray:
     """True (n, 6) where a pose parameter of poses (n, 6) leaps from one solved (n,) frame to a neighbour: several poses
-    may carry the same loads, and each frame may have found its own.
-
-    A leap is a step of more than least_mm or least_deg that is also more than `times` the median of the steps beside it
-    (so many before and behind). Where the next step leads back, that is compared with what is left of both, and the
-    median of all.
-    """
+    may carry the same loads. A leap is a step of more than least_mm or least_deg that is also more than `times` the
+    median of the steps beside it (so many before and behind). Where the next step leads back, that is compared with
+    what is left of both, and the median of all."""
     moves = np.diff(poses, axis=0)
     steps = np.abs(moves)
     padded = np.pad(steps, ((beside, beside), (0, 0)), constant_values=np.nan)

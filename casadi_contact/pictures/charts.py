@@ -23,8 +23,7 @@ _FIRST = ("patch", "EF", "two_stage", "foundation")
 
 
 def family_styles(families: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Keywords of matplotlib's ``plot`` for the markers of each family, no two alike: our own structures and the EF
-    always have the same ones; a second turn through the colours is hollow and takes other markers."""
+    """Keywords of matplotlib's ``plot`` for the markers of each family, no two alike; `_FIRST` always have the same."""
     colours = list(COLOURS.values())
     others = [family for family in dict.fromkeys(families) if family not in _FIRST]
     styles = {}
@@ -68,7 +67,7 @@ def _panels(front: Front, count: int, title: str, measured: str | None) -> tuple
 def log_scale(axes: Any) -> None:
     """Logarithmic scales labelled in plain numbers: 1, 3, 10, 30, or 1, 2, 3, 5, 7, 10 where they span less than a
     factor of 30; linear where nothing above 0 is drawn."""
-    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     for name, axis in (("x", axes.xaxis), ("y", axes.yaxis)):
         if not math.isfinite(axis.get_minpos()):
@@ -76,7 +75,7 @@ def log_scale(axes: Any) -> None:
         axes.set(**{f"{name}scale": "log"})
         low, high = axis.get_view_interval()
         axis.set_major_locator(LogLocator(subs=(1.0, 3.0) if high > 30.0 * low else _CLOSE, numticks=20))
-        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter(NullFormatter())
 
 
@@ -160,8 +159,8 @@ _PASSES = 3
 def place_labels(
     axis: Any, labels: Sequence[tuple[float, float, str, str]], bars: Sequence[tuple[float, float, float]]
 ) -> None:
-    """Write (x, y, text, colour) on an axis whose limits and layout are final, at the nearest free place, or where it
-    covers least of the bars (from x, to x, y); a label far from its point gets a thin line to it."""
+    """Write (x, y, text, colour) on an axis whose layout is final, at the nearest free place, or where it covers least
+    of the bars (from x, to x, y); a label far from its point gets a thin line to it."""
     renderer, scale = axis.figure.canvas.get_renderer(), axis.figure.dpi / 72.0
     frame = axis.get_window_extent(renderer).extents
     points = axis.transData.transform([(x, y) for x, y, *_ in labels])

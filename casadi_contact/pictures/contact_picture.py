@@ -1,5 +1,4 @@
-"""Pictures of contact: the pressure on the fixed surface as it is pressed, and the moving surface in section,
-with the fixed body's elements near that plane."""
+"""Pictures of contact: the pressure on the fixed surface, and sections of the moving one with elements near by."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -78,11 +77,10 @@ def loads_text(model: ElasticFoundation, pose: Array, names: Sequence[str], *, b
 def pressures_text(model: ElasticFoundation, pose: Array) -> str:
     """Area in contact, mean and peak pressure, penetration of each patch in a pose (6,), in words."""
     found = model.summary(pose[None])
+    columns = (found.area_mm2[0], found.mean_mpa[0], found.largest_mpa[0], found.penetration_mm[0])
     said = [
         f"{area:.0f} mm², mean {mean:.3g} MPa, peak {peak:.3g} MPa, {depth:.2g} mm deep" if area else "no contact"
-        for area, mean, peak, depth in zip(
-            found.area_mm2[0], found.mean_mpa[0], found.largest_mpa[0], found.penetration_mm[0], strict=True
-        )
+        for area, mean, peak, depth in zip(*columns, strict=True)
     ]
     names = [f"{name}: " if len(said) > 1 else "" for name in model.patch_names]
     return "; ".join(name + words for name, words in zip(names, said, strict=True))
@@ -98,14 +96,8 @@ def _draw_pressure(axis: Any, maps: Sequence[PressureMap], view: View, largest: 
         width = _DISC * np.sqrt(pressed.areas_mm2)
         discs(axis, pressed.centres_mm, width, view, facecolors="0.88")
         loaded = pressed.pressures_mpa > 0.0
-        drawn = discs(
-            axis,
-            pressed.centres_mm[loaded],
-            width[loaded],
-            view,
-            array=pressed.pressures_mpa[loaded],
-            clim=(0.0, largest),
-        )
+        colours = {"array": pressed.pressures_mpa[loaded], "clim": (0.0, largest)}
+        drawn = discs(axis, pressed.centres_mm[loaded], width[loaded], view, **colours)
     for pressed in maps:
         if (centre := pressed.centre_mm) is not None:
             axis.plot(view.right.of(centre), view.up.of(centre), **CENTRE_OF_PRESSURE)
@@ -153,8 +145,7 @@ def surface_fits(model: ElasticFoundation) -> list[str]:
 
 def draw_fit(model: ElasticFoundation, path: str | Path) -> None:
     """Write a picture of both meshes' vertices in their bodies' frames, each seen from where the other body lies and
-    coloured by its signed distance from the smooth surface (above zero the vertex lies outside it). Raises ValueError
-    for a scene that is not made of meshes."""
+    coloured by its signed distance from the smooth surface (above zero the vertex lies outside it)."""
     scene, view = model.scene, view_of(model)
     meshes = {body: body_mesh(scene.geometry, body) for body in ("moving", "fixed")}
     fields = {body: body_field(scene.geometry, body) for body in meshes}

@@ -1,5 +1,4 @@
-"""What the page draws: the fixed surface of each patch, with where its C finds the pressure at each point, the moving
-body in its own frame, and the view."""
+"""What the page draws: each patch's fixed surface with where C finds the pressure, the moving body, and the view."""
 
 from __future__ import annotations
 
@@ -22,6 +21,7 @@ from casadi_contact.core.quantities import ANGLE, quantity
 from casadi_contact.geometry.moving_surface import CYLINDER, HALF_SPACE, NUMBERS_PER_ARC, SWEPT_ARCS, MovingSurface
 from casadi_contact.pictures.page import anatomical_name, direction_formula, view_of
 from casadi_contact.scenes.scene import Scene
+from casadi_contact.scenes.shapes.mesh_bodies import body_mesh
 from casadi_contact.scenes.shapes.shape import shape_named
 
 _LEAST_AREA = 1e-12  # of a triangle [mm²]
@@ -91,7 +91,7 @@ _SAME_DIGITS = 6  # of coordinates [mm]
 
 @dataclass(frozen=True, eq=False)
 class FixedSurface:
-    """One patch: triangles, and places (m, q) of their points, which its model's ``foundation_pressures`` reads
+    """Triangles of a patch, and places (m, q) of their points, which ``foundation_pressures`` reads
     (``contact/c/*_depths.h``)."""
 
     triangles: Triangles
@@ -167,16 +167,10 @@ _HALF_LENGTH_MM = 40.0  # of what has no end: a cylinder, a flat punch
 
 
 def moving_body(scene: Scene) -> Triangles:
-    """The meshes of a mesh scene, the surfaces of any other."""
-    if scene.shape == "mesh":
-        return _mesh(scene)
-    parts = {surface.parameters.tobytes(): surface for surface in scene.surfaces()}
-    return Triangles.together([_surface(surface) for surface in parts.values()])
-
-
-def _mesh(scene: Scene) -> Triangles:
-    from casadi_contact.scenes.shapes.mesh_bodies import body_mesh
-
+    """The mesh of a mesh scene, the surfaces of any other."""
+    if scene.shape != "mesh":
+        parts = {surface.parameters.tobytes(): surface for surface in scene.surfaces()}
+        return Triangles.together([_surface(surface) for surface in parts.values()])
     mesh = body_mesh(scene.geometry, "moving")
     points, faces = fewer_triangles(mesh.vertices_mm, mesh.faces)
     a, b, c = np.moveaxis(points[faces], 1, 0)
@@ -188,14 +182,12 @@ def _mesh(scene: Scene) -> Triangles:
 
 def fewer_triangles(points_mm: Array, faces: np.ndarray) -> tuple[Array, np.ndarray]:
     """Points (m, 3) and faces (k, 3) of a mesh with at most `MOST_TRIANGLES`, by quadric error metrics (Garland and
-    Heckbert 1997, libigl's); the mesh itself where it has no more."""
+    Heckbert 1997, libigl's)."""
     if len(faces) <= MOST_TRIANGLES:
         return points_mm, faces
     import igl
 
-    ordered = (np.asfortranarray(points_mm), np.asfortranarray(faces, dtype=np.int32))
-    points, fewer, *_ = igl.qslim(*ordered, MOST_TRIANGLES)
-    return points, fewer
+    return igl.qslim(np.asfortranarray(points_mm), np.asfortranarray(faces, dtype=np.int32), MOST_TRIANGLES)[:2]
 
 
 def _surface(surface: MovingSurface) -> Triangles:
@@ -243,9 +235,9 @@ _LIFT = 0.06  # of what the eye looks at above the surface's middle, in distance
 
 
 def map_view(model: ElasticFoundation, points_mm: Array) -> dict[str, Any]:
-    """Directions to the right, up and towards the viewer of the pressure map of fixed points (m, 3), with their names,
-    the points' bounds along them [mm], the axes that sections lie across and their signs, and the first eye. A surface
-    that is pressed from above or below is shown with anterior up, any other with superior up."""
+    """Directions right, up and towards the viewer of the pressure map of fixed points (m, 3), with names, the points'
+    bounds along them [mm], the axes that sections lie across with signs, and the first eye. A surface that is pressed
+    from above or below is shown with anterior up, any other with superior up."""
     toward = view_of(model).toward.pointing
     rough = np.array([-1.0, 0.0, 0.0]) if abs(toward[1]) > np.sqrt(0.5) else np.array([0.0, 1.0, 0.0])
     up = rough - (rough @ toward) * toward

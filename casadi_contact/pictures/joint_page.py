@@ -106,8 +106,7 @@ _TARGET = ("-target", "wasm32-wasi", "-mexec-model=reactor")
 
 def webassembly(files: Mapping[str, str | bytes], exports: Sequence[str]) -> bytes:
     """A WebAssembly module of C sources and what they include (by file name), with the named functions. It imports
-    nothing; its memory from ``__heap_base`` on is the caller's. Raises ImportError without the package `ziglang`,
-    CompilerError (an OSError) where its compiler refuses."""
+    nothing; its memory from ``__heap_base`` on is the caller's."""
     if find_spec("ziglang") is None:
         raise ImportError("a page is compiled by ziglang, which is missing: pip install casadi_contact[page]")
     with tempfile.TemporaryDirectory() as folder:
@@ -141,8 +140,7 @@ class PageCells(CellFoundation):
 
 
 def page_contact(scene: Scene) -> CompiledFoundation:
-    """`foundation` of a scene, or for meshes `PageCells`: the page's numbers are those of this model. Raises ValueError
-    for a shape that has none."""
+    """`foundation` of a scene, or for meshes `PageCells`: the page's numbers are those of this model."""
     return PageCells(scene) if scene.shape == "mesh" else foundation(scene)
 
 
@@ -208,10 +206,9 @@ _COLOURS = 64
 
 
 def joint_page(scene: str, poses: str | None = None, surrogate: str | None = None) -> tuple[str, PageCycle]:
-    """HTML of a scene, and the cycle that it shows. poses: a file of poses to scrub through, the scene's reference
-    cycle if left out. surrogate: a ready name or file, the shipped one of the scene, if any, if left out. Raises
-    ValueError for a surrogate of another scene and for a scene without `cc.foundation`, ImportError without the extra
-    `page`."""
+    """HTML of a scene, and the cycle that it shows. poses: a file to scrub; surrogate: a ready name or file; its
+    own if left out. Raises ValueError for a surrogate of another scene and for a scene without `cc.foundation`,
+    ImportError without the extra `page`."""
     contact = page_contact(load_scene(scene))
     learned, python = _surrogate(contact, surrogate)
     python = python or f"cc.foundation({scene!r})"

@@ -1,5 +1,4 @@
-"""A page of pictures: made without a display, written whole, in colours that the colour-blind tell apart; and the
-direction that a scene is looked at, as its moving body presses."""
+"""A page of pictures, made without a display, and the direction from which a scene is looked at."""
 
 from __future__ import annotations
 
@@ -49,7 +48,7 @@ def new_page(width: float, height: float, **padding: Any) -> Any:
 def frame(axes: Iterable[Any], xlabel: str) -> None:
     """The same abscissa and a faint grid for all axes."""
     for axis in axes:
-        axis.set_xlabel(xlabel)
+        axis.set(xlabel=xlabel)
         axis.grid(alpha=0.3)
 
 
@@ -117,8 +116,7 @@ _LEAST_SHARE = 0.3  # of a unit vector, to be named among its anatomical directi
 @dataclass(frozen=True, eq=False)
 class PictureAxis:
     """A coordinate c = direction·p of points p, rightwards or upwards in a picture; reversed: leftwards or downwards.
-    direction (3,) is a unit vector whose largest component is positive, so that an axis of the frame stays one.
-    anatomical: the frame is a joint's, whose directions have names."""
+    direction (3,) is a unit vector whose largest component is positive. anatomical: directions have names."""
 
     direction: Array
     reversed: bool = False
@@ -193,8 +191,8 @@ class View:
 
 
 def view_of(model: ElasticFoundation) -> View:
-    """The view along the direction of pressing: of the first patch, or, where its normal load has none, against the
-    mean normal of all elements (into a hip's cup; along -y if they face all ways)."""
+    """The view along the direction of pressing of the first patch, or, where its normal load has none, against the mean
+    normal of all elements (into a hip's cup; along -y if they face all ways)."""
     direction = model.scene.normal_loads[0].direction
     if direction is None:
         grids = model.scene.elements(model.grid)

@@ -27,12 +27,8 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Fitting:
-    """How a surrogate is to be fitted.
-
-    structure: key of `STRUCTURES`. efforts: by the start of a network's name (see `Preset`). checkpoints: folder that a
-    later call goes on from. command: what a reader of the record runs to make it again. title: in progress, the
-    structure if empty.
-    """
+    """How a surrogate is fitted: structure, a key of `STRUCTURES`; efforts by the start of a network's name (see
+    `Preset`); the folder of checkpoints; the command that makes it again; and its title in progress."""
 
     structure: str
     efforts: Mapping[str, Effort]
@@ -52,10 +48,9 @@ def fit_surrogate(
 ) -> Surrogate:
     """A surrogate of one structure, its networks fitted side by side, with a record of how it was made.
 
-    Of a joint that is its own mirror image one side is fitted, on the samples of both. update is called as (title and
-    network, Gflop used, Gflop allotted, remark). A logged warning names the networks whose budget was used up.
-    onward: a surrogate whose networks go on from their
-    weights, widened to the first size of their effort; a fit that stalls does not begin again from random ones.
+    Of a joint that is its own mirror image one side is fitted, on the samples of both. A logged warning names the
+    networks whose budget was used up. onward: a surrogate whose networks go on from their weights, widened to the first
+    size of their effort; a fit that stalls does not begin again from random ones.
     """
     kind, scene, title = STRUCTURES[fitting.structure], project.scene, fitting.title or fitting.structure
     weights = {DOMAINS.index(name) + 1: weight for name, weight in project.preset.domain_weights.items()}

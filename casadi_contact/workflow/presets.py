@@ -27,11 +27,8 @@ class Effort:
 
 @dataclass(frozen=True)
 class ActiveRound:
-    """Training goes on with samples on which the surrogate of before is worst (see `active`).
-
-    times: candidates to choose from, as a multiple of the preset's samples; worst_share: the share of them that is
-    learned; efforts: as a preset's, of this round alone. Sizes are those of before or wider: weights are kept.
-    """
+    """Training goes on with the worst_share of samples on which the surrogate of before is worst, of so many times the
+    preset's (see `stages`); efforts: of this round. Sizes are those of before or wider: weights are kept."""
 
     times: float
     worst_share: float

@@ -40,12 +40,9 @@ class Project:
 
     @classmethod
     def open(cls, scene: str | Path, preset: str, folder: Path | None = None) -> Project:
-        """Check the names and make the folder (results/SCENE-PRESET if left out).
-
-        scene: name of a ready scene or path of a .toml, or a surrogate by its name or .h5 file, which stands for its
-        scene and for what was trained on it.
-        The sensitive pose parameters of a scene that leaves them out are found, and kept in the folder's scene.toml.
-        """
+        """Check the names and make the folder (results/SCENE-PRESET if left out). scene: a ready name or .toml, or a
+        surrogate by its name or .h5 file, which stands for its scene and for what was trained on it. The sensitive pose
+        parameters of a scene that leaves them out are found, and kept in the folder's scene.toml."""
         # "knee" is both a scene and a surrogate: the scene
         named = Path(scene).suffix == ".h5" or (str(scene) in ready_surrogates() and str(scene) not in ready_scenes())
         surrogate = load_surrogate(scene) if named else None

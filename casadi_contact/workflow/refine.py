@@ -67,15 +67,12 @@ def refine(
 ) -> Refinement:
     """Solve, verify, and as long as that fails: sample around the failing frames, train on, calibrate, solve again.
 
-    solve: surrogate -> poses (n, 6) of the solution and which frames (n,) are solved. A problem may keep its poses in
-    ``record["pose_range"]``: frames that this leaves unsolved fail, and the range grows with the samples around them.
-    samples: what the surrogate was trained on. model: verifies, settles and labels the new samples
-    (`per_frame` static analyses around each failing frame). gflop: budget of each network in each round, see
-    `TrainingSettings`.
-    progress(text) is told each step. Nothing given is changed.
+    solve: surrogate -> poses (n, 6) of the solution and which frames (n,) are solved; frames that ``pose_range`` of the
+    record leaves unsolved fail, and it grows with the samples around them. samples: what the surrogate was trained on.
+    model: verifies, settles and labels the new samples (`per_frame` static analyses around each failing frame). gflop:
+    of each network in each round, see `TrainingSettings`. progress(text) is told each step.
 
-    Raises ValueError like `verify` and `calibrate`, for another answer of solve than a tuple of two, and where no new
-    sample could be drawn.
+    Raises ValueError like `verify` and `calibrate`, for another answer of solve, and where no sample could be drawn.
     """
     if rounds < 0 or per_frame < 1:
         raise ValueError(f"rounds is {rounds} and per_frame {per_frame}, expected at least 0 and 1")

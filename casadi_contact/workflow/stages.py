@@ -12,6 +12,7 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -56,16 +57,13 @@ def sample(
     executor: Executor | None = None,
     model: DrawnModel | str = "elements",
 ) -> tuple[Samples, str]:
-    """Estimate the poses of the reference cycles and draw the samples, or go on where an earlier run stopped.
+    """Estimate the poses of the reference cycles and draw the samples, or go on where an earlier run stopped; returns
+    the samples and the report of the motion, which is kept beside them.
 
     cycle_files: measured cycles (§3.3); the built-in reference motion if empty. model: a name in `MODELS`, or a user's
-    own contact model of the scene, which is evaluated in this process.
-
-    Returns the samples and the report of the reference motion, which is kept beside the samples: a later call goes on
-    around it.
-
-    Raises ValueError for samples or surrogates of something else in the folder, where more of a domain was dropped than
-    the settings' ``most_dropped`` and for gaps of the wrong sign (the file is kept).
+    own contact model of the scene, which is evaluated in this process. Raises ValueError for samples or surrogates of
+    something else in the folder, where more of a domain was dropped than ``most_dropped`` allows and for gaps of the
+    wrong sign (the file is kept).
     """
     models = model_pair(model)
     if not isinstance(model, str) and model.scene.digest != project.scene.digest:
@@ -87,15 +85,8 @@ def sample(
         kept.write(project.motion_path)
     progress = stage_progress(update, "samples")
     with nullcontext(executor) if isinstance(model, str) else ThreadPoolExecutor(1) as workers:
-        samples = draw_samples(
-            project.scene,
-            kept.motion,
-            project.samples_path,
-            settings=settings,
-            executor=workers,
-            models=models,
-            progress=progress,
-        )
+        given: dict[str, Any] = {"settings": settings, "executor": workers, "models": models, "progress": progress}
+        samples = draw_samples(project.scene, kept.motion, project.samples_path, **given)
     check_rejection_rate(samples, settings.most_dropped)
     if model_name_of(samples) is None:
         check_gaps(samples, str(project.samples_path))
@@ -129,11 +120,10 @@ def train(
     structure: str | None = None,
     teacher: WrenchModel | None = None,
 ) -> list[Path]:
-    """Train the preset's structures, or this one alone, on all cores, and write a surrogate file for each.
+    """Train the preset's structures, or this one alone, and write a surrogate file for each; goes on from checkpoints.
 
-    teacher: the user's own contact model that the samples come from, for `calibrate`. Goes on from checkpoints where
-    an earlier run stopped. Raises ValueError for a structure that the preset does not train or that cannot stand for
-    the scene's loads, and for active rounds on samples of another model than the library's.
+    teacher: the user's own contact model that the samples come from, for `calibrate`. Raises ValueError for a structure
+    that is not trained for this preset and scene, and for active rounds on samples of a user's own model.
     """
     structures = [name for name in project.preset.efforts if STRUCTURES[name].fits(project.scene)]
     if structure is not None and structure not in structures:
@@ -159,10 +149,8 @@ def train(
 
 
 def build_command(project: Project, samples: Samples, cycles: Sequence[str], *tolerances: str) -> str:
-    """The command line that builds a project's surrogates from nothing; for a user's own model a line of Python.
-
-    cycles: files that the samples were drawn around; tolerances: options of a build to tolerances instead of a preset.
-    """
+    """The command line that builds a project's surrogates from nothing, around cycle files; for a user's own model a
+    line of Python. tolerances: options of a build to tolerances instead of a preset."""
     if "table" in samples.provenance:
         return project.command("build", "--table", samples.provenance["table"])
     drawn_from = model_name_of(samples)
@@ -221,11 +209,8 @@ def candidates(
 
 
 def worst_samples(model: LoadModel, samples: Samples, share: float) -> Samples:
-    """The share of samples on which a model is worst, and all on which nothing touches, as training rows.
-
-    The error of a sample is max over loads |model - sample|/tolerance, the scene's tolerances. Lifted bodies all belong
-    to them because a load error of zero does not tell how near a false contact is.
-    """
+    """The share of samples on which a model is worst, by max over loads |model - sample|/tolerance, as training rows;
+    and all on which nothing touches: a load error of zero does not tell how near a false contact is."""
     tolerances = samples.scene.tolerances_of(model.load_names)
     errors = np.max(np.abs(model(samples.poses) - samples.loads(model.load_names)) / tolerances, axis=1)
     chosen = (samples.wrenches == 0.0).all(axis=(1, 2))

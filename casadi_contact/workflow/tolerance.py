@@ -89,13 +89,9 @@ def train_to_tolerance(
     model: str = "elements",
     rounds: Sequence[Preset] = TO_TOLERANCE,
 ) -> Surrogate:
-    """Sample and train in rounds until the tolerances of the project's scene are met (see above); samples and surrogate
-    of the last round go into the project's folder.
-
-    Goes on where an earlier run stopped. Raises ValueError, naming what misses, where the last round does not meet
-    them; its samples and surrogate are kept all the same. A ValueError also refuses a folder with samples or
-    surrogates that no such build of this scene made: they would be replaced.
-    """
+    """Sample and train in rounds until the tolerances of the project's scene are met (see above), going on where an
+    earlier run stopped; samples and surrogate of the last round go into the project's folder. Raises ValueError where
+    that misses them all the same, and for a folder whose samples or surrogates no such build of this scene made."""
     _refuse_others(project)
     structure, missed = PatchSurrogate.structure, ""
     tolerances = (f"{tolerance:.15g}" for tolerance in project.scene.tolerances.values())
@@ -121,10 +117,8 @@ def train_to_tolerance(
         calibrated = calibrate(surrogate, samples, teacher_of(samples), update, executor=workers)
     calibrated.save(project.surrogate_path(structure))
     if missed:
-        raise ValueError(
-            f"after {number} rounds, {len(samples)} samples, the tolerance is missed: {missed}; "
-            "loosen it, or ask for fewer loads or a smaller range"
-        )
+        said = f"after {number} rounds, {len(samples)} samples, the tolerance is missed: {missed}"
+        raise ValueError(f"{said}; loosen it, or ask for fewer loads or a smaller range")
     return calibrated
 
 

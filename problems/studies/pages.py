@@ -64,12 +64,9 @@ _ROWS = {
 def pages(data: Path) -> dict[str, str]:
     """Text of every page by file name, of the result files that are in the folder."""
     sections: list[str] = []
-    for name, write in (
-        ("speed_accuracy.csv", _shipped_section),
-        ("casadi_forms.json", _forms_section),
-        ("solve_time.csv", _solve_time_section),
-        ("optimisers.json", _optimisers_section),
-    ):
+    written = {"speed_accuracy.csv": _shipped_section, "casadi_forms.json": _forms_section}
+    written |= {"solve_time.csv": _solve_time_section, "optimisers.json": _optimisers_section}
+    for name, write in written.items():
         if (data / name).is_file():
             sections += write(data / name)
     for name, write_all in (("pose_estimation", _pose_section), ("muscle_contact", _muscle_section)):

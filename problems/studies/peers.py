@@ -71,7 +71,7 @@ class Peer:
         return loads
 
     def _shares(self, p: int) -> tuple[Array, Array]:
-        """Of part p: how much of each ratio a load takes (L, ratios), and of the normal load itself (L,)."""
+        """How much of each ratio of part p a load takes (L, ratios), and of its normal load (L,)."""
         part = self.scene.parts[p]
         columns = [WRENCH_NAMES.index(name) for name in self._components[part.name]]
         own = self._selection[:, p, WRENCH_NAMES.index(part.normal.component)] if part.normal.component else 0.0

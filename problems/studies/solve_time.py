@@ -121,12 +121,10 @@ def run(
     table = Table("model", "ms a frame", "force [N]", "torque [N·mm]", "")
     for point in front.points:
         ms = "" if point.value is None else f"{1e-3 * point.value.median_us:.3g}"
-        table.add_row(
-            point.name, ms, f"{point.force_rms_n:.3g}", f"{point.torque_rms_nmm:.3g}", point.failure or point.remark
-        )
-    console = PlainConsole()
-    console.print(table)
-    console.print(f"results in {out}", highlight=False)
+        errors = (f"{point.force_rms_n:.3g}", f"{point.torque_rms_nmm:.3g}")
+        table.add_row(point.name, ms, *errors, point.failure or point.remark)
+    PlainConsole().print(table)
+    print(f"results in {out}")
 
 
 if __name__ == "__main__":

@@ -7,10 +7,9 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact.elements.foundation import ElasticFoundation
-from casadi_contact.core.conventions import pose_index
 from casadi_contact.workflow.project import built_in_motion
 from problems.studies import stability
-from problems.studies.stability import ELEMENTS, FOUNDATION, Bench, PeerModel
+from problems.studies.stability import ELEMENTS, FOUNDATION, Bench
 
 
 @pytest.fixture(scope="module")
@@ -70,15 +69,6 @@ def test_failures_out_of_range_are_counted(bench, hip):
     apart = np.tile(bench.poses[0] + 10.0 * np.eye(6)[1], (4, 1))
     assert stability.count_failures(Wrong(), apart, bench.truth) == (1, 1, 1)
     assert stability.count_failures(hip.models[FOUNDATION], hip.poses, hip.truth) == (0, 0, 0)
-
-
-def test_a_peer_s_root_load_is_that_of_its_force_s_size(hip):
-    peer = PeerModel(lambda poses: 1e3 * poses, hip.scene)
-    at = np.array([[0.3, 0.0, -0.4, 0.0, 0.1, 0.0]])
-    roots, slopes = peer.root_loads(at)
-    assert hip.scene.reference_load * roots[0, 0] ** 2 == pytest.approx(500.0)
-    ahead = peer.root_loads(at + 1e-6 * np.eye(6)[pose_index("tx")])[0]
-    assert slopes[0, 0, 0] == pytest.approx((ahead - roots)[0, 0] / 1e-6, rel=1e-4)
 
 
 def test_the_command_writes_every_row(monkeypatch, tmp_path, bench):

@@ -40,10 +40,7 @@ def new_hdf5(path: Path) -> Iterator[h5py.File]:
 
 @contextmanager
 def open_hdf5(path: Path) -> Iterator[h5py.File]:
-    """An HDF5 file of this library to read, from memory.
-
-    Raises FileNotFoundError, and ValueError in one line for damage, also for any error of the block that reads.
-    """
+    """An HDF5 file of this library to read, from memory; ValueError in one line for damage and for errors inside."""
     checked_size(path, MOST_DATA)
     content = path.read_bytes()
     if not content.startswith(_MAGIC):

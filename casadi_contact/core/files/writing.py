@@ -23,11 +23,8 @@ def writable_folder(folder: Path) -> None:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path to write to; it replaces `path` when the block ends without an error, else it is removed.
-
-    The content is on disc before the old file goes; the old file's permissions are kept. Raises OSError in one line
-    where `path` cannot be written, or is a folder, device or pipe.
-    """
+    """A temporary path to write to; it replaces `path` when the block ends without an error, else it is removed. The
+    content is on disc before the old file goes; that one's permissions are kept. Raises OSError in one line."""
     if path.exists() and not path.is_file():
         kind = "folder" if path.is_dir() else "device or pipe"
         raise OSError(f"cannot write {path}: a {kind}, expected a file's name")
@@ -59,11 +56,8 @@ def write_text(path: Path, content: str) -> None:
 
 @contextmanager
 def folder_lock(folder: Path) -> Iterator[None]:
-    """Lock a folder of results for this process; the same thread may lock it again inside.
-
-    The lock is the operating system's and ends with its process, so a killed run blocks nobody. Raises
-    BlockingIOError where another process or thread has the lock, OSError where the folder cannot be written.
-    """
+    """Lock a folder of results for this process, by the operating system: a killed run blocks nobody. The same thread
+    may lock it again inside. Raises BlockingIOError where another process or thread has the lock, else OSError."""
     folder = folder.resolve()
     lock = FileLock(folder / ".lock", is_singleton=True)
     if lock.is_locked:
@@ -72,9 +66,7 @@ def folder_lock(folder: Path) -> Iterator[None]:
     try:
         lock.acquire(blocking=False)
     except Timeout:
-        raise BlockingIOError(
-            f"{folder} is in use by another process: wait until it ends, or choose another folder (--out)"
-        ) from None
+        raise BlockingIOError(f"{folder} is in use by another process: wait, or choose another --out") from None
     except OSError as error:
         raise OSError(f"cannot write in folder {folder}: {error.strerror or error}") from None
     try:

@@ -38,9 +38,8 @@ GRIDS = ((20, 15), (40, 30), (80, 40), (160, 80), (320, 160))
 
 @dataclass(frozen=True)
 class Candidate:
-    """A row of the chart that is not measured yet, its model (None where none could be made, as the row's failure
-    says), and stopwatches of `TIMES`: "value" times single calls, as an optimiser makes them, "batch" one call with all
-    poses."""
+    """A row of the chart that is not measured yet, its model (None where none could be made), and stopwatches of
+    `TIMES`: "value" times single calls, as an optimiser makes them, "batch" one call with all poses."""
 
     point: Point
     model: LoadModel | None = None
@@ -50,10 +49,8 @@ class Candidate:
 def refuse_without_elements(project: Project) -> None:
     """ValueError where there is no elastic foundation to compare with: a user's own model, or a table of samples."""
     if project.scene.layer is None:
-        raise ValueError(
-            f"a chart compares with elastic foundations, and scene {project.scene.name} has no geometry for one: "
-            f"casadi-contact info tells the errors of a surrogate, {project.command('speed')} its times"
-        )
+        instead = f"casadi-contact info tells a surrogate's errors, {project.command('speed')} its times"
+        raise ValueError(f"a chart needs an elastic foundation, scene {project.scene.name} has no geometry: {instead}")
 
 
 def untrained_candidates(scene: Scene) -> Iterator[Candidate]:
@@ -158,11 +155,7 @@ def _made(project: Project, path: Path, learned: Samples) -> bool:
 
 @exclusive
 def train_sizes(project: Project, update: Update | None = None, executor: Executor | None = None) -> None:
-    """Train the surrogates of the preset's chart that are not on disk yet.
-
-    Goes on from checkpoints where an earlier run stopped. Raises FileNotFoundError without samples, ValueError for
-    samples of another scene.
-    """
+    """Train the surrogates of the preset's chart that are not on disk yet, going on from checkpoints."""
     samples = replace(project.samples(), scene=project.scene)  # its tolerances are those of now
     writable_folder(project.folder / "sizes")
     for name, (structure, efforts) in chart_sizes(project).items():

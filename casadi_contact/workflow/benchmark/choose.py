@@ -74,12 +74,9 @@ def choose(
     times differ by less than 3 % (the scatter from run to run), the most accurate.
 
     scene, preset, folder: as in `casadi-contact build` or `chart`, whose ``speed_accuracy.csv`` is read; where nothing
-    has been built, the front that comes with the library for this scene. Without either, elements, the foundation (of a
-    scene that can be written as one) and the surrogates at hand are measured now (tell: called with what is next).
-    loads: a name or names, all of the scene's if None; times are always those of all loads.
-
-    Raises ValueError for a scene without elements, a tolerance that is missing or not above 0, an unknown load, a file
-    of another scene, and where nothing meets the tolerance (naming the nearest).
+    has been built, the front shipped for this scene; without either, what is at hand is measured now (tell: called with
+    what is next). loads: a name or names, all of the scene's if None; times are always those of all loads. Raises
+    ValueError for a scene without elements, a wrong tolerance or load, and where nothing meets the tolerance.
     """
     project = Project.open(scene, preset, folder)
     refuse_without_elements(project)
@@ -137,11 +134,11 @@ def within_tolerance(front: Front, tolerance: Tolerance, loads: Sequence[str]) -
     found = [offer for offer in offers if _used(offer, tolerance) <= 1.0]
     if not found:
         nearest = min(offers, key=lambda offer: _used(offer, tolerance))
-        wanted = dict(zip(tolerance.names, tolerance.allowed.tolist(), strict=True))
+        rms = {"N": nearest.force_rms_n, "N·mm": nearest.torque_rms_nmm}
+        has = " and ".join(f"{three_digits(value)} {unit}" for unit, value in rms.items() if not math.isnan(value))
         raise ValueError(
-            f"no measured model meets {_errors_text(wanted.get(FORCE.name), wanted.get(TORQUE.name))}; the nearest, "
-            f"{nearest.name}, has {_errors_text(nearest.force_rms_n, nearest.torque_rms_nmm)}: "
-            "loosen the tolerance, or chart a larger preset"
+            f"no measured model is within the tolerance; the nearest, {nearest.name}, has {has}: loosen it, or chart a "
+            "larger preset"
         )
     return found
 
@@ -160,13 +157,6 @@ def _used(offer: Offer, tolerance: Tolerance) -> float:
     """Largest share of a tolerance that the errors use; a kind of load that was not asked for uses none."""
     rms = {FORCE.name: offer.force_rms_n, TORQUE.name: offer.torque_rms_nmm}
     return float(tolerance.rms_ratios([np.nan_to_num(rms[name]) for name in tolerance.names]).max(initial=0.0))
-
-
-def _errors_text(force_n: float | None, torque_nmm: float | None) -> str:
-    pairs = ((force_n, "N"), (torque_nmm, "N·mm"))
-    return " and ".join(
-        f"{three_digits(value)} {unit}" for value, unit in pairs if value is not None and not math.isnan(value)
-    )
 
 
 def surrogate_file(project: Project, name: str) -> Path | str | None:

@@ -28,12 +28,8 @@ _OTHERS = ("samples", "training_seconds", "parameters", "remark", "failure")
 
 @dataclass(frozen=True)
 class Point:
-    """A model on the chart (see `candidates.Candidate`): times per pose, errors, and what it cost.
-
-    value, jacobian, hessian, batch: µs per pose on one thread, None for what the model cannot do. load_rms: RMS
-    error of each load [N, N·mm] on the unseen walking sequence against the converged EF. A failed model has none of
-    these, and says why.
-    """
+    """A model on the chart: times [µs] per pose on one thread, None for what it cannot do, RMS error of each load
+    [N, N·mm] on unseen walking, and what it cost. A failed model has none of these, and says why."""
 
     name: str
     family: str

@@ -38,12 +38,9 @@ from casadi_contact.workflow.project import Project, available_poses, built_in_m
 
 
 def unseen_walking(model: ContactModel, motion: ReferenceMotion, count: int = 5, seed: int = 51) -> Array:
-    """Poses (n, 6) of `count` new cycles: random weighted means of the reference cycles' sample-point inputs.
-
-    Weighted means lie inside the reference envelopes and so inside D1, and none is a reference cycle or a sample. A
-    single cycle has no others to go between: each of its inputs is shifted instead, by up to half of how far D1 reaches
-    beside it. Each frame is settled on the given model; frames that do not settle are left out.
-    """
+    """Poses (n, 6) of `count` new cycles: random weighted means of the reference cycles' sample-point inputs, which lie
+    inside the reference envelopes and so inside D1. A single cycle has no others to go between: each of its inputs is
+    shifted instead, by up to half of how far D1 reaches beside it. Frames that do not settle are left out."""
     cycles, rng = len(motion.curves), np.random.default_rng(seed)
     if cycles == 1:
         settings = SamplingSettings.from_scene(model.scene)
@@ -65,11 +62,8 @@ def converged_elements(scene: Scene) -> tuple[int, int]:
 
 
 def evaluate(surrogates: Mapping[str, Surrogate], samples: Samples) -> dict[str, dict[str, LoadErrors]]:
-    """Errors of each surrogate on the held-back samples, by model, domain and load.
-
-    Also of the EF's fine and coarse grids, unless the samples are of a user's own contact model, from which an EF of
-    the scene differs by more than the surrogates do.
-    """
+    """Errors of each surrogate on the held-back samples, by model, domain and load; also of the EF's fine and coarse
+    grids, unless the samples are of a user's own contact model."""
     scene = samples.scene
     compared = scene.layer is not None and model_name_of(samples) is not None
     grids = (scene.grids["coarse"], scene.grids["fine"]) if compared else ()
@@ -92,12 +86,8 @@ Peers = Callable[[Samples], Iterable[Candidate]]
 
 def measure_project(project: Project, *, peers: Peers | None = None, tell: Tell | None = None) -> Path:
     """Measure the surrogates at hand (see `charted_surrogates`), what needs no training, and peers; write
-    ``speed_accuracy.csv`` and return its path.
-
-    tell: called with what is measured next. Where nothing has been built, poses are those of the built-in cycles.
-    Surrogates of finite elements are compared with these. Without elements, in scenes without geometry and of a table,
-    only times are measured.
-    """
+    ``speed_accuracy.csv`` and return its path. Surrogates of finite elements are compared with these. In scenes without
+    geometry and of a table only times are measured. tell: called with what is measured next."""
     scene, candidates = project.scene, list[Candidate]()
     compared = scene.layer is not None and (not project.has_results or has_motion(project))
     reference: Any = EF_FAMILY if compared else None
@@ -126,11 +116,8 @@ def measure_project(project: Project, *, peers: Peers | None = None, tell: Tell 
 def measure(
     candidates: Iterable[Candidate], scene: Scene, poses: Array, tell: Tell | None = None, *, reference: Any = EF_FAMILY
 ) -> Front:
-    """Errors and times of all candidates, the times in turn within one run on one thread.
-
-    Errors are on the poses (n, 6) of walking, against the reference, a contact model (the converged EF if left out), or
-    None. A candidate that fails becomes a point that says why. Raises ValueError for two candidates of one name.
-    """
+    """Errors of all candidates on poses (n, 6) against the reference, a contact model or None (the converged EF if left
+    out), and times, in turn within one run on one thread. A candidate that fails becomes a point that says why."""
     tell = tell or (lambda what: None)
     candidates, grid, converged = list(candidates), "none", None
     if reference is not None:

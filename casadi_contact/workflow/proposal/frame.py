@@ -43,22 +43,16 @@ def frame_of(geometry: JointGeometry, side: str | None = None, axes: Sequence[st
     if turned_deg := float(np.degrees(Rotation.from_matrix(geometry.rotation).magnitude())):
         findings.append(f"the bodies stand askew by {turned_deg:.0f} degrees: turned, see placement")
     if axes is not None and patches.axis is not None and not axes_rotation(axes)[2, patches.axis]:
-        beside = "xyz"[patches.axis]
         raise ValueError(
-            f"--axes {','.join(axes)}: the patches lie side by side along {beside}, expected it third, as z"
+            f"--axes {','.join(axes)}: patches lie side by side along {'xyz'[patches.axis]}, expected as z"
         )
     if patches.exchanged:
-        questions.append(
-            "which body is the fixed one: the moving body is flat or hollow where the fixed one is domed: are the "
-            "files exchanged?"
-        )
+        questions.append("which body is the fixed one: it is domed, the moving one flat or hollow: files exchanged?")
     if axes is not None:
         findings.append(f"the moving body presses along the file's {axis_name(geometry.placement.pressing)}")
     if axes is None and (others := [axis_name(way) for way in geometry.placement.doubtful]):
-        questions.append(
-            f"which way the moving body presses: taken as the file's {axis_name(geometry.placement.pressing)}, where "
-            f"the bodies come near each other most; nearly as much they do along {', '.join(others)} (--joint, --axes)"
-        )
+        taken = axis_name(geometry.placement.pressing)
+        questions.append(f"which way the moving body presses: taken as {taken}, not {', '.join(others)} (--axes)")
     mirror = "z" if side == "left" and kind != "other" else ""
     if kind != "other":
         findings.append(f"a {side} joint, mirrored in z into a right one" if mirror else "a right joint")
@@ -84,10 +78,8 @@ def _axes(geometry: JointGeometry, mirror: str, findings: list[str], questions: 
     elif kind == "hip":
         level = pressing - pressing * (np.arange(3) == np.abs(pressing).argmax())
         target = {1: pressing, 2: -level if mirror else level}
-        questions.append(
-            f"which way is up and which medial: taken as the file's {axis_name(pressing)} and {axis_name(level)}, the "
-            "ways in which the cup is deep (--axes)"
-        )
+        taken = f"the file's {axis_name(pressing)} and {axis_name(level)}"
+        questions.append(f"which way is up and which medial: taken as {taken}, where the cup is deep (--axes)")
     else:
         findings.append(f"the fixed surface faces the file's {axis_name(-pressing)}: up (+y)")
     if kind == "knee":
@@ -123,13 +115,9 @@ def _posterior(
     anterior = float((vertices - vertices.mean(axis=0))[band, flat].mean()) if band.any() else 0.0
     posterior = np.asarray(-np.sign(anterior or -1.0) * np.eye(3)[flat])
     if abs(anterior) > pair.scale * least_offset_mm:
-        findings.append(
-            f"posterior is the file's {axis_name(posterior)}: the moving body's condyles are joined at its other end"
-        )
+        findings.append(f"posterior is the file's {axis_name(posterior)}: condyles are joined at the other end")
     else:
-        questions.append(
-            f"which way is posterior: taken as the file's {axis_name(posterior)}; check that flexion is rz < 0"
-        )
+        questions.append(f"which way is posterior: taken as the file's {axis_name(posterior)}; flexion is rz < 0")
     return posterior
 
 
@@ -156,24 +144,15 @@ def _offsets(
         if placement.together:
             origins = dict.fromkeys(origins, centre)
         moved = " and ".join(body for body, origin in origins.items() if origin.any())
-        findings.append(
-            f"the origin of the {moved} file lies far from the bodies: moved to what the moving body turns about, see "
-            "placement"
-        )
+        findings.append(f"the origin of the {moved} file lay far from the bodies: moved to what turns, see placement")
     to_ball_mm = float(np.linalg.norm(patches.anchors_mm[0]))
     if not joint.pressing and not origins["moving"].any() and to_ball_mm > pair.scale * lever_mm:
         origins["moving"] = patches.anchors_mm[0]
-        findings.append(
-            f"the moving body's origin lies {to_ball_mm:.3g} mm from what it turns about in its cup: moved there, see "
-            "placement"
-        )
+        findings.append(f"the moving body's origin lay {to_ball_mm:.3g} mm from what it turns about: moved there")
     if joint.kind == "knee" and placement.together:
         up = np.arange(3) == np.abs(placement.pressing).argmax()
         origins["fixed"] = np.where(up, origins["fixed"], _middle_of_contact(geometry))
-        findings.append(
-            "the fixed body's origin lies at the middle of contact, between the patches: centres of pressure refer to "
-            "it; poses in the files' frame differ by its placement"
-        )
+        findings.append("the fixed body's origin was moved to the middle of contact: centres of pressure refer to it")
     return {body: tuple((0.0 - to_library @ origin).round(3).tolist()) for body, origin in origins.items()}
 
 

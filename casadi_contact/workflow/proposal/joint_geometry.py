@@ -47,14 +47,11 @@ SETTINGS = PatchSettings()
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """Contact areas of a joint, in the axes of the files.
-
-    weight (n,): how often each fixed point was near contact, times areas. axis: along which patches lie beside each
-    other (None for one patch). cuts_mm: coordinates between neighbouring patches, rising. centre_mm (3,): centre of
-    curvature of the fixed body near contact. anchors_mm (patches, 3): centre of curvature of the moving body for each
-    patch. round: the moving body is convex wherever it touches. hollow: the fixed body is a cup about the centre.
-    exchanged: the fixed body is a dome where the moving one is flat or hollow.
-    """
+    """Contact areas of a joint, in the axes of the files: weight (n,), how often each fixed point was near contact,
+    times areas; the axis along which patches lie beside each other (None for one patch), cuts_mm between them, rising;
+    centres of curvature of the fixed body near contact (3,) and of the moving body for each patch (patches, 3). round:
+    the moving body is convex wherever it touches. hollow: the fixed body is a cup about the centre. exchanged: it is a
+    dome where the moving one is flat or hollow."""
 
     weight: Array
     axis: int | None
@@ -79,8 +76,7 @@ def find_patches(
     pair: Pair, placement: ContactPlacement, *, parted: bool = True, least_share: float = SETTINGS.least_share
 ) -> Patches:
     """Rotate the moving body a little about every axis, let it touch, and collect the surface near contact. parted:
-    split it at valleys that have at least `least_share` of the weight on each side. A ball's socket is one patch,
-    because no rotation shifts load within it."""
+    split it at valleys that have at least `least_share` of the weight on each side, unless it is a ball's socket."""
     centre, pivot = _centre_and_pivot(pair, placement)
     weight, touched = np.zeros(len(pair.points_mm)), []
     for angles in itertools.product(np.radians(SETTINGS.turns_deg), repeat=3):
@@ -132,9 +128,9 @@ def _patch_numbers(points_mm: Array, axis: int | None, cuts_mm: tuple[float, ...
 
 
 def _centre_and_pivot(pair: Pair, placement: ContactPlacement) -> tuple[Array, Array]:
-    """The centre of curvature (3,) of the fixed body near contact, and the pivot (3,) of the rotations. The pivot is
-    the nearer centre of curvature. If that is the moving body's, it is shifted so that the body does not roll out of
-    its contact area: a condyle rolling in a shallow dish would seem to have several patches."""
+    """The centre of curvature (3,) of the fixed body near contact, and the pivot (3,) of the rotations: the nearer
+    centre of curvature. The moving body's is shifted so that it does not roll out of its contact area: a condyle
+    rolling in a shallow dish would seem to have several patches."""
     at_touch = (np.eye(3), placement.translation_mm)
     near, spot = (pair.near(*at_touch, pair.scale * mm) for mm in (REACH_MM, SETTINGS.near_mm))
     points, areas = pair.points_mm[near], pair.areas_mm2[near]
@@ -235,8 +231,7 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class JointGeometry:
-    """How and where the bodies touch, and as which joint, in the axes of the files. rotation (3, 3): applied to the
-    points of both files before the analysis; the unit matrix for upright files."""
+    """How and where the bodies touch, and as which joint, in the axes of the files, after a rotation (3, 3) of both."""
 
     pair: Pair
     placement: ContactPlacement
@@ -261,8 +256,7 @@ def joint_geometry(
     most_tilt_deg: float = 15.0,
 ) -> JointGeometry:
     """Analyse the "moving" and the "fixed" mesh. axes: of the files, which say whereto the body of a known kind of
-    joint presses; without them both meshes are rotated and analysed again if it presses across their axes. Raises
-    ValueError for meshes that do not touch, or not in as many places as the kind of joint has."""
+    joint presses; without them both meshes are rotated and analysed again if it presses across their axes."""
     if axes is not None:
         posterior, up, _ = axes_rotation(axes)
         ways = {"patella": [posterior], "knee": [-up], "hip": [-up], None: [-up, posterior]}.get(kind, AXES)
@@ -301,7 +295,7 @@ def joint_of(
 ) -> Joint:
     """The given kind of joint, or the one that the bodies resemble. A single patch with normals less concentrated than
     `cup_concentration` encloses the moving body. Two patches whose normals differ by more than `groove_deg` are a
-    patella's. Raises ValueError for a kind with another number of patches."""
+    patella's."""
     count = len(patches.cuts_mm) + 1
     encloses = placement.concentration < cup_concentration
     if kind is None:
@@ -311,12 +305,8 @@ def joint_of(
             kind = "patella" if one @ other < np.cos(np.radians(groove_deg)) else "knee"
     expected = {"knee": 2, "hip": 1, "patella": 2}.get(kind, count)
     if count != expected:
-        raise ValueError(
-            f"the bodies touch in {count} places, a {kind} in {expected}: choose another --joint, or cut the meshes"
-        )
-    if count == 1:
-        names: Sequence[str] = ("contact",)
-    else:
-        names = [f"p{k + 1}" for k in range(count)] if kind == "other" else ("med", "lat")
+        raise ValueError(f"the bodies touch in {count} places, a {kind} in {expected}: choose another --joint")
+    several = [f"p{k + 1}" for k in range(count)] if kind == "other" else ["med", "lat"]
+    names = several if count > 1 else ["contact"]
     force_turns = count == 1 and (kind == "hip" or encloses)
     return Joint(kind, tuple(names), "" if force_turns else "+x" if kind == "patella" else "-y")

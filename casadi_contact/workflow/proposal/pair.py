@@ -1,5 +1,4 @@
-"""Two meshes, how near they are to each other, and how they come into contact: whether their files share a frame, and
-which way the moving one presses."""
+"""Two meshes, and how they come into contact: whether their files share a frame, which way the moving one presses."""
 
 from __future__ import annotations
 
@@ -32,8 +31,7 @@ SETTINGS = PairSettings()
 @dataclass(frozen=True, eq=False)
 class Pair:
     """Points (n, 3) of the fixed mesh, their outward normals and areas [mm²], and the moving mesh's distance field.
-    scale: size of this joint relative to a large one, at most 1. It multiplies all lengths of the proposal. is_open:
-    the fixed mesh has open edges."""
+    scale: size relative to a large joint, at most 1, which multiplies all lengths. is_open: the fixed mesh is."""
 
     points_mm: Array
     normals: Array
@@ -71,8 +69,7 @@ class Pair:
 
     def dropped(self, R: Array, t: Array, direction: Array) -> Array | None:
         """The translation (3,) of first touch if the moving body comes along a direction from far away, in steps of the
-        smallest gap, which pass no surface; None if it passes by, or an open surface comes with its hollow side ahead.
-        """
+        smallest gap; None if it passes by, or an open surface comes with its hollow side ahead."""
         size = np.linalg.norm(np.ptp(self.points_mm, axis=0)) + np.linalg.norm(np.ptp(self.moving.vertices_mm, axis=0))
         vertices = self.moving.vertices_mm @ R.T + t
         back = (vertices @ direction).max() - (self.points_mm @ direction).min()
@@ -87,8 +84,8 @@ class Pair:
         return t
 
     def touching(self, R: Array, t: Array, direction: Array) -> Array:
-        """The translation (3,) near `t` at which the bodies just touch, moved along a direction or back. Counts only
-        points at which both surfaces face along the direction, not walls that the body slides past."""
+        """The translation (3,) near `t` at which the bodies just touch, moved along a direction or back, at points
+        where both surfaces face along it, not walls that the body slides past."""
         for _ in range(SETTINGS.most_steps):
             distance, gradient = self.distances(R, t)
             ahead = SETTINGS.ahead_cos
@@ -134,13 +131,10 @@ REACH_MM = 2.0  # surfaces nearer than this count as near contact
 
 @dataclass(frozen=True, eq=False)
 class ContactPlacement:
-    """Where the moving body touches the fixed one.
-
-    together: the files place both bodies in one frame, so that the pose zero is as scanned. pressing (3,): unit vector
-    along which the moving body presses. translation_mm (3,): where it touches, unrotated. concentration: length of the
-    mean outward normal of the fixed surface nearby, 1 for a plane, 1/2 for a half-sphere. doubtful: other directions
-    along which the bodies come near each other over 0.4 of that area and more.
-    """
+    """Where the moving body touches the fixed one. together: the files place both in one frame. pressing (3,): unit
+    vector along which it presses. translation_mm (3,): where it touches, unrotated. concentration: length of the mean
+    outward normal of the fixed surface nearby, 1 for a plane, 1/2 for a half-sphere. doubtful: other directions along
+    which the bodies come near each other over 0.4 of that area and more."""
 
     together: bool
     pressing: Array
@@ -154,13 +148,10 @@ AXES = np.vstack([-np.eye(3), np.eye(3)])[[1, 4, 0, 2, 3, 5]]  # y first
 
 def contact_placement(pair: Pair, ways: Array = AXES) -> ContactPlacement:
     """The placement of the files if the bodies just touch there, else that of a drop along one of the ways (n, 3), or
-    along any axis if they meet along none. Raises ValueError for bodies that do not touch, and for surfaces that are
-    inside out."""
+    any axis. Raises ValueError for bodies that do not touch, and for surfaces that are inside out."""
     placement = _as_placed(pair)
     if placement is None and pair.is_open and _near_as_placed(pair, backs=True) is not None:
-        raise ValueError(
-            "the fixed surface faces away from the moving one, which it nearly touches: turn its triangles round"
-        )
+        raise ValueError("the fixed surface faces away from the moving one nearby: turn its triangles round")
     placement = placement or _after_drop(pair, ways) or _after_drop(pair)
     if placement is None:
         raise ValueError("the bodies meet along no axis: are both surfaces' outsides turned to each other?")
@@ -209,8 +200,8 @@ def _near_as_placed(
 def _after_drop(
     pair: Pair, ways: Array = AXES, plane_weight: float = 0.2, doubtful_share: float = 0.4
 ) -> ContactPlacement | None:
-    """The drop along one of the ways (n, 3) after which most of the fixed surface is near. Two planes that meet, such
-    as the backs of two parts, count less: a plane comes near as a whole, a ball does not."""
+    """The drop along one of the ways (n, 3) after which most of the fixed surface is near; two planes that meet, such
+    as the backs of two parts, count less."""
     middle = 0.5 * (pair.points_mm.min(axis=0) + pair.points_mm.max(axis=0))
     vertices = pair.moving.vertices_mm
     centred = middle - 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))

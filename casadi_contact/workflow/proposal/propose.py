@@ -71,8 +71,7 @@ def propose(
     test_poses: int = 40,
 ) -> Proposal:
     """Analyse the meshes, propose a scene, and try it in the first ``test_cycles`` cycles of its reference motion;
-    element grids are chosen at ``test_poses`` of these poses. Raises FileNotFoundError, and ValueError for meshes that
-    cannot work, with the remedy."""
+    element grids are chosen at ``test_poses`` of these poses."""
 
     def begin(step: str) -> None:
         progress("proposing a scene", _STEPS.index(step), len(_STEPS) - 1, step)
@@ -81,9 +80,7 @@ def propose(
     files = {"moving": Path(moving), "fixed": Path(fixed)}
     unit, meshes = load_meshes(files, units)
     if np.array_equal(meshes["moving"].vertices_mm, meshes["fixed"].vertices_mm):
-        raise ValueError(
-            f"{files['moving']} and {files['fixed']} hold the same body, expected the two that touch each other"
-        )
+        raise ValueError(f"{files['moving']} and {files['fixed']} hold the same body, expected two that touch")
     geometry = joint_geometry(meshes, kind, axes)
     frame = frame_of(geometry, side, axes)
     if axes is not None and geometry.joint.kind == "other" and geometry.joint.pressing:
@@ -145,8 +142,8 @@ def propose(
 def load_meshes(
     files: Mapping[str, Path], unit: str | None, least_mm: float = 10.0
 ) -> tuple[str, dict[str, TriangleMesh]]:
-    """The unit, and both meshes [mm]: the given unit, else mm or m, in which they have the size of a joint. Bodies of
-    less than `least_mm` in all are not guessed: they may be files in centimetres or inches."""
+    """The unit, and both meshes [mm]: the given unit, else mm or m, in which they have the size of a joint, of at least
+    `least_mm`: files in centimetres or inches would seem smaller."""
     errors = []
     for candidate in (unit,) if unit else ("mm", "m"):
         try:
@@ -157,10 +154,8 @@ def load_meshes(
         extent = max(map(extent_mm, meshes.values()))
         if unit is None and extent < least_mm:
             sizes = [f"{extent * MM_PER_UNIT[other]:.3g} mm across in {other}" for other in ("mm", "cm", "inch")]
-            raise ValueError(
-                f"the larger of {' and '.join(path.name for path in files.values())} is {', '.join(sizes)}, expected "
-                f"at least {least_mm:g} mm: say which unit it is with --units"
-            )
+            names = " and ".join(path.name for path in files.values())
+            raise ValueError(f"the larger of {names} is {', '.join(sizes)}: give the unit by --units")
         return candidate, meshes
     raise ValueError(next((error for error in errors if "mm across" not in error), f"{errors[0]} (--units)"))
 
@@ -172,13 +167,9 @@ def _remarks(
     together = geometry.placement.together
     findings = [f"both files are in {unit}", *frame.findings]
     findings.insert(1, "the files place both bodies in one frame" if together else "each body has its own frame")
-    if chosen:
-        why = " (--material)"
-    elif together:
-        why = ", since the files share a frame, as a scan's do; an implant's may as well (--material polyethylene)"
-    else:
-        why = ", since the files do not share a frame, as a scan's would (--material cartilage)"
-    questions = [*frame.open_questions, f"the material's stiffness and thickness: taken as {material}{why}"]
+    why = "" if chosen else f", since the files {'share' if together else 'do not share'} a frame, as a scan's do"
+    taken = f"the material's stiffness and thickness: taken as {material}{why} (--material)"
+    questions = [*frame.open_questions, taken]
     if geometry.pair.scale < 1.0:
         questions.insert(0, f"the size and the loads: taken for a small joint's, in {unit} (--units)")
     return findings, questions
@@ -192,8 +183,7 @@ def _shell(geometry: JointGeometry) -> str:
 
 
 def _sampling(joint: Joint, scale: float, offsets_mm: Sequence[float] = (0.5, 2.0)) -> dict[str, Any]:
-    """Settings of the sampling. A small joint's translations outside of its motion vary by scaled offsets (D1, D2).
-    Domains are wider than the motion, and contact runs off the surface there even if the motion reaches no edge."""
+    """Settings of the sampling. A small joint's translations outside of its motion vary by scaled offsets (D1, D2)."""
     edges = {"most_edge_share": 0.9, "most_dropped": 0.9}  # validity learns what is unsure, a report tells what is lost
     if joint.kind == "knee":
         return {**edges, "d3_minimum_widths": {"tz": 3.0, "ry": 0.3}}
@@ -240,11 +230,9 @@ def _questions_about_motion(model: ElasticFoundation, poses: Array, report: Refe
     """Frames without a pose, and load in the poses (n, 6) that the model may miss."""
     questions, scene, failed = [], model.scene, ~report.converged
     if failed.any():
-        whose = "made up" if "motion" in scene.tables else "measured in another knee"
-        questions.append(
-            f"whether it can move so: {int(failed.sum())} of {failed.size} frames tried of the reference motion "
-            f"({whose}) find no pose ({report.reason[failed][0]}); give measured cycles of this joint"
-        )
+        whose = "made up" if "motion" in scene.tables else "of another knee"
+        said = f"{int(failed.sum())} of {failed.size} frames ({whose}) find no pose ({report.reason[failed][0]})"
+        questions.append(f"whether it can move so: {said}; give measured cycles of this joint")
     if len(body_mesh(scene.geometry, "fixed").boundary_edges):
         questions.append("whether the part ends at the fixed mesh's open edges: taken as cut there (open_edges)")
     some = poses[:: max(1, len(poses) // 50)]
@@ -259,8 +247,7 @@ def rest_pose(
     lifted_mm: Sequence[float] = (0.0, 0.5, 1.0, 2.0),
 ) -> tuple[Array, bool]:
     """The pose (6,) near the start pose in which every patch carries 0.3 of the scene's reference load, and whether it
-    was found. It is also sought from poses lifted against the direction of pressing, because bodies of one scan may
-    overlap."""
+    was found; also from poses lifted against the direction of pressing: bodies of one scan may overlap."""
     scene = model.scene
     out = np.outer(lifted_mm, np.asarray(direction) / np.linalg.norm(direction))
     starts = scene.start_pose - np.pad(out, ((0, 0), (0, 3)))
@@ -295,10 +282,9 @@ def thin_spacing(
     usual_mm: float,
     shares: Sequence[float] = (0.15, 0.25),
 ) -> dict[str, float]:
-    """The spacing [mm] of each body's distance field: of thin bodies a share of the thickness, the first that fits into
-    memory. Half way through a body of thickness t its distance has a kink, which a cubic spline carries to both of its
-    surfaces: at a spacing of t/4 by up to 0.004 t, at 0.15 t by 0.0005 t. thickness_mm: of both bodies, infinite for
-    open surfaces."""
+    """The spacing [mm] of each body's distance field: of thin bodies a share of the thickness (infinite for open
+    surfaces), the first that fits into memory. Half way through a body of thickness t its distance has a kink, which a
+    cubic spline carries to both of its surfaces: at a spacing of t/4 by up to 0.004 t, at 0.15 t by 0.0005 t."""
     tried = [
         {body: min(usual_mm, round(share * thickness, 3)) for body, thickness in thickness_mm.items()}
         for share in shares
@@ -316,7 +302,7 @@ CONVERGED = (320, 320)
 def converged_grids(scene: Scene, poses: Array, most_to_settle: int = 80 * 80) -> tuple[dict[str, list[int]], float]:
     """By purpose the fewest elements whose loads at these poses (n, 6) are within tolerance of `CONVERGED`, and the RMS
     of the worst load of "fine" over its tolerance. "settle" may be wrong by 2 tolerances and "coarse" by 8, both with
-    at most `most_to_settle` elements, because thousands of poses are settled on them."""
+    at most `most_to_settle` elements."""
     truth = ElasticFoundation(scene, CONVERGED)(poses)
     errors: dict[tuple[int, int], float] = {}
     for grid in CANDIDATES:
