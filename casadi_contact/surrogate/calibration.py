@@ -250,19 +250,22 @@ def _fit(surrogate: Surrogate, confidence: Confidence, rows: _Rows, settings: Ca
     )
     m = len(network.biases[-2])  # activations of the last hidden layer
     hidden = np.column_stack([np.ones(len(x)), _ending_in(network, np.eye(m), np.zeros(m)).value(x)])
-    valid = u < 0.0
-    heads = [_log_bound(hidden, rows, valid, k, tolerances[k], settings) for k in range(len(tolerances))]
-    scale = float(np.ravel(network.output_scale)[0]) * settings.steepness
-    last = np.vstack([scale * network.weights[-1], *(head[None, 1:] for head in heads)])
-    bias = np.r_[scale * network.biases[-1][0] - settings.steepness * half, [head[0] for head in heads]]
-    usual = np.array([_usual(rows, k, tolerances[k]) for k in range(len(tolerances))])
     outside = growth_outside(np.maximum(u + SURE, 0.0))
-    missing = rows.errors - np.exp(hidden @ np.array(heads).T)
-    growth = np.empty(len(usual))
-    for k, most in enumerate(usual):
-        far = rows.carried[:, k] & (outside > 1e-3)
-        fitted = np.quantile(missing[far, k] / outside[far], settings.coverage) if far.sum() >= 40 else most
-        growth[k] = max(10.0 * tolerances[k], float(fitted))
+    heads, growth = np.zeros((len(tolerances), 1 + m)), np.zeros(len(tolerances))
+    for k, tolerance in enumerate(tolerances):
+        used, errors, usual = (u < 0.0) & rows.carried[:, k], rows.errors[:, k], _usual(rows, k, tolerance)
+        heads[k, 0], enough = np.log(usual), used.sum() >= 3 * (1 + m)  # else as wrong as the load is large
+        if enough:
+            heads[k] = _quantile_regression(hidden[used], np.log(errors[used] + 1e-3 * tolerance), settings.coverage)
+        bound, far = np.exp(hidden @ heads[k]), rows.carried[:, k] & (outside > 1e-3)
+        grown = np.quantile((errors - bound)[far] / outside[far], settings.coverage) if far.sum() >= 40 else usual
+        growth[k] = max(10.0 * tolerance, float(grown))
+        if enough:
+            ratios = np.maximum(errors - growth[k] * outside, 0.0)[used] / bound[used]
+            heads[k, 0] += np.log(_widening(ratios, rows.group[used], settings))
+    scale = float(np.ravel(network.output_scale)[0]) * settings.steepness
+    last = np.vstack([scale * network.weights[-1], heads[:, 1:]])
+    bias = np.r_[scale * network.biases[-1][0] - settings.steepness * half, heads[:, 0]]
     return replace(confidence, network=_ending_in(network, last, bias), growth=growth)
 
 
@@ -299,23 +302,13 @@ def _ending_in(network: Network, weights: Array, biases: Array) -> Network:
     return replace(network, weights=all_weights, biases=all_biases, output_scale=1.0)
 
 
-def _log_bound(
-    hidden: Array, rows: _Rows, valid: np.ndarray, k: int, tolerance: float, settings: CalibrationSettings
-) -> Array:
-    """Coefficients (1 + m,) of the log of the expected error of load k."""
-    used = valid & rows.carried[:, k]
-    if used.sum() < 3 * hidden.shape[1]:  # too few for a regression: as wrong as the load is large
-        return np.r_[np.log(_usual(rows, k, tolerance)), np.zeros(hidden.shape[1] - 1)]
-    h, errors, group = hidden[used], rows.errors[used, k], rows.group[used]
-    head = _quantile_regression(h, np.log(errors + 1e-3 * tolerance), settings.coverage)
-    ratios = errors / np.exp(h @ head)
-    of_groups = [
-        _unseen_quantile(ratios[group == g], settings.group_coverage)
-        for g in np.unique(group)
-        if (group == g).sum() >= 40
-    ]
-    head[0] += np.log(max(_unseen_quantile(ratios, settings.coverage), *of_groups, 1e-6))
-    return np.asarray(head)
+def _widening(ratios: Array, group: np.ndarray, settings: CalibrationSettings) -> float:
+    """What bounds are multiplied by, from errors over them (n,): of all unseen ratios a share of `coverage` lies below
+    it, and of each group of a hundred rows or more `group_coverage`. Of fewer no share is known so finely: their two
+    or three largest errors would widen all bounds."""
+    groups = [ratios[group == g] for g in np.unique(group)]
+    shares = [_unseen_quantile(each, settings.group_coverage) for each in groups if len(each) >= 100]
+    return max(_unseen_quantile(ratios, settings.coverage), *shares, 1e-6)
 
 
 def _quantile_regression(h: Array, target: Array, share: float) -> Array:

@@ -108,15 +108,19 @@ def test_the_stated_share_of_unseen_errors_lies_below_the_expected_one(surrogate
     assert calibrated.info().coverage["D1"]["valid"] > 0.97
 
 
-def test_each_domain_has_its_share(surrogate):
-    """A tenth of the samples, anywhere among the others, errs three times as much."""
+@pytest.mark.parametrize(("share", "worse"), [(0.1, 3.0), (0.03, 5.0)])
+def test_each_domain_has_its_share_unless_it_is_too_few_to_tell(surrogate, share, worse):
+    """A tenth of the samples, anywhere among the others, errs three times as much; a few more do not widen all."""
     samples = made_up_samples(surrogate, count=10_000)
-    rare = np.arange(len(samples)) % 10 == 0
-    noisier = made_up_samples(surrogate, count=10_000, noise=3.0 * NOISE)
+    rare = np.arange(len(samples)) % round(1.0 / share) == 0
+    noisier = made_up_samples(surrogate, count=10_000, noise=worse * NOISE)
     wrenches = np.where(rare[:, None, None], noisier.wrenches, samples.wrenches)
     mixed = replace(samples, wrenches=wrenches, domain=np.where(rare, 3, 1).astype(np.uint8))
     coverage = calibrate(surrogate, mixed, settings=QUICK).info().coverage
-    assert min(coverage["D3"][load] for load in surrogate.load_names) > 0.92
+    if share > 0.05:
+        assert min(coverage["D3"][load] for load in surrogate.load_names) > 0.92
+    else:
+        assert max(coverage["D1"][load] for load in surrogate.load_names) < 0.985
 
 
 def test_test_rows_take_no_part(surrogate, samples, calibrated):
