@@ -78,7 +78,8 @@ def test_in_a_chain_of_bodies_derivatives_know_neighbours_only():
 
 
 def test_a_path_does_on_both_bodies_what_its_length_says():
-    """Virtual work: Q = -tension·∂length/∂q; a ligament's tension follows its toe and its straight part."""
+    """Virtual work: Q = -tension·∂length/∂q; a ligament's tension follows its toe and its straight part, and
+    while it lengthens its damping: numbers of OpenSim's wheel."""
     points = [[10.0, 0.0, 3.0], [-5.0, 2.0, 0.0]]
     band = Bundle("band", ("upper", "lower"), points, stiffness_n=1000.0, slack_length_mm=50.0)
     rope = Muscle("rope", ("upper", "earth"), points)
@@ -93,10 +94,16 @@ def test_a_path_does_on_both_bodies_what_its_length_says():
         slopes.append((np.array(ahead, dtype=float) - np.array(behind, dtype=float)) / 2e-6)
     by_band, by_rope = np.array(slopes).T
     np.testing.assert_allclose(np.ravel(found), -float(tension) * by_band - 30.0 * by_rope, rtol=1e-6, atol=1e-6)
-    pair = replace(two, ligaments=[replace(band, bodies=("upper", "earth"), points_mm=np.zeros((2, 3)))])
-    for length, expected in ((49.0, 0.0), (52.75, 1000.0 * 0.055**2 / 0.12), (53.5, 1000.0 * 0.04)):
-        q = 1e-3 * length * np.eye(12)[1]
-        assert float(pair.function(["ligament_tensions"], by_force=True)(q, 0.0, 0.0, 0.0)) == pytest.approx(expected)
+    damped = replace(band, bodies=("upper", "earth"), points_mm=np.zeros((2, 3)), damping_n_s=12.0)
+    tensions = replace(two, ligaments=[damped]).function(["ligament_tensions"], by_force=True)
+    along, toe = np.eye(12)[1], 1000.0 / 0.12
+    for length, rate, expected in (
+        *((49.0, 0.2, 0.0), (52.75, -0.2, toe * 0.055**2), (53.5, -0.2, 1000.0 * 0.04)),
+        *((50.05, 0.2, 0.020544 + toe * 0.001**2), (50.25, 0.2, 1.2 + toe * 0.005**2)),
+        (51.0, 0.2, 2.4 + toe * 0.02**2),
+    ):
+        found = float(tensions(1e-3 * length * along, 0.05 * rate * along, 0.0, 0.0))
+        assert found == pytest.approx(expected, rel=1e-5), (length, rate)
 
 
 def test_a_spring_pulls_back_to_its_rest():

@@ -170,7 +170,7 @@ class FrameBalance:
         length, rate, moved = (
             s + ca.mtimes(scatter, e) for s, e in zip(straight, excess.call(points, True, False), strict=True)
         )
-        strung = tensions(assembly.ligaments, length[:k], rate[:k], soft=True) if k else ca.MX(0, 1)
+        strung = tensions(assembly.ligaments, length[:k], rate[:k]) if k else ca.MX(0, 1)
         force = drive if by_force else assembly._muscle_forces(length[k:], rate[k:], drive)
         phi = -1e-3 * ca.dot(ca.vertcat(strung, force), moved)
         for i, contact in enumerate(assembly.contacts):

@@ -15,7 +15,7 @@ moving = "femur"                                     # fixed_frame, moving_frame
 [ligaments.mcl]                                      # two points or more
 bodies = ["femur", "tibia"]
 points_mm = [[0.0, 0.0, 40.0], [0.0, -40.0, 30.0]]
-stiffness_n = 2750.0                                 # per unit of strain; toe_strain, damping_s;
+stiffness_n = 2750.0                                 # per unit of strain; toe_strain, damping_n_s;
 slack_length_mm = 78.0                               # wrap = {body, points}: inputs of its network, or with frame,
                                                      # radius_mm and side of a cylinder, `paths.Roll`
 [muscles.quadriceps]                                 # bodies, points_mm, wrap, and the fields of `paths.Muscle`

@@ -19,6 +19,8 @@ from casadi_contact.networks.activations import activation_of
 from casadi_contact.networks.network import Network
 from casadi_contact.optimisation.assembly.joints import Chain, frame, inverse, point_at
 
+DAMPED_STRAIN = 0.01
+
 
 @dataclass(frozen=True)
 class Wrap:
@@ -117,34 +119,33 @@ class Bundle(Path):
 
     0 below ε = 0,   k·ε²/(4·ε_l) up to 2·ε_l,   k·(ε - ε_l) beyond,    ε_l = toe_strain, k = stiffness_n [N]
 
-    plus damping_s·k·(strain rate) while it is taut and lengthens, as OpenSim's Blankevoort1991Ligament."""
+    plus damping_n_s·(strain rate) while it lengthens, brought in by a smooth step from strain 0 to `DAMPED_STRAIN`, as
+    OpenSim's Blankevoort1991Ligament."""
 
     stiffness_n: float = 0.0
     slack_length_mm: float = 1.0
     toe_strain: float = 0.03
-    damping_s: float = 0.0
+    damping_n_s: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_above_zero(**{f"{self.name}: {key}": getattr(self, key) for key in ("stiffness_n", "slack_length_mm")})
 
 
-def tensions(bundles: Sequence[Bundle], lengths_mm: Any, rates_mm_per_s: Any, *, soft: bool = False) -> Any:
-    """Tensions (n) [N] of bundles, zero while slack. Damping leaps where a bundle becomes taut or turns; soft: it rises
-    within a strain of about 1e-3 and a rate of 0.01/s, so that IPOPT converges."""
+def tensions(bundles: Sequence[Bundle], lengths_mm: Any, rates_mm_per_s: Any) -> Any:
+    """Tensions (n) [N] of bundles, zero while slack; where a bundle turns, its rate is rounded within 1e-3/s."""
     if not bundles:
         return ca.SX(0, 1)
     k, slack, toe, damping = (
         ca.DM([getattr(bundle, name) for bundle in bundles])
-        for name in ("stiffness_n", "slack_length_mm", "toe_strain", "damping_s")
+        for name in ("stiffness_n", "slack_length_mm", "toe_strain", "damping_n_s")
     )
     strain, rate = lengths_mm / slack - 1.0, rates_mm_per_s / slack
     taut = ca.fmax(strain, 0.0)
     spring = ca.if_else(taut < 2.0 * toe, 0.25 * taut**2 / toe, taut - toe)
-    lengthening = ca.if_else(strain > 0.0, ca.fmax(rate, 0.0), 0.0)
-    if soft:
-        lengthening = 0.5 * (rate + ca.sqrt(rate**2 + 1e-4)) * taut**2 / (taut**2 + 1e-7)
-    return k * (spring + damping * lengthening)
+    s = ca.fmin(taut / DAMPED_STRAIN, 1.0)
+    lengthening = 0.5 * (rate + ca.sqrt(rate**2 + 1e-6))
+    return k * spring + damping * lengthening * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
 
 
 @dataclass(frozen=True)

@@ -195,7 +195,7 @@ class Model:
                     "stiffness_n": ligament.get_linear_stiffness(),
                     "slack_length_mm": 1e3 * ligament.get_slack_length(),
                     "toe_strain": 0.5 * ligament.get_transition_strain(),
-                    "damping_s": ligament.get_damping_coefficient(),
+                    "damping_n_s": ligament.get_damping_coefficient(),
                 }
             elif muscle:
                 tables["muscles"][name] = self._path(name, muscle) | {
