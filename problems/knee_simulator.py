@@ -110,15 +110,9 @@ def build(
     x, at = ca.MX.sym("x", 10), ca.MX.sym("t")
     pressed = contact(pose_of(x[:5], at), *([speed_of(x[5:], at)] if rubs else []))
     rate, power = moved(x[:5], x[5:], at, pressed)
-    return KneeSimulator(
-        model,
-        rig,
-        pose_of,
-        ca.Function("contact", [x, at], [pressed]),
-        ca.Function("rate", [x, at], [rate]),
-        ca.Function("powers", [x, at], [power]),
-        ca.Function("given", [t], [given]),
-    )
+    of_state = {"contact": pressed, "rate": rate, "powers": power}
+    functions = {name: ca.Function(name, [x, at], [of]) for name, of in of_state.items()}
+    return KneeSimulator(model, rig, pose_of, **functions, given=ca.Function("given", [t], [given]))
 
 
 def start_state(simulator: KneeSimulator) -> Array:

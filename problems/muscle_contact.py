@@ -26,6 +26,7 @@ from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.cycle import read_cycle
 from casadi_contact.scenes.opensim import ColumnMap
 from problems.contact_source import load_contact
+from problems.pose_estimation import rms_and_max
 from problems.summary import write_summary
 from problems.walks import ROTATION_MAPS, at_times, example_walk, read_walk
 
@@ -79,7 +80,6 @@ def main(
         columns |= {f"{name}_activation": result.activations[:, k], f"{name}_N": result.muscle_forces_n[:, k]}
     columns |= {"outcome": [outcome.value for outcome in result.outcome], "verdict": verdict.words}
     write_columns(out / "muscle_contact.csv", columns, digits=9)
-    off = np.abs(verdict.errors)
     summary = {
         "verdict": verdict.line,
         "walk": walk.name,
@@ -89,9 +89,7 @@ def main(
         "seconds": result.seconds,
         "predicted_minus_measured": compared,
         "elements": verdict.model,
-        "elements_off": {
-            side: [float(np.sqrt(np.mean(off[:, k] ** 2))), float(off[:, k].max())] for k, side in enumerate(SIDES)
-        },
+        "elements_off": {side: rms_and_max(verdict.errors[:, k]) for k, side in enumerate(SIDES)},
     }
     write_summary(out / "summary.json", summary)
     draw(out / "muscle_contact.png", walk, result, forces)

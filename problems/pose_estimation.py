@@ -130,19 +130,11 @@ def check_targets(targets: PoseTargets) -> list[str]:
 
 
 def write_frames(
-    path: Path,
-    problem: PoseEstimation,
-    measured: Cycle,
-    result: PoseResult,
-    verdict: Verification,
-    on_elements: Array,
+    path: Path, problem: PoseEstimation, measured: Cycle, result: PoseResult, verdict: Verification, on_elements: Array
 ) -> None:
     """A row for each frame. A new output column is one more entry of `columns`, (n,) values by name."""
-    columns: dict[str, Any] = {
-        "frame": range(problem.frames),
-        "time_s": measured.time_s,
-        "cycle_percent": measured.percent,
-    }
+    columns: dict[str, Any] = {"frame": range(problem.frames), "time_s": measured.time_s}
+    columns |= {"cycle_percent": measured.percent}
     columns |= {quantity(name).column: result.poses[:, k] for k, name in enumerate(POSE_NAMES)}
     found = problem.targets.evaluate(result.loads)
     for k, (name, target) in enumerate(problem.targets.values.items()):
@@ -154,13 +146,7 @@ def write_frames(
     write_columns(path, columns, digits=9)
 
 
-def draw(
-    path: Path,
-    problem: PoseEstimation,
-    measured: Cycle,
-    result: PoseResult,
-    on_elements: Array,
-) -> None:
+def draw(path: Path, problem: PoseEstimation, measured: Cycle, result: PoseResult, on_elements: Array) -> None:
     """Targets above, poses below, over the cycle."""
     found, percent = problem.targets.evaluate(result.loads), measured.percent
     failed = ~result.solved & problem.targets.loaded

@@ -49,17 +49,9 @@ def read_walk(
     check_reach(str(rotations), {name: turns[name] for name in ("rz", "ry")})
     rz, ry = at_times(str(rotations), turns["time"], np.column_stack([turns["rz"], turns["ry"]]), time_s).T
     shared = [name for name in COORDINATES if name in loads and name in arms]
-    return MuscleWalk(
-        name=inverse_dynamics.stem.removesuffix("_inverse_dynamics"),
-        time_s=time_s,
-        rz=rz,
-        ry=ry,
-        loads={name: loads[name] for name in shared},
-        arms={name: arms[name] for name in shared},
-        lengths_m=lengths,
-        velocities_m_per_s=velocities,
-        muscles=known,
-    )
+    loads, arms = ({name: each[name] for name in shared} for each in (loads, arms))
+    title = inverse_dynamics.stem.removesuffix("_inverse_dynamics")
+    return MuscleWalk(title, time_s, rz, ry, loads, arms, lengths, velocities, known)
 
 
 def at_times(what: str, time_s: Array, curves: Array, needed_s: Array) -> Array:
@@ -155,17 +147,11 @@ def example_walk(frames: int = 101) -> MuscleWalk:
     force, fibre, pennation, adduction, rotation, flexion, *pulls = table.T
     arms = dict(zip(COORDINATES, (*pulls, adduction, rotation, flexion), strict=True))
     lengths = (slack_over_fibre + np.cos(pennation)) * fibre - np.outer(rz - rz.mean(), flexion)
-    return MuscleWalk(
-        "built-in walk",
-        cycle.time_s,
-        rz,
-        cycle.pose["ry"],
-        loads,
-        {name: np.tile(arm, (frames, 1)) for name, arm in arms.items()},
-        lengths,
-        np.gradient(lengths, cycle.time_s, axis=0),
-        MuscleParameters(names, force, fibre, slack_over_fibre * fibre, pennation),
-    )
+    tables = {name: np.tile(arm, (frames, 1)) for name, arm in arms.items()}
+    velocities = np.gradient(lengths, cycle.time_s, axis=0)
+    muscles = MuscleParameters(names, force, fibre, slack_over_fibre * fibre, pennation)
+    ry = cycle.pose["ry"]
+    return MuscleWalk("built-in walk", cycle.time_s, rz, ry, loads, tables, lengths, velocities, muscles)
 
 
 def _bump(share: Array, place: float, width: float) -> Array:

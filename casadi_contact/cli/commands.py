@@ -87,17 +87,9 @@ def scene(
     name, picture = scene_name(path.stem), path.with_suffix(".png")
     _check_free("--out", [path, picture], force)
     with progress_bars(console, cure="nothing is written") as progress:
-        proposal = propose(
-            moving,
-            fixed,
-            name=name,
-            side=side,
-            kind=joint,
-            axes=None if axes is None else [axis.strip() for axis in axes.split(",")],
-            material=material,
-            units=units,
-            progress=progress,
-        )
+        given = {"name": name, "side": side, "kind": joint, "material": material, "units": units}
+        along = None if axes is None else [axis.strip() for axis in axes.split(",")]
+        proposal = propose(moving, fixed, **given, axes=along, progress=progress)  # type: ignore[arg-type]
     remarks = [f"Proposed from {moving.name} (moving) and {fixed.name} (fixed):", *str(proposal).splitlines()]
     write_text(path, scene_text(proposal.scene, remarks, path.parent))
     draw_contact(ElasticFoundation(load_scene(path)), proposal.rest_pose[None], picture)

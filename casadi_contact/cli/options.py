@@ -28,10 +28,7 @@ Cycles = Annotated[
 ]
 MoreCycles = Annotated[list[Path] | None, typer.Argument(help="further cycle files")]
 Table = Annotated[Path | None, typer.Option(help="a table of samples (CSV) of any contact model, instead of sampling")]
-ModelName = Annotated[
-    str,
-    typer.Option(help=f"contact model that samples are evaluated on: {', '.join(MODELS)}"),
-]
+ModelName = Annotated[str, typer.Option(help=f"contact model that samples are evaluated on: {', '.join(MODELS)}")]
 SurrogateName = Annotated[
     str, typer.Argument(help=f"a ready surrogate ({', '.join(ready_surrogates())}) or the path of a .h5 file")
 ]

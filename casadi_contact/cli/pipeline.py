@@ -114,12 +114,13 @@ def evaluate(project: Project) -> dict[str, dict[str, LoadErrors]]:
     samples = project.samples()
     found = evaluate_models(project_surrogates(project), samples)
     rows = [
-        {"model": model, "domain": domain, "load": load, **{kind: error[kind] for kind in ("rms", "max", "mean")}}
+        (model, domain, load, error["rms"], error["max"], error["mean"])
         for model, domains in found.items()
         for domain, errors in domains.items()
         for load, error in errors.items()
     ]
-    write_columns(project.folder / "evaluation.csv", {name: [row[name] for row in rows] for name in rows[0]})
+    columns = zip(("model", "domain", "load", "rms", "max", "mean"), map(list, zip(*rows, strict=True)), strict=True)
+    write_columns(project.folder / "evaluation.csv", dict(columns))
     if model_name_of(samples) is not None:
         measure_project(project)
     return found

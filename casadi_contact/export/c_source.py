@@ -30,25 +30,18 @@ def c_source(model: ExportedModel, name: str) -> str:
     words, functions = template_words(model, name), c_text("export_api.c", TEMPLATES)
     suffixes = ("", *re.findall(r"\$\{name\}(\w+)", functions))
     check_unused(name, f"{model.source}\n{functions}\n{casadi_interface({})}", suffixes=suffixes)
-    parts = [
-        _written(words),
-        model.source,
-        f"#define CALIBRATED_MODEL {int(model.calibrated)}",
-        Template(functions).substitute(words),
-    ]
-    return "\n".join([*parts, casadi_interface(_casadi_functions(model, name))])
+    # What casadi.external finds in the file: loads, root loads, and both.
+    loads, roots = {"loads": len(model.load_names)}, {"roots": len(model.patch_names)}
+    found = {name: loads, f"{name}_root_loads": roots, f"{name}_loads_and_roots": loads | roots}
+    calibrated = f"#define CALIBRATED_MODEL {int(model.calibrated)}"
+    own = Template(functions).substitute(words)
+    return "\n".join([_written(words), model.source, calibrated, own, casadi_interface(found)])
 
 
 def wrench_c_source(model: ExportedModel, name: str) -> str:
     """Another C file: the wrenches of all patches, as casadi.external takes them."""
     interface = casadi_interface({name_of_wrenches(name): {"loads": 6 * len(model.patch_names)}})
     return "\n".join([_written(template_words(model, name)), model.wrench_source, interface])
-
-
-def _casadi_functions(model: ExportedModel, name: str) -> dict[str, dict[str, int]]:
-    """What casadi.external finds in the file: loads, root loads, and both."""
-    loads, roots = {"loads": len(model.load_names)}, {"roots": len(model.patch_names)}
-    return {name: loads, f"{name}_root_loads": roots, f"{name}_loads_and_roots": loads | roots}
 
 
 def header(model: ExportedModel, name: str) -> str:

@@ -94,11 +94,8 @@ class MuscleParameters:
         factor = longest / (self.tendon_slack_length_m + self.optimal_fibre_length_m * stretched)
         fibre, tendon = factor * self.optimal_fibre_length_m, factor * self.tendon_slack_length_m
         slack = tendon > shortest
-        return replace(
-            self,
-            optimal_fibre_length_m=np.where(slack, (longest - shortest) / stretched, fibre),
-            tendon_slack_length_m=np.where(slack, shortest, tendon),
-        )
+        fibre = np.where(slack, (longest - shortest) / stretched, fibre)
+        return replace(self, optimal_fibre_length_m=fibre, tendon_slack_length_m=np.where(slack, shortest, tendon))
 
 
 def rigid_tendon_forces(muscles: MuscleParameters, length_m: Any, velocity_m_per_s: Any, xp: Any = np) -> Any:

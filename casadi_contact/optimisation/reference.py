@@ -5,6 +5,7 @@ That is load which all models of a scene treat alike, by where it lies, and elem
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 
 import numpy as np
 
@@ -85,23 +86,15 @@ def share_at_edges(model: ElasticFoundation, poses: Array) -> Array:
     return np.asarray((model.edge_share(poses) * force).sum(axis=1) / np.maximum(force.sum(axis=1), 1e-300))
 
 
-def share_on_walls(model: ElasticFoundation, poses: Array) -> Array:
-    """Share (n,) of the pressing force Σ p·A on walls of the fixed mesh: triangles within the patches' boxes that are
-    steeper than 78 degrees against the rays that lay out elements, or undercut. 0 out of contact and without a mesh."""
-    return _share_on_bare(model, poses, within=True)
-
-
-def share_outside_patches(model: ElasticFoundation, poses: Array) -> Array:
-    """Share (n,) of the pressing force Σ p·A outside of all patches' boxes, as of a femur's neck that strikes the rim
-    of a cup: `share_on_walls` of the rest of the fixed mesh."""
-    return _share_on_bare(model, poses, within=False)
-
-
-def _share_on_bare(
-    model: ElasticFoundation, poses: Array, *, within: bool, longest_mm: float = 1.0, facing: float = 0.5
+def share_on_walls(
+    model: ElasticFoundation, poses: Array, *, within: bool = True, longest_mm: float = 1.0, facing: float = 0.5
 ) -> Array:
-    """longest_mm: edges of the triangles, each of which is pressed or not. facing: cosine of the angle between normal
-    and direction to the body, above which a triangle is pressed; the side of a rim is not. Depths are minus the moving
+    """Share (n,) of the pressing force Σ p·A on walls of the fixed mesh: triangles within the patches' boxes that are
+    steeper than 78 degrees against the rays that lay out elements, or undercut; else, outside of all boxes. 0 out of
+    contact and without a mesh.
+
+    longest_mm: edges of the triangles, each of which is pressed or not. facing: cosine of the angle between normal and
+    direction to the body, above which a triangle is pressed; the side of a rim is not. Depths are minus the moving
     mesh's distance from the triangles' centres; beyond its open edges they are unknown and count as none."""
     poses, geometry = as_poses(poses), model.scene.geometry
     share = np.zeros(len(poses))
@@ -133,6 +126,9 @@ def _share_on_bare(
         counted = sum(float(each.forces_n.sum()) for each in model.pressure_maps(poses[k]))
         share[k] = on_bare[k] / (on_bare[k] + counted)
     return share
+
+
+share_outside_patches = partial(share_on_walls, within=False)
 
 
 def share_beyond_open_edges(model: ElasticFoundation, poses: Array) -> Array:

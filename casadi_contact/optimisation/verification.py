@@ -232,18 +232,9 @@ def verify(
             uncounted, at_edge = unmodelled_fraction(model, poses), share_at_edges(model, poses)
             ended = rows["solved"]
             finer[ended] = off_finer(model, poses[ended], names, allowed[ended])
+    found = {"errors": errors, "outside": outside, "uncounted": uncounted, "at_edge": at_edge, "off_finer": finer}
     return Verification(
-        names,
-        poses,
-        errors=errors,
-        tolerance=Tolerance.of(scene, names),
-        model=name,
-        outside=outside,
-        uncounted=uncounted,
-        at_edge=at_edge,
-        allowed=allowed,
-        off_finer=finer,
-        **rows,
+        names, poses, **found, **rows, allowed=allowed, tolerance=Tolerance.of(scene, names), model=name
     )
 
 

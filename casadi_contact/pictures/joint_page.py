@@ -279,15 +279,14 @@ def _content(
     stance = int(pressed.argmax())
     points = np.concatenate([surface.triangles.points_mm for surface in surfaces])
     start = contact(cycle.poses[stance])
+    title, space = patch_title if len(scene.patch_names) > 1 else lambda _: "surfaces", scene.pose_space
+    loads = [(load, quantity(load)) for load in scene.load_names]
+    begun = [float(start[scene.load_names.index(name)]) for name in target]
+    held = {"matrix": space.matrix.tolist(), "offset": space.offset.tolist()}
     return {
         "scene": scene.name,
-        "patches": [
-            {"name": name, "title": patch_title(name) if len(scene.patch_names) > 1 else "surfaces"}
-            for name in scene.patch_names
-        ],
-        "loads": [
-            {"name": load, "unit": quantity(load).unit, "column": quantity(load).column} for load in scene.load_names
-        ],
+        "patches": [{"name": name, "title": title(name)} for name in scene.patch_names],
+        "loads": [{"name": load, "unit": of.unit, "column": of.column} for load, of in loads],
         "surrogateLoads": None if surrogate is None else list(surrogate.load_names),
         "sensitive": [name for name in scene.sensitive_loads if name in scene.load_names],
         "referenceLoad": scene.reference_load,
@@ -297,15 +296,9 @@ def _content(
             for normal in scene.normal_loads
         ],
         "pose": pose_words(scene.shape, slider_ranges(cycle.poses, surrogate)),
-        "space": None
-        if (space := scene.pose_space).unconstrained
-        else {"matrix": space.matrix.tolist(), "offset": space.offset.tolist()},
+        "space": None if space.unconstrained else held,
         "presets": {"stance": stance, "swing": int(pressed.argmin())},
-        "settle": {
-            "free": list(free),
-            "loads": list(target),
-            "start": [float(start[scene.load_names.index(name)]) for name in target],
-        },
+        "settle": {"free": list(free), "loads": list(target), "start": begun},
         "cycle": {"time": cycle.time_s.tolist(), "poses": cycle.poses.tolist()},
         "view": map_view(ElasticFoundation(scene, scene.grids.get("coarse")), points),
         "colours": np.round(colormaps["YlOrRd"](np.linspace(0.0, 1.0, _COLOURS))[:, :3], 3).tolist(),

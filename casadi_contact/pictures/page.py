@@ -60,14 +60,7 @@ def save_page(page: Any, path: str | Path, *, dots_per_inch: float = _DOTS_PER_I
 
 
 # An open ring, through which the contact shows.
-CENTRE_OF_PRESSURE: dict[str, Any] = {
-    "marker": "o",
-    "markersize": 6,
-    "markerfacecolor": "none",
-    "markeredgewidth": 1.0,
-    "color": "red",
-    "linestyle": "none",
-}
+CENTRE_OF_PRESSURE: dict[str, Any] = {"marker": "o", "ms": 6, "mfc": "none", "mew": 1.0, "color": "red", "ls": "none"}
 _PATCH_TITLES = {"med": "medial", "lat": "lateral"}
 
 

@@ -129,25 +129,16 @@ PRESETS: dict[str, Preset] = {
         efforts={"patch": _patch((24, 20_000.0), (20, 6_000.0))},
         active=(
             *(_reach_round((32, gflop), (28, gflop)) for gflop in (3_000.0, 6_000.0, 8_000.0, 10_000.0)),
-            _reach_round((40, 30_000.0), (32, 12_000.0)),
-            _reach_round((40, 40_000.0), (32, 15_000.0)),
-            _reach_round((40, 50_000.0), (32, 20_000.0)),
+            *(_reach_round((40, of), (32, by)) for of, by in ((3e4, 12_000.0), (4e4, 15_000.0), (5e4, 20_000.0))),
         ),
     ),
     "full": Preset(
         sampling_scale=1.0,
-        efforts={
-            "patch": _patch((24, 24_000.0), (20, 6_000.0), 60_000, share=0.1),
-            "two_stage": _as_in_the_paper(15_000.0),
-        },
+        efforts={"patch": _patch((24, 24e3), (20, 6e3), 60_000, share=0.1), "two_stage": _as_in_the_paper(15e3)},
     ),
     "paper": Preset(  # [EF15 §2.6, §3.3, §3.5]: its grids, growth from one layer, six hours for each network
         sampling_scale=1.0,
-        sampling={
-            "settle_grid": (40, 30),
-            "teacher_grid": (80, 40),
-            "d3_minimum_widths": {"tz": 0.0, "ry": 0.0},
-        },
+        sampling={"settle_grid": (40, 30), "teacher_grid": (80, 40), "d3_minimum_widths": {"tz": 0.0, "ry": 0.0}},
         efforts={"two_stage": _as_in_the_paper(inf, 6.0 * 3600.0, ((15,), (15, 15), (15, 15, 15)))},
     ),
 }

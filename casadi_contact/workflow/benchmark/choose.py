@@ -86,14 +86,8 @@ def choose(
     file = surrogate_file(project, model.name)
     machine = ", ".join(front.header[key] for key in ("processor", "system") if key in front.header)
     measured = f"measured on {machine or 'an unnamed machine'}, {front.header.get('threads', '?')} thread: {path}"
-    return Choice(
-        model,
-        better,
-        names,
-        file,
-        python_line(project.scene.name if project.surrogate else str(scene), model.name, names, file),
-        measured,
-    )
+    python = python_line(project.scene.name if project.surrogate else str(scene), model.name, names, file)
+    return Choice(model, better, names, file, python, measured)
 
 
 def _front(project: Project, tell: Callable[[str], None] | None) -> tuple[Path, Front]:
@@ -136,10 +130,8 @@ def within_tolerance(front: Front, tolerance: Tolerance, loads: Sequence[str]) -
         nearest = min(offers, key=lambda offer: _used(offer, tolerance))
         rms = {"N": nearest.force_rms_n, "N·mm": nearest.torque_rms_nmm}
         has = " and ".join(f"{three_digits(value)} {unit}" for unit, value in rms.items() if not math.isnan(value))
-        raise ValueError(
-            f"no measured model is within the tolerance; the nearest, {nearest.name}, has {has}: loosen it, or chart a "
-            "larger preset"
-        )
+        cure = "loosen it, or chart a larger preset"
+        raise ValueError(f"no measured model is within the tolerance; the nearest, {nearest.name}, has {has}: {cure}")
     return found
 
 

@@ -153,14 +153,7 @@ def _point(row: Mapping[str, str], loads: Sequence[str]) -> Point:
     timings: dict[str, Any] = {
         what: Timing(*(number(f"{what}{end}") for end in _ENDS)) for what in TIMES if row[f"{what}_us"]
     }
-    return Point(
-        name=row["name"],
-        family=row["family"],
-        remark=row["remark"],
-        failure=row["failure"],
-        **timings,
-        load_rms={load: number(_rms_column(load)) for load in loads if row[_rms_column(load)]},
-        samples=int(number("samples")),
-        training_seconds=number("training_seconds"),
-        parameters=int(number("parameters")),
-    )
+    texts = {name: row[name] for name in ("name", "family", "remark", "failure")}
+    counts = {name: int(number(name)) for name in ("samples", "parameters")}
+    rms = {load: number(_rms_column(load)) for load in loads if row[_rms_column(load)]}
+    return Point(**texts, **timings, load_rms=rms, training_seconds=number("training_seconds"), **counts)  # type: ignore[arg-type]

@@ -46,14 +46,9 @@ class Proposal:
 
     def __str__(self) -> str:
         kind = "" if self.joint.kind == "other" else f"a joint like a {self.joint.kind}, "
-        return "\n".join(
-            [
-                f"{kind}patches: {', '.join(self.joint.patches)}",
-                *self.findings,
-                *(f"not given by the meshes: {question}" for question in self.open_questions),
-                f"{self.settled} of {self.frames} reference frames settle ({self.settled / self.frames:.1%})",
-            ]
-        )
+        questions = [f"not given by the meshes: {question}" for question in self.open_questions]
+        settled = f"{self.settled} of {self.frames} reference frames settle ({self.settled / self.frames:.1%})"
+        return "\n".join([f"{kind}patches: {', '.join(self.joint.patches)}", *self.findings, *questions, settled])
 
 
 def propose(
