@@ -37,17 +37,15 @@ from problems.studies.numbers import (
 from problems.studies.stability import FAILURES, Line
 
 _INTRO = (
-    "This page is written from result files (`docs/results/data`) by a command, as are [charts](charts.md) of other "
-    "joints and other methods, and the [stability](stability.md) of methods. Errors are reproducible. Times are not: "
-    "machines differ. Compare times within one table only."
+    "Written from result files (`docs/results/data`) by a command, as are [charts](charts.md) of other joints and the "
+    "[stability](stability.md) of methods. Errors are reproducible. Compare times within one table only."
 )
 _CHARTS = (
     "A chart holds all models of a scene, measured in one run on one thread: elements (EF), the foundation, networks "
-    "of several sizes, and peers, methods of others fitted to the same samples. Tables list the models that no "
-    "other one beats in both time and error, and the most accurate one of every family. (D1): fitted to samples near "
-    "the motion alone. Errors are RMS over forces and over torques on unseen poses of the scene's motion; times are "
-    "medians of the CPU time per pose. In pictures what no other of its family beats has its name, of peers the most "
-    "accurate. Complete tables: `docs/results/data/chart-*.csv`."
+    "of several sizes, and peers, methods of others fitted to the same samples, or (D1) to those near the motion. "
+    "Tables list the models that no other one beats in both time and error, and the most accurate one of every family. "
+    "Errors are RMS on unseen poses of the scene's motion, times medians of the CPU time per pose. Complete tables: "
+    "`docs/results/data/chart-*.csv`."
 )
 _PER_STEP = "IPOPT, a frame and iteration [µs]"
 _ROWS = {
@@ -88,9 +86,8 @@ def _shipped_section(path: Path) -> list[str]:
     header = front.header
     intro = (
         f"All models of the scene `{header['scene']}` without training, and the shipped surrogates: RMS errors on "
-        f"{header['walking_poses']} poses of walking that no model has seen, against {header['reference']}; medians of "
-        f"the time per pose on {header['threads']} thread, compiled kernels. EF n×m is the elastic foundation on n×m "
-        f"elements a side. Command: `{FRONT}`."
+        f"{header['walking_poses']} unseen poses of walking, against {header['reference']}; medians of the time per "
+        f"pose on {header['threads']} thread. EF n×m: elastic foundation on n×m elements a side. Command: `{FRONT}`."
     )
     picture = f"![Time per pose against error on unseen poses]({path.stem}.png)"
     return ["## Speed and accuracy of the knee", intro, machine(header), picture, _front_table(front.models)]
@@ -148,11 +145,10 @@ def _forms_section(path: Path) -> list[str]:
     content = read(path)
     parts = [
         "## What a CasADi user would write instead",
-        "The same networks as our compiled kernel, as C that CasADi generates from the graph of the formula (compiled "
-        "by the same compiler with the same flags), as the graph itself in MX and in SX, and through Python by PyTorch "
-        "in double precision. All are exact, so that IPOPT takes the same steps. Times: lowest of 7 of a call with one "
-        "pose (loads, Jacobian, Hessian of the Lagrangian); IPOPT's pose estimation of the built-in walk from the same "
-        "settled start, without building or compiling. Command: `python -m problems.studies.casadi_forms`.",
+        "The networks of our compiled kernel as C that CasADi generates (same compiler and flags), as its graph in MX "
+        "and in SX, and through Python by PyTorch in double precision. All are exact, so that IPOPT takes the same "
+        "steps. Times: lowest of 7 of a call with one pose; IPOPT's pose estimation of the built-in walk from the same "
+        "settled start, compiled before. Command: `python -m problems.studies.casadi_forms`.",
         machine(content["machine"]),
     ]
     columns = [*("form", "value [µs]", "Jacobian [µs]", "Hessian [µs]", "frames solved", "iterations"), _PER_STEP]
@@ -181,9 +177,8 @@ def _solve_time_section(path: Path) -> list[str]:
         rows.append([point.name, number(1e-3 * point.value.median_us), *errors, point.remark])
     intro = (
         f"Pose estimation of the cycle `{header['cycle']}` by every contact model of the scene `{header['scene']}`, "
-        "solved whole, start and settling included, several times in turn in one run on one thread: medians. RMS "
-        f"errors are of the loads at the poses found, against {header['reference']}. `python -m "
-        f"problems.studies.solve_time {header['scene']}` measures this."
+        "start and settling included: medians on one thread. RMS errors are of the loads at the poses found, against "
+        f"{header['reference']}. Command: `python -m problems.studies.solve_time {header['scene']}`."
     )
     columns = ["model", "time a frame [ms]", "force [N]", "torque [N·mm]", "remark"]
     picture = "![Time of the whole solution against error](solve_time.png)"
@@ -195,7 +190,7 @@ def _optimisers_section(path: Path) -> list[str]:
     intro = (
         f"The root load of the knee's medial side, {found['rows']} samples in contact, a network of "
         f"{found['network']}, the same start, {number(found['cpu_s'])} CPU seconds on one thread for each method: RMS "
-        "errors. `python -m problems.studies.optimisers samples.h5` measures this on the samples of any build."
+        "errors. Command: `python -m problems.studies.optimisers samples.h5`."
     )
     rows = [[name, number(trained), number(held_back)] for name, (trained, held_back) in found["rms_n"].items()]
     columns = ["method", "rows for training [N]", "rows held back [N]"]
@@ -212,10 +207,9 @@ def _pose_section(summaries: Sequence[Mapping[str, Any]]) -> list[str]:
         f"{first['elements']} − foundation, medial, lateral [N]",
     ]
     intro = (
-        f"All frames of a cycle in one IPOPT problem on the foundation of `{first['scene']}`, with "
-        "[`python -m problems.pose_estimation`](../problems.md#pose-estimation). Forces "
-        "are re-evaluated on the elastic foundation (EF) at the solved poses: RMS (largest). Cycles og1_loads to "
-        "og4_loads are the measured ones that the built-in walking derives from; they are not part of the repository."
+        f"[`python -m problems.pose_estimation`](../problems.md#pose-estimation) on the foundation of "
+        f"`{first['scene']}`. Forces are re-evaluated on elements (EF) at the solved poses: RMS (largest). og1_loads "
+        "to og4_loads are the measured cycles that the built-in walking derives from, no part of the repository."
     )
     return ["## Pose estimation", intro, machine(first["machine"]), table(columns, rows)]
 
@@ -234,8 +228,7 @@ def _muscle_section(summaries: Sequence[Mapping[str, Any]]) -> list[str]:
     ]
     intro = (
         "Contact forces predicted by [`python -m problems.muscle_contact`](../problems.md#muscle-and-contact-forces) "
-        "against those that the instrumented implant measured. These enter the prediction nowhere. The last column is "
-        "the elastic foundation (EF) at the solved poses: RMS (largest)."
+        "against those that the implant measured, which enter nowhere. Last column: elements (EF) at the solved poses."
     )
     return ["## Muscle and contact forces", intro, machine(first["machine"]), table(columns, rows)]
 
@@ -250,8 +243,8 @@ def _stability_section(content: Mapping[str, Any]) -> list[str]:
     methods = list(dict.fromkeys(method for line in lines for method in line.values))
     quick = " --quick" if content["settings"].get("quick") == "yes" else ""
     parts = [
-        "Each method is tried on the same hard cases: shipped surrogates, the foundation, elements (EF), and two peers "
-        "that are fitted to 400 poses of the motion. A dash: the quantity makes no sense for the method. Command: "
+        "Shipped surrogates, the foundation, elements (EF), and two peers fitted to 400 poses of the motion, on the "
+        "same hard cases. A dash: the quantity makes no sense for the method. Command: "
         f"`python -m problems.studies.stability {scene}{quick}`.",
         machine(content["machine"]),
     ]
