@@ -101,13 +101,13 @@ def checked_mesh(
     placement: Placement = AS_IN_FILE,
     *,
     smallest_mm: float = 4.0,
-    largest_mm: float = 1000.0,
+    largest_mm: float = 10000.0,
     least_height: float = 1e-6,
 ) -> TriangleMesh:
     """A mesh with equal vertices merged and without degenerate and repeated triangles; raises as `load_mesh` does.
-    smallest_mm, largest_mm: extent of a joint's parts, to detect wrong units. least_height: of a triangle over its
-    longest edge, below which it has no usable normal. Half of the triangles may be dropped: a sheet written twice is
-    still the same sheet."""
+    smallest_mm, largest_mm: extent of a joint's part and of the ground, to detect wrong units. least_height: of a
+    triangle over its longest edge, below which it has no usable normal. Half of the triangles may be dropped: a sheet
+    written twice is still the same sheet."""
     if units not in MM_PER_UNIT:
         raise ValueError(f"mesh {name}: units = {units!r}, expected {' or '.join(MM_PER_UNIT)}")
     vertices, faces = np.asarray(vertices, dtype=float), np.asarray(faces, dtype=np.int64)

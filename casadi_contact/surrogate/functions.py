@@ -129,7 +129,7 @@ class SurrogateFunctions(SymbolicContact):
                 f"{self!r} knows no wrench of each patch, of which friction is made: expected a patch surrogate"
             )
         still = self._function(f"{name}_at_rest", wrench_names(self.patch_names), ("loads",), compiled, None)
-        return self.sliding.function(still, name, loads, size, self.scene.friction)
+        return self.sliding.function(still, name, loads, size, self.scene.friction, compiled=compiled)
 
     def _compiled_kernel(self, loads: Sequence[str], *, roots: bool = True) -> SurrogateArrays | None:
         """The loads' kernel, compiled once; of all loads there is one that gives root loads and confidence as well."""

@@ -14,6 +14,7 @@ deviation of where the pressure lies. Where a patch is free its wrench is zero, 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -21,6 +22,7 @@ import numpy as np
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.friction import coefficients_of, friction_factor, twist_about_origin, whole_pressure
+from casadi_contact.core.compiler import CompilerError, shared_library, warn_once
 from casadi_contact.core.conventions import Array, load_selection
 from casadi_contact.geometry.elements import ElementGrid
 from casadi_contact.networks.frames import angular_velocity_map
@@ -52,6 +54,11 @@ class Spread(NamedTuple):
     level: Array
     power: Array
 
+    @property
+    def numbers(self) -> Array:
+        """All of it (20,), one after another."""
+        return np.concatenate([np.ravel(part) for part in (*self.surface, self.axis, self.level, self.power)])
+
     def points(self, wrench: Any) -> tuple[Any, Any, Any]:
         """N, n (3) and the four points (3 x 4) of a wrench (6)."""
         force, (A, b, d) = wrench[:3], self.surface
@@ -64,7 +71,7 @@ class Spread(NamedTuple):
         centre = foot - 2.0 * left / (steep + ca.sqrt(under)) * n
         across = self.axis - n * ca.dot(self.axis, n)
         first = across / ca.sqrt(ca.sumsqr(across) + 1e-12)
-        reach = [ca.exp(level) * size**power for level, power in zip(self.level, self.power, strict=True)]
+        reach = [ca.exp(self.level[k]) * size ** self.power[k] for k in range(2)]
         ways = [side * way for way in (reach[0] * first, reach[1] * ca.cross(n, first)) for side in (1.0, -1.0)]
         return size, n, ca.horzcat(*(centre + way for way in ways))
 
@@ -90,9 +97,15 @@ def measured_spreads(model: ElasticFoundation, poses: Array) -> list[Spread]:
     return spreads
 
 
-def sliding_wrench(spread: Spread, wrench: Any, twist: Any, coefficients: Any) -> Any:
-    """The wrench (6) at rest of one patch becomes that at a twist about the origin (6)."""
-    size, n, points = spread.points(wrench)
+@cache
+def sliding_law(*, compiled: bool) -> ca.Function:
+    """casadi.Function (twist about the origin (6), wrench at rest (6), coefficients (5)) of one patch, numbers of its
+    `Spread` (20) -> its wrench (6). Compiled: C that CasADi writes of it and of its derivatives, once for all scenes;
+    without a compiler, with one warning, CasADi runs it."""
+    x, numbers = ca.SX.sym("x", 17), ca.SX.sym("numbers", 20)
+    twist, wrench, coefficients = x[:6], x[6:12], x[12:]
+    A, b, d, axis, level, power = ca.vertsplit(numbers, np.cumsum([0, 9, 3, 1, 3, 2, 2]).tolist())
+    size, n, points = Spread((ca.reshape(A, 3, 3), b, d), axis, level, power).points(wrench)
     total = 0.0
     for c in ca.horzsplit(points):
         w = twist[:3] + ca.cross(twist[3:], c)
@@ -101,7 +114,20 @@ def sliding_wrench(spread: Spread, wrench: Any, twist: Any, coefficients: Any) -
         f = friction_factor(ca.vertsplit(coefficients), ca.sumsqr(slide), ca)[0]
         whole = whole_pressure(1.0 + coefficients[4] * approach, ca)[0]
         total += 0.25 * whole * (wrench + size * f * ca.vertcat(slide, ca.cross(c, slide)))
-    return total
+    constant: dict[str, Any] = {"is_diff_in": [True, False]}
+    law = ca.Function("sliding", [x, numbers], [total], constant)
+    if not compiled:
+        return law
+    generator, adjoint = ca.CodeGenerator("sliding"), law.reverse(1)
+    for each in (law, law.jacobian(), adjoint, adjoint.jacobian()):
+        generator.add(each)
+    try:
+        library = shared_library(generator.dump(), "friction of surrogates, some seconds")
+    except CompilerError as error:
+        warn_once(f"{error}; friction of surrogates runs in CasADi, which is slower")
+        return law
+    # Forward sensitivities are products with the Jacobian, which is in the library.
+    return ca.external("sliding", str(library), constant | {"enable_forward": False, "jac_penalty": -1.0})
 
 
 class SlidingPatches:
@@ -126,19 +152,19 @@ class SlidingPatches:
         missed = np.abs((made - moving.reshape(made.shape)) @ loads.T)[force > scene.boundary_load]
         self.shares = np.quantile(missed / force[force > scene.boundary_load, None], 0.95, axis=0)
 
-    def wrenches(self, at_rest: Any, twist: Any, coefficients: Any) -> Any:
+    def wrenches(self, at_rest: Any, twist: Any, coefficients: Any, *, compiled: bool = False) -> Any:
         """Wrenches (6·P) of the patches, from those at rest."""
-        parts = zip(self.spreads, ca.vertsplit(at_rest, 6), strict=True)
-        return ca.vertcat(*(sliding_wrench(spread, wrench, twist, coefficients) for spread, wrench in parts))
+        law, parts = sliding_law(compiled=compiled), zip(self.spreads, ca.vertsplit(at_rest, 6), strict=True)
+        return ca.vertcat(*(law(ca.vertcat(twist, own, coefficients), spread.numbers) for spread, own in parts))
 
     def function(
-        self, still: ca.Function, name: str, loads: Sequence[str], size: int, friction: Friction
+        self, still: ca.Function, name: str, loads: Sequence[str], size: int, friction: Friction, *, compiled: bool
     ) -> ca.Function:
         """casadi.Function pose, its rates, and with size 17 coefficients -> loads, from one of the wrenches at rest."""
-        x, at_rest = ca.SX.sym("x", size), ca.SX.sym("at_rest", still.numel_out(0))
-        turn = ca.mtimes(angular_velocity_map(x[3:6]), x[9:12])
-        twist = ca.vertcat(x[6:9] - ca.cross(turn, x[:3]), turn)
-        moving = self.wrenches(at_rest, twist, x[12:] if size > 12 else ca.DM(coefficients_of(friction)))
+        x, given = ca.SX.sym("x", 12), ca.MX.sym("x", size)
+        turn = ca.mtimes(angular_velocity_map(x[3:6]), x[9:])
+        twist = ca.Function("twist", [x], [ca.vertcat(x[6:9] - ca.cross(turn, x[:3]), turn)])(given[:12])
+        coefficients = given[12:] if size > 12 else ca.DM(coefficients_of(friction))
+        moving = self.wrenches(still(given[:6]), twist, coefficients, compiled=compiled)
         selection = ca.sparsify(ca.DM(load_selection(loads, self.patch_names).reshape(len(loads), -1)))
-        law, given = ca.Function(f"{name}_law", [x, at_rest], [selection @ moving]), ca.MX.sym("x", size)
-        return ca.Function(name, [given], [law(given, still(given[:6]))], ["x"], ["loads"])
+        return ca.Function(name, [given], [selection @ moving], ["x"], ["loads"])

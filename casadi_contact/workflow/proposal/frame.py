@@ -46,8 +46,12 @@ def frame_of(geometry: JointGeometry, side: str | None = None, axes: Sequence[st
         raise ValueError(
             f"--axes {','.join(axes)}: patches lie side by side along {'xyz'[patches.axis]}, expected as z"
         )
-    if patches.exchanged:
+    if patches.exchanged and not patches.plane:
         questions.append("which body is the fixed one: it is domed, the moving one flat or hollow: files exchanged?")
+    if patches.plane:
+        findings.append(f"the {patches.plane} body is a plane wherever they touch")
+    if patches.plane == "fixed":
+        questions.append("how far contact moves: elements lie where it is now; a plane that is given first has no end")
     if axes is not None:
         findings.append(f"the moving body presses along the file's {axis_name(geometry.placement.pressing)}")
     if axes is None and (others := [axis_name(way) for way in geometry.placement.doubtful]):
@@ -91,7 +95,7 @@ def _axes(geometry: JointGeometry, mirror: str, findings: list[str], questions: 
     if geometry.patches.axis is not None:
         turns = turns[turns[:, 2, geometry.patches.axis] != 0.0]
     agreement = np.sum([turns[:, row] @ direction for row, direction in target.items()], axis=0)
-    kept = np.trace(turns, axis1=1, axis2=2)  # among equals those nearest to the file's own
+    kept = np.trace(turns + 0.1 * np.abs(turns), axis1=1, axis2=2)  # among equals those nearest to the file's own
     best = turns[np.lexsort((kept, agreement.round(6)))[-1]]
     return tuple(("-" if row.sum() < 0.0 else "") + "xyz"[np.abs(row).argmax()] for row in best)
 

@@ -36,6 +36,8 @@ class PatchSettings:
     least_share: float = 0.1  # of a patch
     least_share_requested: float = 0.03  # of a patch if the user names a joint with two patches
     cup_share: float = 0.95  # share of a cup that is visible from its centre
+    plane_cos: float = 0.998  # least cosine between a plane's normals and their mean, for `round_share` of it
+    apart_mm: float = 80.0  # most between a knee's two patches
     straight_cos: float = 0.85  # least cosine between a normal and the direction to the centre, for most of a cup
     socket_cos: float = 0.985  # the same for `socket_share` of a ball's socket, which has one patch
     socket_share: float = 0.9
@@ -51,7 +53,7 @@ class Patches:
     times areas; the axis along which patches lie beside each other (None for one patch), cuts_mm between them, rising;
     centres of curvature of the fixed body near contact (3,) and of the moving body for each patch (patches, 3). round:
     the moving body is convex wherever it touches. hollow: the fixed body is a cup about the centre. exchanged: it is a
-    dome where the moving one is flat or hollow."""
+    dome where the moving one is flat or hollow. plane: which body is one wherever it touches, "" if neither is."""
 
     weight: Array
     axis: int | None
@@ -61,6 +63,7 @@ class Patches:
     round: bool
     hollow: bool
     exchanged: bool
+    plane: str
 
     def patch_of(self, points_mm: Array) -> np.ndarray:
         """Number of the patch (n,) that each point belongs to, by rising coordinate."""
@@ -102,6 +105,7 @@ def find_patches(
     outward_cos = np.einsum("nk,nk->n", unit_rows(on_moving - anchors[numbers]), normals)
     fixed_bend = sum(_bend(pair.points_mm[rows[p]], pair.normals[rows[p]], areas[p]) for p in each)
     moving_bend = sum(_bend(on_moving[p], normals[p], areas[p]) for p in each)
+    planes = {"fixed": pair.normals[rows], "moving": normals}
     visible, straight = share(towards_centre > LEAST_UPWARD), share(towards_centre > SETTINGS.straight_cos)
     return Patches(
         weight,
@@ -112,7 +116,26 @@ def find_patches(
         round=float(areas @ (outward_cos > 0.0)) > SETTINGS.round_share * float(areas.sum()),
         hollow=visible > SETTINGS.cup_share and straight > 0.5,
         exchanged=moving_bend < 0.25 * fixed_bend,
+        plane=next((body for body, of in planes.items() if _is_plane(of, areas)), ""),
     )
+
+
+def _is_plane(normals: Array, weights: Array) -> bool:
+    mean = weights @ normals
+    straight = normals @ (mean / np.linalg.norm(mean)) > SETTINGS.plane_cos
+    return float(weights @ straight) > SETTINGS.round_share * float(weights.sum())
+
+
+def _like_condyles(pair: Pair, placement: ContactPlacement, patches: Patches) -> bool:
+    """Whether a plane's patches are a knee's: one valley, no wider, over which bodies that just touch are apart. A sole
+    that rolls over the ground touches it elsewhere in every pose: valleys between such places part nothing."""
+    if len(patches.cuts_mm) != 1:
+        return False
+    points, of = pair.points_mm, patches.patch_of(pair.points_mm)
+    one, other = (np.average(points[of == p], axis=0, weights=patches.weight[of == p]) for p in (0, 1))
+    along_cut = np.abs(points[:, patches.axis] - patches.cuts_mm[0]) < pair.scale * REACH_MM
+    gap = pair.distances(np.eye(3), placement.translation_mm)[0][along_cut].min(initial=np.inf)
+    return bool(gap > pair.scale * REACH_MM and np.linalg.norm(one - other) < SETTINGS.apart_mm)
 
 
 def _bend(points_mm: Array, normals: Array, weights: Array) -> float:
@@ -277,7 +300,8 @@ def _analysed(meshes: Mapping[str, TriangleMesh], kind: str | None, turn: Array,
     pair = Pair.of(moving, fixed)
     placement = contact_placement(pair, ways)
     patches = find_patches(pair, placement)
-    if kind == "hip" and patches.hollow:
+    rolls = patches.plane and kind not in ("knee", "patella") and not _like_condyles(pair, placement, patches)
+    if patches.axis is not None and (rolls or (kind == "hip" and patches.hollow)):
         patches = find_patches(pair, placement, parted=False)
     if kind in ("knee", "patella") and len(patches.anchors_mm) == 1:
         patches = find_patches(pair, placement, least_share=SETTINGS.least_share_requested)

@@ -99,8 +99,12 @@ def propose(
     thickness_mm = {**shells_mm, "moving": np.inf if one_sided else shells_mm["moving"]}
     usual_mm = tables["geometry"].get("spacing", SPACING_MM)
     spacing = thin_spacing(meshes, thickness_mm, usual_mm)
-    if min(spacing.values()) < usual_mm:
+    if plane := geometry.patches.plane:  # which may be wide, and is straight
+        fitting = (mm for mm in (spacing[plane], 1.0, 1.33) if field_fits(meshes[plane], mm))
+        spacing[plane] = next(fitting, spacing[plane])
+    if set(spacing.values()) != {usual_mm}:
         tables["geometry"]["spacing"] = spacing
+    if min(spacing.values()) < usual_mm:
         findings.append(f"a distance field of {min(spacing.values()):g} mm, as thin bodies need")
     scene = Scene.from_tables(tables)
     try:

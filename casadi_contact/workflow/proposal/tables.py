@@ -97,6 +97,8 @@ def _patches(geometry: JointGeometry, frame: Frame, margin_mm: float = 8.0, most
     tables = {}
     for k, (name, number) in enumerate(zip(joint.patches, order, strict=True)):
         near = points[(patches.weight > 0.0) & (numbers == number)]
+        if patches.plane == "fixed":  # of which all may touch what lies over it
+            near = frame.points(pair.moving.vertices_mm + geometry.placement.translation_mm, "fixed")
         box: dict[str, Any] = {}
         for a, letter in enumerate("xyz"):
             margin = pair.scale * margin_mm

@@ -10,6 +10,11 @@ from tests.support.joint_meshes import POLE, analysed, button_on_groove
 from tests.support.meshes import ball_mesh, cap_mesh, sheet_mesh, shell_mesh, slab_mesh, unit
 from tests.support.shared_data import shared_file
 
+GROUND = (
+    np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [1.0, 0.0, 1.0]]) * 300.0 - [150.0, 0.0, 150.0],
+    (np.array([[0, 1, 2], [1, 3, 2]])),
+)
+
 
 @pytest.mark.parametrize("height", [22.0, 60.0])
 def test_a_button_rests_on_both_facets_of_its_groove(height):
@@ -45,6 +50,33 @@ def test_a_condyle_on_a_dish_has_one_patch_however_shallow_the_dish_is(dish_mm):
     _, patches, joint, _ = analysed(checked_mesh("condyle", condyle, faces), checked_mesh("dish", *dish))
     assert joint.patches == ("contact",)
     np.testing.assert_allclose(patches.anchors_mm, 0.0, atol=1.0)
+
+
+SOLES = {
+    "flat": lambda x, z: 0.0 * x,
+    "without heel": lambda x, z: np.maximum(x - 70.0, 0.0) ** 2 / 240.0 + 3.0 * (z / 47.0) ** 2,
+    "with heel, rough": lambda x, z: (
+        12.0 / (1.0 + np.exp(-x - 50.0)) / (1.0 + np.exp(x / 8.0)) + 0.1 * np.sin(7 * x * z)
+    ),
+}
+
+
+@pytest.mark.parametrize(("kind", "first"), [*zip(SOLES, ("sole", "sole", "ground"), strict=True)])
+def test_a_sole_rolls_over_the_ground_as_one_patch_whichever_is_given_first(kind, first):
+    sheet, faces = sheet_mesh(20.0, 1.0, lambda x, z: -SOLES[kind](13.0 * x, 4.7 * z))
+    sole, faces = slab_mesh(sheet * [13.0, 1.0, 4.7], faces, 30.0)
+    bodies = checked_mesh("sole", sole * [1.0, -1.0, -1.0], faces), checked_mesh("ground", *slab_mesh(*GROUND, 20.0))
+    _, patches, joint, _ = analysed(*(bodies if first == "sole" else bodies[::-1]))
+    assert (joint.kind, joint.sensitive) == ("other", ["-Fy"])
+    assert patches.plane == ("fixed" if first == "sole" else "moving")
+
+
+def test_condyles_on_a_flat_tray_are_a_knee():
+    (ball, faces), out = cap_mesh(20.0, 2.0, 0.8), np.array([0.0, 0.0, 24.0])
+    condyles = np.vstack([ball - out, ball + out]), np.vstack([faces, faces + len(ball)])
+    moving = checked_mesh("condyles", condyles[0] + np.array([0.0, 20.0, 0.0]), condyles[1])
+    _, patches, joint, _ = analysed(moving, checked_mesh("tray", *sheet_mesh(70.0, 2.5)))
+    assert (joint.kind, joint.patches, patches.plane) == ("knee", ("med", "lat"), "fixed")
 
 
 @pytest.mark.parametrize(("kind", "noise_mm"), [(None, 0.0), ("hip", 0.25)])
