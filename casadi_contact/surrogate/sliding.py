@@ -47,12 +47,12 @@ def fitted_quadric(elements: ElementGrid) -> tuple[Array, Array, float]:
 
 
 class Spread(NamedTuple):
-    """Of one patch: its fixed surface, its axis (3,), α (2,) and κ (2,)."""
+    """Of one patch: its fixed surface (A, b, d), its axis (3,), α (2,) and κ (2,); arrays, or CasADi's symbols."""
 
-    surface: tuple[Array, Array, float]
-    axis: Array
-    level: Array
-    power: Array
+    surface: tuple[Any, Any, Any]
+    axis: Any
+    level: Any
+    power: Any
 
     @property
     def numbers(self) -> Array:
