@@ -15,8 +15,7 @@ SCHEMES = ("radau", "legendre")
 class Collocation:
     """Equal intervals over a duration [s], each with `degree` Radau or Legendre points. Raises ValueError for others.
 
-    Nodes are (n, intervals + 1), points (n, intervals·degree) CasADi matrices, in the order of time.
-    """
+    Nodes are (n, intervals + 1), points (n, intervals·degree) CasADi matrices, in the order of time."""
 
     intervals: int
     degree: int

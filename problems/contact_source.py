@@ -34,8 +34,7 @@ def load_contact(
     or with a warning the surrogate `knee` where there is no C compiler, without which a foundation takes minutes.
 
     whole: a foundation has the whole wrench among its loads, as equations of motion need it. cycles: at whose poses a
-    mesh's foundation is tested too. A scene that no foundation fits takes its fine elements, with a warning.
-    """
+    mesh's foundation is tested too. A scene that no foundation fits takes its fine elements, with a warning."""
     if surrogate is not None and scene is not None:
         raise ValueError(f"got surrogate {surrogate} and scene {scene}, expected one of them")
     if surrogate is None and scene is None:

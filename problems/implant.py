@@ -38,8 +38,7 @@ def main(scene: Path, files: list[Path], out: Path = Path("results/implant")) ->
     """Find the poses of measured cycles (CSV) on the meshes of a joint.
 
     scene: a scene file, or the moving body's mesh, which the fixed body's mesh follows (STL, OBJ, ...). files:
-    the cycles. Exit status 3: some frames are not solved; 4: all are, but some are not verified.
-    """
+    the cycles. Exit status 3: some frames are not solved; 4: all are, but some are not verified."""
     for path in files:
         existing_file(path, "mesh or cycle file")
     if scene.suffix.lower() in FORMATS:

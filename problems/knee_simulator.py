@@ -50,8 +50,7 @@ class Rig:
 def walking(share: Any, load_scale: float) -> tuple[Any, Any, Any, Any]:
     """Flexion [deg], axial and anterior-posterior force [N], torque [N·mm] at a share of the cycle.
 
-    Sums of smooth periodic bumps (height, centre, width) with the magnitudes of ISO 14243-1.
-    """
+    Sums of smooth periodic bumps (height, centre, width) with the magnitudes of ISO 14243-1."""
 
     def bumps(*parts: tuple[float, float, float]) -> Any:
         return sum(h * ca.exp((ca.cos(2.0 * np.pi * (share - c)) - 1.0) / (2.0 * np.pi * w) ** 2) for h, c, w in parts)
@@ -88,8 +87,7 @@ def build(
     """Equations of motion on any contact model whose bodies are pressed together along -Fy.
 
     waveforms: (share of the cycle, load_scale) -> flexion [deg], axial force, anterior-posterior force [N], torque
-    [N·mm]. At full load (1.0) the lateral side would bear more than the surrogate `knee` has learned.
-    """
+    [N·mm]. At full load (1.0) the lateral side would bear more than the surrogate `knee` has learned."""
     rig = rig or Rig()
     if any((normal.component, normal.sign) != ("Fy", -1.0) for normal in model.scene.normal_loads):
         raise ValueError(f"scene {model.scene.name} is not pressed along -Fy, expected a knee or one like it")

@@ -49,8 +49,7 @@ def main(
 
     maps: columns of the rotations file, such as knee_angle_r=-rz:deg. margin_mm: both sides stay closed though the load
     passes so far beside. all_six: balance all six coordinates, tx and tz being free too. Exit status 3: some frames are
-    not solved by muscles and contact alone; 4: all are, but the elements differ in some.
-    """
+    not solved by muscles and contact alone; 4: all are, but the elements differ in some."""
     walk = walk_of(rotations, inverse_dynamics, muscles, parameters, maps)
     settings = MuscleSettings(exponent=exponent, margin_mm=margin_mm)
     if all_six:

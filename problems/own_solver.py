@@ -82,8 +82,7 @@ def deck(scene: Scene, poses: Array, elements: tuple[int, int] = (12, 3)) -> str
 def solved(scene: Scene, poses: Array, folder: Path) -> Array:
     """Wrenches on the block (n, 6) [N, N·mm] about its middle at poses (n, 6), by one run of CalculiX in a folder.
 
-    Without friction the sphere's force points through its centre.
-    """
+    Without friction the sphere's force points through its centre."""
     (folder / "block.inp").write_text(deck(scene, poses))
     subprocess.run(["ccx", "-i", "block"], cwd=folder, check=True, capture_output=True)
     totals = re.findall(r"force \(fx,fy,fz\).*\n\n(.*)\n", (folder / "block.dat").read_text())

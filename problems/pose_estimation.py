@@ -40,8 +40,7 @@ def main(
     """Find the poses of a cycle (CSV) on a surrogate, or on the foundation of a scene; verify them on its elements.
 
     smoothness weighs the change from frame to frame [N²/mm²]. Exit status 3: some frames are not solved; 4: all are,
-    but some are not verified.
-    """
+    but some are not verified."""
     model = load_contact(surrogate, scene)
     measured = load_cycle(model.scene, cycle)
     raise SystemExit(estimate(model, measured, out, smoothness))

@@ -35,8 +35,7 @@ def main(
     """Find the poses that carry the loads Fx,Fy,Fz,Tx,Ty,Tz [N, N·mm] at flexions [degrees]; verify them on elements.
 
     soft: rz is free too, with soft-tissue springs that are slack at the flexion. restarts: random starts of rows that
-    stay unsolved. Exit status 3: some loads have no equilibrium; 4: all have, but the elements differ in some.
-    """
+    stay unsolved. Exit status 3: some loads have no equilibrium; 4: all have, but the elements differ in some."""
     model = load_contact(surrogate, scene, whole=True)
     space, angles = model.scene.pose_space, np.radians(numbers(flexions, "flexions"))
     rest = np.tile(middle_pose(model), (len(angles), 1))

@@ -31,8 +31,7 @@ def read_walk(
     inverse_dynamics: CSV or .sto with time and coordinates of `COORDINATES` (``knee_ty`` or ``knee_ty_N``, N, N·m).
     muscles: CSV with ``frame, muscle, length_m, velocity_m_per_s, arm_knee_ty, ...``, a frame for each row of
     inverse dynamics; or a folder of OpenSim's MuscleAnalysis (``*_Length.sto``, ``*_MomentArm_knee_ty.sto``, ...).
-    parameters: CSV with ``muscle`` and `PARAMETER_COLUMNS`, one row for each muscle that counts.
-    """
+    parameters: CSV with ``muscle`` and `PARAMETER_COLUMNS`, one row for each muscle that counts."""
     labels = {label: name for name in COORDINATES for label in (name, f"{name}_{coordinate_unit(name)}")}
     dynamics = _table(inverse_dynamics, optional=list(labels)).columns
     time_s = dynamics["time"]

@@ -46,8 +46,7 @@ class PatchWear:
 def archard_wear(model: ElasticFoundation, poses: Array, wear_factor: float = 1e-7) -> list[PatchWear]:
     """Wear of every patch over a cycle of poses (n, 6), the last of which is followed by the first.
 
-    wear_factor [mm³/(N·m)]: the default is that of Fregly, Sawyer, Harman and Banks (J Biomech 38 (2005) 305-314).
-    """
+    wear_factor [mm³/(N·m)]: the default is that of Fregly, Sawyer, Harman and Banks (J Biomech 38 (2005) 305-314)."""
     poses = as_poses(poses)
     if len(poses) < 2 or not 0.0 < wear_factor < np.inf:
         raise ValueError(f"got {len(poses)} poses and wear factor {wear_factor}, expected 2 or more and a number > 0")

@@ -124,8 +124,7 @@ def calibrate(scene: SceneName, preset: PresetName = DEFAULT_PRESET, out: Out = 
     project = Project.open(scene, preset, out)
     with progress_bars(console, cure="what is calibrated so far is kept, the rest is as it was") as update:
         paths = pipeline.calibrate(project, update)
-    for path in paths:
-        say(f"calibrated {path}")
+    say(*(f"calibrated {path}" for path in paths))
 
 
 def evaluate(scene: SceneOrSurrogate, preset: PresetName = DEFAULT_PRESET, out: Out = None) -> None:
@@ -172,15 +171,13 @@ def _train_to_tolerance(project: Project, files: list[Path], model: str) -> None
 def _train(project: Project, structure: str | None = None) -> None:
     with progress_bars(console) as update:
         paths = pipeline.train(project, update, structure=structure)
-    for path in paths:
-        say(f"surrogate in {path}")
+    say(*(f"surrogate in {path}" for path in paths))
 
 
 def _fit_on_foundation(project: Project) -> None:
     path, errors = pipeline.fit_on_foundation(project)
-    for load, error in errors.items():
-        say(f"{load}: RMS {error:.3g} {quantity(load).unit} on the samples held back")
-    say(f"surrogate in {path}: cc.OnFoundation.load")
+    lines = (f"{n}: RMS {error:.3g} {quantity(n).unit} on the samples held back" for n, error in errors.items())
+    say(*lines, f"surrogate in {path}: cc.OnFoundation.load")
 
 
 def _evaluate(project: Project) -> None:
@@ -194,13 +191,11 @@ def _evaluate(project: Project) -> None:
 
 def _report(project: Project) -> None:
     path = pipeline.report(project)
-    for structure, surrogate in project_surrogates(project).items():
-        say(f"{structure}: {surrogate.info().fitness}")
-    say(f"report in {path}")
+    found = project_surrogates(project).items()
+    say(*(f"{structure}: {surrogate.info().fitness}" for structure, surrogate in found), f"report in {path}")
 
 
 def _export(project: Project, *, fmu: bool = False, contact_model: bool = False) -> None:
     if not contact_model:
         say_shipped(project, "exporting")
-    for path in pipeline.export(project, fmu=fmu, contact_model=contact_model):
-        say(f"exported {path}")
+    say(*(f"exported {path}" for path in pipeline.export(project, fmu=fmu, contact_model=contact_model)))

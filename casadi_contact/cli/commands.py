@@ -114,8 +114,7 @@ def import_(
 ) -> None:
     """Turn an OpenSim or JAM model into an assembly for cc.load_assembly: one function of all coordinates.
 
-    Needs the extra opensim. What of the model is lost is told, by name.
-    """
+    Needs the extra opensim. What of the model is lost is told, by name."""
     _check_free("--out", [out / "assembly.toml"], force)
     with progress_bars(console) as update:
         say(import_model(model, out, joint=joint, geometry=geometry or (), motion=motion, progress=update))
@@ -143,8 +142,7 @@ def cycle(
     """Turn columns of an OpenSim file into a load cycle, for --cycles and the problems: rz, ry, Fy_med, Fy_lat, and
     cop_ap or Tz, cop_ml or Tx; of another joint's --scene the pose parameters that were measured and a load for each
     other one; or into poses, for show --poses: tx, ty, tz, rx, ry, rz. With --tibia-in-femur these are knee_tx,
-    knee_ty, knee_tz, knee_add, knee_rot, knee_flex, and come out as poses of the femur in the insert.
-    """
+    knee_ty, knee_tz, knee_add, knee_rot, knee_flex, and come out as poses of the femur in the insert."""
     own = None if scene is None else load_scene(scene)
     table = read_opensim_table(file)
     try:
@@ -250,17 +248,12 @@ def page(
     say(cycle.source, f"page of {size:.2f} MB in {path}")
 
 
-def chart(
-    scene: SceneOrSurrogate,
-    preset: PresetName = DEFAULT_PRESET,
-    out: Out = None,
-) -> None:
+def chart(scene: SceneOrSurrogate, preset: PresetName = DEFAULT_PRESET, out: Out = None) -> None:
     """Train a ladder of sizes, measure speed and accuracy of everything in one run, and draw the charts."""
     project = Project.open(scene, preset, out)
     with progress_bars(console) as update:
         paths = pipeline.chart(project, update=update, tell=partial(update, "measuring", 0, 1))
-    for path in paths:
-        say(f"written {path}")
+    say(*(f"written {path}" for path in paths))
 
 
 def speed(scene: SceneOrSurrogate, preset: PresetName = DEFAULT_PRESET, out: Out = None) -> None:

@@ -60,8 +60,7 @@ def build(
     scene: a ready name or the path of a scene file. cycles: measured cycles to sample around. table: samples of any
     contact model, instead of drawing them. model: what samples are drawn from, a name as in the command, or a contact
     model of the same scene, in this process. folder: of all results, results/SCENE-PRESET if left out. progress: called
-    as (what, done, all, remark). Raises ValueError for input that cannot be used, OSError for a folder in use.
-    """
+    as (what, done, all, remark). Raises ValueError for input that cannot be used, OSError for a folder in use."""
     check_single_source(table, cycles, model)
     project = Project.open(scene, preset, None if folder is None else Path(folder))
     with folder_lock(project.folder):
@@ -80,8 +79,7 @@ def build(
 def calibrate(project: Project, update: Update | None = None) -> list[Path]:
     """Give the project's surrogates validity and expected error anew, from its samples; `train` does so too.
 
-    Raises ValueError for surrogates of a user's own contact model, calibrated on that model itself.
-    """
+    Raises ValueError for surrogates of a user's own contact model, calibrated on that model itself."""
     samples = project.samples()
     model = teacher_of(samples)
     surrogates = project_surrogates(project)

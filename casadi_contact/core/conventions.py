@@ -183,14 +183,14 @@ def _matrices(rows: Sequence[Sequence[ArrayLike]], shape: tuple[int, ...]) -> Ar
     return matrices
 
 
-def possible_loads(patch_names: Sequence[str]) -> tuple[str, ...]:
-    """Names of all loads that patches give: the components of the total wrench, then those of each patch."""
-    return (*WRENCH_NAMES, *wrench_names(patch_names))
-
-
 def wrench_names(patch_names: Sequence[str]) -> tuple[str, ...]:
     """Fx_med, ..., Tz_lat: six of each patch."""
     return tuple(f"{component}_{patch}" for patch in patch_names for component in WRENCH_NAMES)
+
+
+def possible_loads(patch_names: Sequence[str]) -> tuple[str, ...]:
+    """Names of all loads that patches give: the components of the total wrench, then those of each patch."""
+    return (*WRENCH_NAMES, *wrench_names(patch_names))
 
 
 def loads_of_total(component: str, load_names: Sequence[str], patch_names: Sequence[str]) -> tuple[str, ...]:

@@ -38,12 +38,6 @@ def c_source(model: ExportedModel, name: str) -> str:
     return "\n".join([_written(words), model.source, calibrated, own, casadi_interface(found)])
 
 
-def wrench_c_source(model: ExportedModel, name: str) -> str:
-    """Another C file: the wrenches of all patches, as casadi.external takes them."""
-    interface = casadi_interface({name_of_wrenches(name): {"loads": 6 * len(model.patch_names)}})
-    return "\n".join([_written(template_words(model, name)), model.wrench_source, interface])
-
-
 def header(model: ExportedModel, name: str) -> str:
     """The header of that file."""
     return Template(c_text("export_api.h", TEMPLATES)).safe_substitute(template_words(model, name))
@@ -121,8 +115,7 @@ def export_c(
     as the pose at which ``example.c`` evaluates it. C99 without dependencies: pose (6) -> loads, Jacobian, weighted
     Hessian, root loads, validity and expected error, each with a status, and pressures. casadi.external, and code that
     CasADi generates, find ``name`` (loads), ``name_root_loads``, ``name_loads_and_roots``, ``name_patch_wrenches``.
-    Raises ValueError for an unusable name and a pose that is not six finite numbers.
-    """
+    Raises ValueError for an unusable name and a pose that is not six finite numbers."""
     exported, pose = model.exported(loads), pose_or_example(model, example_pose)
     name = name or exported.name
     if name == _EXAMPLE:
@@ -136,7 +129,9 @@ def export_c(
         "Makefile": Template(c_text("export_makefile", TEMPLATES)).safe_substitute(words),
     }
     if exported.wrench_source:
-        texts[f"{name_of_wrenches(name)}.c"] = wrench_c_source(exported, name)
+        # Another C file: the wrenches of all patches, as casadi.external takes them.
+        interface = casadi_interface({name_of_wrenches(name): {"loads": 6 * len(exported.patch_names)}})
+        texts[f"{name_of_wrenches(name)}.c"] = "\n".join([_written(words), exported.wrench_source, interface])
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     for file_name, text in texts.items():

@@ -130,8 +130,7 @@ def export_fmu(
     Inputs are the pose [mm, rad], from `start` (6; `example_pose()` if left out) on; outputs the loads [N, N·mm] and
     root loads; validity and expected errors can be read. Compiled for any processor of this machine's kind, or as
     $CASADI_CONTACT_CFLAGS says. Raises CompilerError (an OSError) without a compiler, ValueError for an unusable name
-    and a pose that is not six finite numbers.
-    """
+    and a pose that is not six finite numbers."""
     exported, pose = model.exported(loads), pose_or_example(model, start)
     name = name or exported.name
     if name == "fmi3":

@@ -15,8 +15,7 @@ def contact_loads(model: Any) -> Callable[[jax.Array], jax.Array]:
     """Function poses (..., 6) [mm, rad] -> loads (..., L) [N, N·mm], for jit, vmap, grad, jacfwd, jacrev and hessian.
 
     Compiled programs call the model back on the CPU. ValueError for poses in single precision and a model without
-    Jacobian, or without Hessian at a second derivative. A pose that is not finite has loads and derivatives NaN.
-    """
+    Jacobian, or without Hessian at a second derivative. A pose that is not finite has loads and derivatives NaN."""
     check_gives(model, "__call__", "jacobian")
     count = len(model.load_names)
 

@@ -47,8 +47,7 @@ class ContactFrames:
     free, but for those that the scene locks or ties. loads: the named loads that are needed, all if left out. compiled:
     as for the model's `function`. parameters: of a foundation's material and placement (`contact.symbolic.PARAMETERS`)
     by name, given likewise; starts are those of the scene's own. variable: makes q from its shape, ``MX.sym`` if left
-    out.
-    """
+    out."""
 
     def __init__(
         self,
@@ -105,8 +104,7 @@ class ContactFrames:
         normal load is the magnitude of three target forces of direction v, the rows are 2·√(N0·N*)·(s - s*) less
         |F| - F·v, and the two components of F across v.
 
-        Raises ValueError for unknown names, wrong shapes, numbers that are not finite, and normal loads that pull.
-        """
+        Raises ValueError for unknown names, wrong shapes, numbers that are not finite, and normal loads that pull."""
         if not targets:
             raise ValueError("got no target loads, expected some by name, for example {'Fy_med': -600.0}")
         rows: dict[str, ca.MX] = {}

@@ -26,8 +26,7 @@ class ContactInOpti(ContactFrames):
         poses = contact.poses(opti.solve())
 
     ``pose``, ``loads`` and ``roots`` are expressions for the user's own objective and constraints.
-    Raises ValueError like `ContactFrames`, and for a locked number outside what the surrogate has learned.
-    """
+    Raises ValueError like `ContactFrames`, and for a locked number outside what the surrogate has learned."""
 
     def __init__(
         self,
@@ -113,8 +112,7 @@ def settled_function(
     by targets, parameters and what stays are exact, dq/dt = -(∂r/∂q)⁻¹ ∂r/∂t; by the free part of the start zero.
     Where Newton's method fails the function raises RuntimeError, or gives NaN: start in contact (`start_poses` of
     `ContactFrames`, `settle`). Raises ValueError for unknown names, and unless there are as many targets as free
-    parameters.
-    """
+    parameters."""
     free, targets, parameters = ((of,) if isinstance(of, str) else tuple(of) for of in (free, targets, parameters))
     model = symbolic(model)
     space = model.scene.pose_space

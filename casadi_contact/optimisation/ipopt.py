@@ -34,8 +34,7 @@ def ipopt_options(*, tolerance: float = 1e-8, max_iterations: int = 300, **more:
     model's function gives; more: any other option of IPOPT by its name.
 
     Variables and misfits are scaled already. IPOPT would scale by the gradient at the start: far out of contact, where
-    there is none, or at the solution, where its tolerance then asks for the impossible.
-    """
+    there is none, or at the solution, where its tolerance then asks for the impossible."""
     ipopt = {
         "print_level": 0,
         "sb": "yes",

@@ -17,7 +17,7 @@ import numpy as np
 from casadi_contact.contact.settle import settle
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import LEVER_MM, POSE_NAMES, Array
-from casadi_contact.optimisation.joint_mechanics import generalised_forces
+from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection
 from casadi_contact.optimisation.starts import middle_pose, pose_bounds
 from casadi_contact.scenes.scene import Scene
 
@@ -37,36 +37,23 @@ def check_knee(what: str, scene: Scene, load_names: Sequence[str], needed: Seque
 
 
 # Coordinates of inverse dynamics, each with the pose parameter it belongs to.
-COORDINATES = {
-    "knee_tx": "tx",
-    "knee_ty": "ty",
-    "knee_tz": "tz",
-    "knee_adduction": "rx",
-    "knee_rotation": "ry",
-    "knee_flexion": "rz",
-}
-
-
-def is_translation(coordinate: str) -> bool:
-    """Whether a coordinate moves the femur, and does not turn it."""
-    return COORDINATES[coordinate].startswith("t")
+COORDINATES = {"knee_tx": "tx", "knee_ty": "ty", "knee_tz": "tz"}
+COORDINATES |= {"knee_adduction": "rx", "knee_rotation": "ry", "knee_flexion": "rz"}
 
 
 def coordinate_unit(coordinate: str) -> str:
     """N for a translation, Nm for a rotation."""
-    return "N" if is_translation(coordinate) else "Nm"
+    return "N" if COORDINATES[coordinate].startswith("t") else "Nm"
 
 
 def in_newtons(coordinate: str) -> float:
     """Comparable newtons of one N or N·m of a coordinate's load."""
-    return 1.0 if is_translation(coordinate) else 1000.0 / LEVER_MM
+    return 1.0 if coordinate_unit(coordinate) == "N" else 1000.0 / LEVER_MM
 
 
 def contact_on_femur(pose: ca.MX, loads: ca.MX) -> dict[str, ca.MX]:
     """Generalised loads [N, N·m] on the femur by coordinate, for a pose (6) and loads (7) as in `KNEE_LOADS`."""
-    by_name = dict(zip(KNEE_LOADS, ca.vertsplit(loads), strict=True))
-    fy = by_name["Fy_med"] + by_name["Fy_lat"]
-    wrench = ca.vertcat(by_name["Fx"], fy, *(by_name[name] for name in ("Fz", "Tx", "Ty", "Tz")))
+    wrench = ca.mtimes(ca.DM(total_selection(KNEE_LOADS, ("med", "lat"))), loads)
     on_tibia = generalised_forces(pose, wrench) * ca.DM([1.0, 1.0, 1.0, 1e-3, 1e-3, 1e-3])
     return dict(zip(COORDINATES, ca.vertsplit(-on_tibia), strict=True))
 
@@ -77,8 +64,7 @@ def shear_free_poses(model: SymbolicContact, ry: Array, rz: Array) -> Array:
 
     Frames that find none settle from a neighbour's pose. Where there is none the femur stands where shear is least,
     with a RuntimeWarning. Raises ValueError where rotations lie outside what the surrogate learned, the least shear
-    exceeds 50 N, or the scene locks or ties pose parameters.
-    """
+    exceeds 50 N, or the scene locks or ties pose parameters."""
     model.scene.pose_space.check_unconstrained("a pose without shear")
     low, high = pose_bounds(model)
     poses = np.tile(middle_pose(model), (len(rz), 1))

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.optimisation.knee import COORDINATES, coordinate_unit, is_translation
+from casadi_contact.optimisation.knee import COORDINATES, coordinate_unit
 from casadi_contact.scenes.columns import check_rising
 from casadi_contact.scenes.cycle import OverTime
 
@@ -162,7 +162,7 @@ def _check_units_and_signs(walk: MuscleWalk) -> None:
     if walk.lengths_m.min() <= 0.0 or walk.lengths_m.max() > 2.0:
         raise fail(f"lengths reach {walk.lengths_m.max():g} m", "above 0, at most 2 m", "is their unit mm?")
     for name, table in walk.arms.items():
-        limit, unit = (1.5, "direction cosines") if is_translation(name) else (0.3, "m")
+        limit, unit = (1.5, "direction cosines") if coordinate_unit(name) == "N" else (0.3, "m")
         if np.abs(table).max() > limit:
             raise fail(f"arms about {name} reach {np.abs(table).max():g}", f"{unit} up to {limit:g}", "check the unit")
     for unit, least, most in (("N", 10.0, np.inf), ("Nm", 1.5, 1e3)):

@@ -58,8 +58,7 @@ class MuscleSettings:
     where the load passes the knee from step to step; shank_m: knee to ankle; calf_arm_m: of the Achilles tendon about
     the ankle; soleus_n: its greatest force along the tendon (Arnold et al., Ann Biomed Eng 38 (2010) 269-279);
     balanced: coordinates of `COORDINATES`; free: ty, rx, and by choice tx and tz; reserve_sizes: reserves [N, N·m] that
-    cost as much as one full activation; tolerance_n: of a balanced coordinate.
-    """
+    cost as much as one full activation; tolerance_n: of a balanced coordinate."""
 
     exponent: float = 3.0
     least_activation: float = 0.01
@@ -110,8 +109,7 @@ class MuscleContact:
     activations, free pose parameters, reserves over their sizes, and soleus' activation, which is not held below 1.
     solution: x -> activations (m, n), poses (6, n), forces (m, n) [N], contact and reserves (b, n)
     [N, N·m], soleus (0 or 1, n).
-    Raises ValueError for a model of no knee with two sides and a walk without the coordinates that are needed.
-    """
+    Raises ValueError for a model of no knee with two sides and a walk without the coordinates that are needed."""
 
     def __init__(
         self, contact_model: SymbolicContact, walk: MuscleWalk, settings: MuscleSettings | None = None

@@ -45,8 +45,7 @@ class PoseTargets:
 
     values: targets (n,) by name; load_names: loads needed to evaluate them, in the scene's order; centres: those of the
     targets that are centres of pressure; force_n, cop_mm: how close a solved frame is to each, torques as forces at
-    25 mm. Build with `PoseTargets.of`.
-    """
+    25 mm. Build with `PoseTargets.of`."""
 
     scene: Scene
     values: Mapping[str, Array]
@@ -182,8 +181,7 @@ class PoseEstimation:
 
     nlp: CasADi's x and f; contact: variables with bounds and scales (`ContactFrames`); residuals: scaled free
     parameters (f, n) -> r (targets, n) [N]. Raises ValueError for loads that the scene lacks, measured parameters that
-    contradict what it locks or ties, and a cycle that measures too little to tell the pose, or too much.
-    """
+    contradict what it locks or ties, and a cycle that measures too little to tell the pose, or too much."""
 
     def __init__(
         self,
@@ -236,8 +234,7 @@ class PoseEstimation:
     def solve(self, start: Array | None = None, max_iterations: int = 300) -> PoseResult:
         """Settle a start (n, 6), by default the middle of the range, and solve with IPOPT.
 
-        Frames that do not converge are reported, never raised. Frames without load stay where they begin.
-        """
+        Frames that do not converge are reported, never raised. Frames without load stay where they begin."""
         began, loaded = time.perf_counter(), self.targets.loaded
         poses = self.settle_start(self.contact.start_poses({}) if start is None else self.contact.each_frame(start))
         options = least_squares_options(max_iterations=max_iterations)

@@ -49,12 +49,10 @@ def loads_on(model: ContactModel, poses: Array, names: Sequence[str]) -> Array:
 
 def off_finer(model: ElasticFoundation, poses: Array, names: Sequence[str], allowed: Array) -> Array:
     """What the elements are off by in poses (n, 6): their named loads (n, L) minus those of elements half as wide, of
-    meshes also with nodes of the distance fields 0.7 times as far apart.
-
-    The same with twice and 1.4 times is asked first, in a quarter of the time, a sieve and no proof: of 544 wrong poses
-    of the knee on 40×20 elements two passed it. Poses in which these differ by no more than half of `allowed` (n, L)
-    are left at zero. Where the finer would be too large, the wider ones stand in for it.
-    """
+    meshes also with nodes of the distance fields 0.7 times as far apart. Twice and 1.4 times is asked first, in a
+    quarter of the time, a sieve and no proof: of 544 wrong poses of the knee on 40×20 elements two passed it. Poses in
+    which these differ by at most half of `allowed` (n, L) are left at zero. Where the finer would be too large, the
+    wider ones stand in for it."""
     loads = loads_on(model, poses, names)
     try:
         off = loads - loads_on(_scaled(model, 0.5), poses, names)

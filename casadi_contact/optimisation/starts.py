@@ -50,8 +50,7 @@ def pose_steps(sensitive_pose: Sequence[str]) -> Array:
     """Moves (6,) [mm, rad] that change contact loads about alike, by some 30 N: a pose parameter that presses the
     bodies together (a scene's ``sensitive_pose``) is that much stiffer than one along which they slide or turn.
 
-    Variables scaled by these are alike to IPOPT, whose regularisation then bears on all of them alike.
-    """
+    Variables scaled by these are alike to IPOPT, whose regularisation then bears on all of them alike."""
     pressing = [0.01] * 3 + [0.01 / LEVER_MM] * 3
     sliding = [0.5, 0.5, 0.3, 0.02, 0.02, 0.02]
     return np.where([name in sensitive_pose for name in POSE_NAMES], pressing, sliding)

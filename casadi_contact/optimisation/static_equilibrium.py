@@ -59,8 +59,7 @@ class StaticEquilibrium:
 
     nlp: CasADi's x and f; contact: variables with bounds and scales; residuals: scaled free parameters (f, n) ->
     r/L (f, n) [N]. Raises ValueError for wrong shapes, unknown names, negative stiffness, a free rz without a spring,
-    and what contradicts the parameters that the scene locks or ties.
-    """
+    and what contradicts the parameters that the scene locks or ties."""
 
     def __init__(
         self,

@@ -33,8 +33,7 @@ class Verification:
     model gave no number, NaN where there was no model to ask; tolerance: the scene's; model: its name, or why there is
     none; outside (n,): frames out of the learned region; uncounted, at_edge (n,): shares of the load that lie where no
     model of the scene counts any, and at edges of the elements; off_finer (n, L): what the model differs by from a
-    finer one; without_load (n,): frames that bear none, which count for nothing; leaps (n,): see `beside_leaps`.
-    """
+    finer one; without_load (n,): frames that bear none, which count for nothing; leaps (n,): see `beside_leaps`."""
 
     load_names: tuple[str, ...]
     poses: Array

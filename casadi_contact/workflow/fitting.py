@@ -50,8 +50,7 @@ def fit_surrogate(
 
     Of a joint that is its own mirror image one side is fitted, on the samples of both. A logged warning names the
     networks whose budget was used up. onward: a surrogate whose networks go on from their weights, widened to the first
-    size of their effort; a fit that stalls does not begin again from random ones.
-    """
+    size of their effort; a fit that stalls does not begin again from random ones."""
     kind, scene, title = STRUCTURES[fitting.structure], project.scene, fitting.title or fitting.structure
     weights = {DOMAINS.index(name) + 1: weight for name, weight in project.preset.domain_weights.items()}
     progress = None if update is None else lambda name, *rest: update(f"{title} {name}", *rest)
@@ -103,9 +102,6 @@ def _random_rows(regression: Regression, rows: int | None) -> Regression:
     if rows is None or len(regression.targets) <= rows:
         return regression
     return regression.of_rows(np.sort(np.random.default_rng(0).choice(len(regression.targets), rows, replace=False)))
-
-
-# --- the record of a surrogate's training
 
 
 def fits_record(fits: Mapping[str, Fit]) -> dict[str, Any]:

@@ -14,8 +14,7 @@ class Effort:
     gflop: 10⁹ floating-point operations, counted as `training.TrainingSettings` says; 0, in a round that goes on from
     other networks: weights are kept, made wider. Work and not time, so that the same samples give the same surrogate on
     a busy machine. Measured on one core with AVX-512, the other one busy: 13 Gflop a second for networks of 14-14, 22
-    for 20-20-20, 35 for 4×30. cpu_s: a clock in place of it.
-    """
+    for 20-20-20, 35 for 4×30. cpu_s: a clock in place of it."""
 
     sizes: tuple[tuple[int, ...], ...]
     gflop: float

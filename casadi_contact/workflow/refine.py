@@ -72,8 +72,7 @@ def refine(
     model: verifies, settles and labels the new samples (`per_frame` static analyses around each failing frame). gflop:
     of each network in each round, see `TrainingSettings`. progress(text) is told each step.
 
-    Raises ValueError like `verify` and `calibrate`, for another answer of solve, and where no sample could be drawn.
-    """
+    Raises ValueError like `verify` and `calibrate`, for another answer of solve, and where no sample could be drawn."""
     if rounds < 0 or per_frame < 1:
         raise ValueError(f"rounds is {rounds} and per_frame {per_frame}, expected at least 0 and 1")
     tell = progress or (lambda text: None)

@@ -63,8 +63,7 @@ def sample(
     cycle_files: measured cycles (§3.3); the built-in reference motion if empty. model: a name in `MODELS`, or a user's
     own contact model of the scene, which is evaluated in this process. Raises ValueError for samples or surrogates of
     something else in the folder, where more of a domain was dropped than ``most_dropped`` allows and for gaps of the
-    wrong sign (the file is kept).
-    """
+    wrong sign (the file is kept)."""
     models = model_pair(model)
     if not isinstance(model, str) and model.scene.digest != project.scene.digest:
         raise ValueError(f"the model stands for another scene than {project.scene.name}: make it for this one")
@@ -97,8 +96,7 @@ def sample(
 def take_table(project: Project, table: Path) -> Samples:
     """Make the samples file from a table of samples (`dataset.read_sample_table`) instead of drawing them.
 
-    Raises ValueError for a folder in which other samples are drawn or learned already.
-    """
+    Raises ValueError for a folder in which other samples are drawn or learned already."""
     samples = read_sample_table(table, project.scene)
     if project.samples_path.is_file():
         there = project.samples().provenance
@@ -123,8 +121,7 @@ def train(
     """Train the preset's structures, or this one alone, and write a surrogate file for each; goes on from checkpoints.
 
     teacher: the user's own contact model that the samples come from, for `calibrate`. Raises ValueError for a structure
-    that is not trained for this preset and scene, and for active rounds on samples of a user's own model.
-    """
+    that is not trained for this preset and scene, and for active rounds on samples of a user's own model."""
     structures = [name for name in project.preset.efforts if STRUCTURES[name].fits(project.scene)]
     if structure is not None and structure not in structures:
         raise ValueError(f"structure is {structure!r}, expected one that is trained here: {', '.join(structures)}")

@@ -19,8 +19,7 @@ _PACKAGES = ("casadi_contact", "casadi", "numpy", "scipy", "numba", "torch")
 def headline(data: Path) -> str:
     """Numbers of the knee for the README, with the command that measured each, and the machines.
 
-    Times of calls, and their ratios, are ranges over the machines whose fronts are in the folder ``machines``.
-    """
+    Times of calls, and their ratios, are ranges over the machines whose fronts are in the folder ``machines``."""
     solutions = read_front(data / "solve_time.csv").models
     whole = {point.name: 1e-3 * point.value.median_us for point in solutions if point.value is not None}
     scene = load_scene("knee")

@@ -206,8 +206,7 @@ def peer_candidates(samples: Samples, names: Sequence[str] | None = None) -> Ite
     """Every peer, fitted on the training samples on one thread, one after the other.
 
     names: loads to predict, the scene's if left out. A family that fails becomes a candidate with model None and the
-    failure's text. Raises ValueError for unknown loads.
-    """
+    failure's text. Raises ValueError for unknown loads."""
     names = check_loads(samples.scene.load_names, names)
     for family in (*METHODS, SPLINE):
         if family == SPLINE:

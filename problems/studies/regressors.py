@@ -67,8 +67,7 @@ def gaussian_process(points: int, inducing: int | None, x: Array, y: Array, w: A
     """A process for all outputs with a squared exponential kernel, one length for each input, and noise.
 
     Lengths and noise maximise the likelihood of 300 points. Exact on the first points; or sparse (Nyström): all rows,
-    projected on the kernels of the first `inducing` ones.
-    """
+    projected on the kernels of the first `inducing` ones."""
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, WhiteKernel
 
@@ -118,8 +117,7 @@ def b_spline(values: Callable[[Array], Array], low: Array, high: Array, nodes: i
     whole grid at most, which leaves 5 along 6 axes for 16,000.
 
     ``ca.interpolant`` solves for all coefficients at once, which takes minutes at 4 points along 6 axes: they are
-    found axis by axis here, and CasADi evaluates the spline.
-    """
+    found axis by axis here, and CasADi evaluates the spline."""
     varying = np.flatnonzero(high > low)
     count = max(4, int(nodes ** (1.0 / len(varying)) + 1e-9))
     axes = [np.linspace(low[k], high[k], count) for k in varying]

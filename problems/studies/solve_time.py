@@ -18,7 +18,6 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_t
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.symbolic import SymbolicContact, symbolic
 from casadi_contact.core.files.writing import writable_folder
-from casadi_contact.core.machine import machine_record
 from casadi_contact.core.terminal import PlainConsole, run_program
 from casadi_contact.core.workers import one_thread
 from casadi_contact.optimisation.pose_estimation import PoseEstimation
@@ -30,7 +29,7 @@ from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.walking import reference_motion_cycles
 from casadi_contact.workflow.benchmark.candidates import Candidate, surrogate_candidates, untrained_candidates
 from casadi_contact.workflow.benchmark.front_file import Front, Point, write_front
-from casadi_contact.workflow.benchmark.measure import converged_elements
+from casadi_contact.workflow.benchmark.measure import converged_elements, header_of
 from casadi_contact.workflow.benchmark.timing import compare
 from casadi_contact.workflow.project import shipped_surrogates
 
@@ -41,8 +40,7 @@ def measured_front(scene: Scene, cycle: Cycle, repeats: int = 3) -> Front:
     """Time of the whole solution [µs a frame], start and settling included, and RMS errors of the loads there.
 
     Models: the scene's coarse and fine elements (their Hessians are differences of the Jacobian), foundations from
-    coarse to fine, and the surrogates that are shipped for the scene. One that leaves frames unsolved fails.
-    """
+    coarse to fine, and the surrogates that are shipped for the scene. One that leaves frames unsolved fails."""
     grid = converged_elements(scene)
     truth = ElasticFoundation(scene, grid)
     points: dict[str, Point] = {}
@@ -54,16 +52,7 @@ def measured_front(scene: Scene, cycle: Cycle, repeats: int = 3) -> Front:
             if candidate.model is not None and not points[name].failure:
                 measurements[name] = partial(_seconds_a_frame, _symbolic(candidate), cycle)
         timings = compare(measurements, repeats)
-    header = {
-        "scene": scene.name,
-        "scene_digest": scene.digest,
-        "loads": " ".join(scene.load_names),
-        "cycle": cycle.name,
-        "frames": str(len(cycle.time_s)),
-        "reference": f"EF {grid_text(grid)}",
-        "threads": "1",
-        **machine_record(),
-    }
+    header = header_of(scene, f"EF {grid_text(grid)}", cycle=cycle.name, frames=str(len(cycle.time_s)))
     return Front(header, tuple(replace(point, value=timings.get(name)) for name, point in points.items()))
 
 

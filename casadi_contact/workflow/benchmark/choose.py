@@ -76,12 +76,15 @@ def choose(
     scene, preset, folder: as in `casadi-contact build` or `chart`, whose ``speed_accuracy.csv`` is read; where nothing
     has been built, the front shipped for this scene; without either, what is at hand is measured now (tell: called with
     what is next). loads: a name or names, all of the scene's if None; times are always those of all loads. Raises
-    ValueError for a scene without elements, a wrong tolerance or load, and where nothing meets the tolerance.
-    """
+    ValueError for a scene without elements, a wrong tolerance or load, and where nothing meets the tolerance."""
     project = Project.open(scene, preset, folder)
     refuse_without_elements(project)
     path, front = _front(project, tell)
-    names, tolerance = _checked_request(front, loads, force_tolerance_n, torque_tolerance_nmm)
+    names = tuple(dict.fromkeys(check_loads(front.loads, loads)))
+    tolerance = Tolerance.of_kinds(force_tolerance_n, torque_tolerance_nmm)
+    for kind, wanted in ((FORCE, force_tolerance_n), (TORQUE, torque_tolerance_nmm)):
+        if wanted is None and of_kind(names, kind):
+            raise ValueError(f"no {kind.name} tolerance given, expected one because {kind.name}s are asked for")
     model, better = cheapest(within_tolerance(front, tolerance, names), tolerance)
     file = surrogate_file(project, model.name)
     machine = ", ".join(front.header[key] for key in ("processor", "system") if key in front.header)
@@ -101,18 +104,6 @@ def _front(project: Project, tell: Callable[[str], None] | None) -> tuple[Path, 
     if front.header["scene_digest"] != project.scene.digest:
         raise ValueError(f"{path} is of another scene or an earlier version: run {project.command('chart')}")
     return path, front
-
-
-def _checked_request(
-    front: Front, loads: Sequence[str] | None, force_n: float | None, torque_nmm: float | None
-) -> tuple[tuple[str, ...], Tolerance]:
-    """Loads and tolerance, checked against each other."""
-    names = tuple(dict.fromkeys(check_loads(front.loads, loads)))
-    tolerance = Tolerance.of_kinds(force_n, torque_nmm)
-    for kind, wanted in ((FORCE, force_n), (TORQUE, torque_nmm)):
-        if wanted is None and of_kind(names, kind):
-            raise ValueError(f"no {kind.name} tolerance given, expected one because {kind.name}s are asked for")
-    return names, tolerance
 
 
 def within_tolerance(front: Front, tolerance: Tolerance, loads: Sequence[str]) -> list[Offer]:

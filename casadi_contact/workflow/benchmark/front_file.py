@@ -50,15 +50,8 @@ class Point:
         chosen = [self.load_rms.get(name, math.nan) for name in of_kind(names, kind)]
         return math.sqrt(sum(rms**2 for rms in chosen) / len(chosen)) if chosen else math.nan
 
-    @property
-    def force_rms_n(self) -> float:
-        """RMS over all forces on walking [N]."""
-        return self.rms(FORCE)
-
-    @property
-    def torque_rms_nmm(self) -> float:
-        """RMS over all torques on walking [N·mm]."""
-        return self.rms(TORQUE)
+    force_rms_n = property(lambda self: self.rms(FORCE), doc="RMS over all forces on walking [N].")
+    torque_rms_nmm = property(lambda self: self.rms(TORQUE), doc="RMS over all torques on walking [N·mm].")
 
 
 @dataclass(frozen=True)

@@ -142,16 +142,13 @@ def measure(
         tell("times")
         for (name, what), timing in compare(measurements).items():
             points[name] = replace(points[name], **{what: timing})  # type: ignore[arg-type]
-    header = {
-        "scene": scene.name,
-        "scene_digest": scene.digest,
-        "loads": " ".join(scene.load_names),
-        "walking_poses": str(len(poses)),
-        "reference": grid,
-        "threads": "1",
-        **machine_record(),
-    }
-    return Front(header, tuple(points.values()))
+    return Front(header_of(scene, grid, walking_poses=str(len(poses))), tuple(points.values()))
+
+
+def header_of(scene: Scene, reference: str, **more: str) -> dict[str, str]:
+    """What a front of a scene is measured on, on one thread."""
+    said = {"scene": scene.name, "scene_digest": scene.digest, "loads": " ".join(scene.load_names), **more}
+    return {**said, "reference": reference, "threads": "1", **machine_record()}
 
 
 def _measurements(candidate: Candidate, poses: Array) -> dict[tuple[str, str], Callable[[], float]]:

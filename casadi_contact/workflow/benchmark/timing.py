@@ -32,8 +32,7 @@ def time_batch(evaluate: Callable[[Array], object], poses: Array) -> float:
 def time_single_calls(function: ca.Function, poses: Array, *others: Array) -> float:
     """CPU seconds per call of a CasADi function (pose, *others) -> outputs, called pose by pose through its buffer.
 
-    Includes the copy of each pose into the buffer, as a simulation would make it. Other arguments stay as given.
-    """
+    Includes the copy of each pose into the buffer, as a simulation would make it. Other arguments stay as given."""
     buffer, call = function.buffer()
     pose = np.zeros(poses.shape[1])
     view, rows = memoryview(pose), [memoryview(row) for row in np.ascontiguousarray(poses)]  # type: ignore[arg-type]

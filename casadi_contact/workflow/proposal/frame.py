@@ -133,8 +133,7 @@ def _offsets(
     - Files whose origin lies more than `far_mm` from the bodies, as a scan's: to the centre of curvature of the moving
       body near contact, of a ball in a cup to the cup's centre; the same for both bodies of one scan.
     - The ball of a cup, more than `lever_mm` from its origin: to its centre, or rotations would use up the clearance.
-    - The fixed body of a knee of one scan: to the middle of contact, because centres of pressure refer to it.
-    """
+    - The fixed body of a knee of one scan: to the middle of contact, because centres of pressure refer to it."""
     pair, placement, patches, joint = geometry.pair, geometry.placement, geometry.patches, geometry.joint
     centre = patches.anchors_mm.mean(axis=0) + placement.translation_mm if joint.pressing else patches.centre_mm
     origins = {}
@@ -155,18 +154,13 @@ def _offsets(
         findings.append(f"the moving body's origin lay {to_ball_mm:.3g} mm from what it turns about: moved there")
     if joint.kind == "knee" and placement.together:
         up = np.arange(3) == np.abs(placement.pressing).argmax()
-        origins["fixed"] = np.where(up, origins["fixed"], _middle_of_contact(geometry))
+        # The mean of the patches' centres of contact; along the axis between patches the mean cut.
+        near = pair.near(np.eye(3), placement.translation_mm, pair.scale * REACH_MM)
+        weight, patch = pair.areas_mm2 * near, patches.patch_of(pair.points_mm)
+        of = [patch == p for p in np.unique(patch)]
+        middle = np.mean([weight[p] @ pair.points_mm[p] / weight[p].sum() for p in of], axis=0)
+        if patches.axis is not None:
+            middle[patches.axis] = np.mean(patches.cuts_mm)
+        origins["fixed"] = np.where(up, origins["fixed"], middle)
         findings.append("the fixed body's origin was moved to the middle of contact: centres of pressure refer to it")
     return {body: tuple((0.0 - to_library @ origin).round(3).tolist()) for body, origin in origins.items()}
-
-
-def _middle_of_contact(geometry: JointGeometry) -> Array:
-    """Mean (3,) of the patches' centres of contact [mm]; along the axis between patches, the mean cut."""
-    pair, patches = geometry.pair, geometry.patches
-    near = pair.near(np.eye(3), geometry.placement.translation_mm, pair.scale * REACH_MM)
-    weight, patch = pair.areas_mm2 * near, patches.patch_of(pair.points_mm)
-    centres = [weight[patch == p] @ pair.points_mm[patch == p] / weight[patch == p].sum() for p in np.unique(patch)]
-    middle = np.mean(centres, axis=0)
-    if patches.axis is not None:
-        middle[patches.axis] = np.mean(patches.cuts_mm)
-    return np.asarray(middle)
