@@ -30,12 +30,8 @@ if TYPE_CHECKING:
     from casadi_contact.optimisation.assembly.assembly import Assembly as Assembly
     from casadi_contact.optimisation.assembly.file import load_assembly as load_assembly
     from casadi_contact.optimisation.contact_frames import ContactFrames as ContactFrames
-    from casadi_contact.optimisation.contact_in_opti import (
-        ContactInOpti as ContactInOpti,
-    )
-    from casadi_contact.optimisation.contact_in_opti import (
-        settled_function as settled_function,
-    )
+    from casadi_contact.optimisation.contact_in_opti import ContactInOpti as ContactInOpti
+    from casadi_contact.optimisation.contact_in_opti import settled_function as settled_function
     from casadi_contact.optimisation.muscle_contact import MuscleContact as MuscleContact
     from casadi_contact.optimisation.pose_estimation import PoseEstimation as PoseEstimation
     from casadi_contact.optimisation.static_equilibrium import StaticEquilibrium as StaticEquilibrium

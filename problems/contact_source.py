@@ -24,11 +24,7 @@ from casadi_contact.surrogate.load import load_surrogate
 
 
 def load_contact(
-    surrogate: str | None = None,
-    scene: str | None = None,
-    *,
-    whole: bool = False,
-    cycles: Sequence[Cycle] = (),
+    surrogate: str | None = None, scene: str | None = None, *, whole: bool = False, cycles: Sequence[Cycle] = ()
 ) -> SymbolicContact:
     """A surrogate by name or path, or the foundation of a scene by name or path; that of the scene `knee` for neither,
     or with a warning the surrogate `knee` where there is no C compiler, without which a foundation takes minutes.

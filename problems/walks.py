@@ -19,11 +19,7 @@ PARAMETER_COLUMNS = ("max_isometric_force_N", "optimal_fibre_length_m", "tendon_
 
 
 def read_walk(
-    rotations: Path,
-    inverse_dynamics: Path,
-    muscles: Path,
-    parameters: Path,
-    maps: Sequence[ColumnMap] = ROTATION_MAPS,
+    rotations: Path, inverse_dynamics: Path, muscles: Path, parameters: Path, maps: Sequence[ColumnMap] = ROTATION_MAPS
 ) -> MuscleWalk:
     """Read a walk; all curves are taken at the times of inverse dynamics.
 

@@ -19,10 +19,7 @@ from tests.support.shared_data import RESULTS
 ROOT = Path(__file__).parents[1]
 WRITTEN_WITH_THE_DOCS = "knee.html"  # docs/hooks.py
 PAGES = sorted(path.relative_to(ROOT) for path in (*ROOT.glob("[CR]*.md"), *(ROOT / "docs").rglob("*.md")))
-NEEDS = {
-    Path("docs/tutorial.md"): ("trimesh", "igl"),
-    Path("docs/how-to/libraries.md"): ("torch", "jax"),
-}
+NEEDS = {Path("docs/tutorial.md"): ("trimesh", "igl"), Path("docs/how-to/libraries.md"): ("torch", "jax")}
 EXAMPLES = [
     ".".join(path.relative_to(ROOT).with_suffix("").parts)
     for path in sorted((ROOT / "casadi_contact").rglob("*.py"))

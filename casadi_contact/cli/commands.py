@@ -83,9 +83,11 @@ def scene(
     for option, (value, allowed) in {**options, "units": (units, MM_PER_UNIT)}.items():
         if value is not None and value not in tuple(allowed):
             raise ValueError(f"--{option} is {value!r}, expected {' or '.join(allowed)}")
-    path = _scene_file("--out", Path(f"{name_of_mesh(fixed)}.toml") if out is None else out)
+    path = Path(f"{name_of_mesh(fixed)}.toml") if out is None else out
+    if path.suffix != ".toml":
+        raise ValueError(f"--out is {path}, expected a scene file, for example my.toml")
     name, picture = scene_name(path.stem), path.with_suffix(".png")
-    _check_free("--out", [path, picture], force)
+    _check_free([path, picture], force)
     with progress_bars(console, cure="nothing is written") as progress:
         given = {"name": name, "side": side, "kind": joint, "material": material, "units": units}
         along = None if axes is None else [axis.strip() for axis in axes.split(",")]
@@ -103,8 +105,7 @@ def import_(
         str | None, typer.Option(help="whose first coordinate moves; that of most contacts if left out")
     ] = None,
     geometry: Annotated[
-        list[Path] | None,
-        typer.Option(help="folder with contact meshes, once per folder; last the model's"),
+        list[Path] | None, typer.Option(help="folder with contact meshes, once per folder; last the model's")
     ] = None,
     motion: Annotated[
         Path | None,
@@ -115,7 +116,7 @@ def import_(
     """Turn an OpenSim or JAM model into an assembly for cc.load_assembly: one function of all coordinates.
 
     Needs the extra opensim. What of the model is lost is told, by name."""
-    _check_free("--out", [out / "assembly.toml"], force)
+    _check_free([out / "assembly.toml"], force)
     with progress_bars(console) as update:
         say(import_model(model, out, joint=joint, geometry=geometry or (), motion=motion, progress=update))
     say(f"assembly in {out}")
@@ -163,16 +164,10 @@ def cycle(
     say(f"{count} poses in {path}" if are_poses else f"cycle of {count} frames in {path}")
 
 
-def _scene_file(option: str, path: Path) -> Path:
-    if path.suffix != ".toml":
-        raise ValueError(f"{option} is {path}, expected a scene file, for example my.toml")
-    return path
-
-
-def _check_free(option: str, paths: list[Path], force: bool) -> None:
+def _check_free(paths: list[Path], force: bool) -> None:
     """Raises, before minutes of work, ValueError for files that would be replaced and OSError for no right to write."""
     if not force and (existing := [str(path) for path in paths if path.exists()]):
-        raise ValueError(f"{' and '.join(existing)} would be replaced: give another {option}, or --force")
+        raise ValueError(f"{' and '.join(existing)} would be replaced: give another --out, or --force")
     writable_folder(paths[0].parent)
 
 
@@ -230,8 +225,7 @@ def show(
 def page(
     scene: SceneName,
     poses: Annotated[
-        Path | None,
-        typer.Option(help="CSV, .sto or .mot of poses to scrub through; else a reference cycle"),
+        Path | None, typer.Option(help="CSV, .sto or .mot of poses to scrub through; else a reference cycle")
     ] = None,
     surrogate: Annotated[
         str | None, typer.Option(help="a ready surrogate or the path of a .h5 file; the scene's shipped one else")

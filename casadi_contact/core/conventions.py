@@ -52,12 +52,11 @@ def as_poses(poses: ArrayLike) -> Array:
     """Poses as a contiguous float64 array (n, 6); ValueError for another shape and what is not finite and real."""
     poses = named_poses(poses)
     try:
-        is_complex = np.iscomplexobj(poses)
-        array = np.ascontiguousarray(np.real(poses) if is_complex else poses, dtype=np.float64)
+        if np.iscomplexobj(poses):  # a complex step would find every slope zero, and call its start a minimum
+            raise TypeError("complex; slopes come from the model's jacobian")
+        array = np.ascontiguousarray(poses, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise ValueError(f"poses are not numbers ({error}), expected {POSE_DESCRIPTION}") from None
-    if is_complex:  # a complex step would find every slope zero, and call its start a minimum
-        raise ValueError(f"poses are complex, expected real {POSE_DESCRIPTION}; slopes come from the model's jacobian")
+        raise ValueError(f"poses are not real numbers ({error}), expected {POSE_DESCRIPTION}") from None
     if array.ndim != 2 or array.shape[1] != 6:
         raise ValueError(f"poses has shape {array.shape}, expected {POSE_DESCRIPTION}")
     finite = np.isfinite(array)
@@ -85,10 +84,10 @@ def finite_numbers(value: Any) -> Array | None:
     """Real, finite numbers of any shape; None for anything else: words, complex numbers, symbols, unequal rows."""
     try:
         given = np.asarray(named_poses(value) if isinstance(value, np.ma.MaskedArray) else value)
-        numbers = np.full(1, np.nan) if given.dtype.kind == "c" else given.astype(float)
+        numbers = given.astype(float) if given.dtype.kind != "c" else None
     except (TypeError, ValueError, NotImplementedError):  # the last by CasADi's symbols
         return None
-    return numbers if np.isfinite(numbers).all() else None
+    return numbers if numbers is not None and np.isfinite(numbers).all() else None
 
 
 def check_above_zero(**settings: Any) -> None:

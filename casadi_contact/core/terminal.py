@@ -59,14 +59,8 @@ def progress_bars(
 ) -> Iterator[Callable[[str, float, float, str], None]]:
     """A callback (what, done, all, remark) that keeps one progress bar for each `what`; where the output is a file, a
     line each minute. cure: advice to who interrupts the work."""
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[remark]}", markup=False),
-    )
+    what, remark = (TextColumn(text, markup=False) for text in ("{task.description}", "{task.fields[remark]}"))
+    columns = (what, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(), remark)
     with terminated_as_interrupted(), Progress(*columns, console=console) as progress:
         tasks: dict[str, int] = {}
         printed_s = time.monotonic()
@@ -109,10 +103,8 @@ def run_app(app: typer.Typer, name: str, arguments: Sequence[str], prog_name: st
         sys.stdout.reconfigure(errors="replace")  # a terminal without ² or · must not end the program
     try:
         sys.exit(app(arguments, prog_name=prog_name, standalone_mode=False) or 0)
-    except typer.Abort:
-        sys.exit(INTERRUPTED)
-    except SystemError as error:
-        if not is_interrupt(error):
+    except (typer.Abort, SystemError) as error:
+        if isinstance(error, SystemError) and not is_interrupt(error):
             raise
         sys.exit(INTERRUPTED)
     except _UsageError as error:

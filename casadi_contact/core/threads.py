@@ -41,11 +41,7 @@ def at_most_threads(count: int) -> Iterator[None]:
 
 
 def in_shares(
-    rows: int,
-    work: Callable[[slice], Result],
-    *,
-    rows_of_a_thread: int = 256,
-    multiple: int = 64,
+    rows: int, work: Callable[[slice], Result], *, rows_of_a_thread: int = 256, multiple: int = 64
 ) -> list[Result]:
     """What work, which must let other threads run, returns for all rows at once, or for shares of them on several
     threads, in order. Another thread starts from rows_of_a_thread on: for few rows threads wait for each other. Threads

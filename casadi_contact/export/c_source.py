@@ -46,8 +46,10 @@ def header(model: ExportedModel, name: str) -> str:
 def template_words(model: ExportedModel, name: str) -> dict[str, object]:
     """What the templates ask for; raises ValueError for a name that C or CasADi refuses."""
     check_name(name)
-    loads, units = _with_units(model.load_names)
-    pressures, pressure_units = _with_units(model.pressure_names)
+    loads, units, listed = _with_units(model.load_names)
+    pressures, pressure_units, of_pressure = _with_units(model.pressure_names)
+    of_pressure += "; out of contact zero, and the centre of pressure (cop) NaN"
+    wrapped = fill(of_pressure, 108, subsequent_indent=" *           ")
     patches = [identifier(patch) for patch in model.patch_names]
     return {
         "name": name,
@@ -59,7 +61,7 @@ def template_words(model: ExportedModel, name: str) -> dict[str, object]:
         "warnings": "-Wall -Wextra -Wno-psabi" if model.vectors else "-Wall -Wextra -pedantic",
         "version": version("casadi_contact"),
         "pose": ", ".join(f"{n} [{unit}]" for n, unit in zip(POSE_NAMES, POSE_UNITS, strict=True)),
-        "loads": _listed(loads, units),
+        "loads": listed,
         "units": ", ".join(units),
         "patches": ", ".join(patches),
         "reference_load": f"{model.reference_load:g}",
@@ -68,7 +70,7 @@ def template_words(model: ExportedModel, name: str) -> dict[str, object]:
         "names": _quoted(loads),
         "unit_names": _quoted(units),
         "patch_names": _quoted(patches),
-        "pressures": _pressures(pressures, pressure_units),
+        "pressures": wrapped if pressures else "none: this model has no integrals of pressure",
         "pressure_count": len(pressures),
         "pressure_names": _quoted(pressures),
         "pressure_unit_names": _quoted(pressure_units),
@@ -81,20 +83,10 @@ def _written(words: Mapping[str, object]) -> str:
     return f"/* {words['description']} Written by casadi_contact {words['version']}. */"
 
 
-def _with_units(names: Sequence[str]) -> tuple[list[str], list[str]]:
-    return [identifier(name) for name in names], [quantity(name).kind.plain_unit for name in names]
-
-
-def _listed(names: Sequence[str], units: Sequence[str]) -> str:
-    return ", ".join(f"{name} [{unit}]" for name, unit in zip(names, units, strict=True))
-
-
-def _pressures(names: Sequence[str], units: Sequence[str]) -> str:
-    """What the header's comment says of them."""
-    if not names:
-        return "none: this model has no integrals of pressure"
-    text = f"{_listed(names, units)}; out of contact zero, and the centre of pressure (cop) NaN"
-    return fill(text, 108, subsequent_indent=" *           ")
+def _with_units(names: Sequence[str]) -> tuple[list[str], list[str], str]:
+    """Names and units in C, and both in words."""
+    found, units = [identifier(name) for name in names], [quantity(name).kind.plain_unit for name in names]
+    return found, units, ", ".join(f"{name} [{unit}]" for name, unit in zip(found, units, strict=True))
 
 
 def _quoted(names: Sequence[str]) -> str:

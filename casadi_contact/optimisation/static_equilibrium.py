@@ -163,8 +163,10 @@ class StaticEquilibrium:
             problem = self if len(left) == len(poses) else self.rows(left)
             begin = poses[left]
             if attempt:
-                beside = self._nearest_solved(poses, solved)[left]
-                begin = beside + rng.uniform(-1.0, 1.0, (len(left), 6)) * aside
+                known = np.flatnonzero(solved) if solved.any() else left
+                apart = np.linalg.norm((self.rest[left, None] - self.rest[known]) * POSE_IN_MM, axis=2)
+                nearest = (poses if solved.any() else self.rest)[known[apart.argmin(axis=1)]]
+                begin = nearest + rng.uniform(-1.0, 1.0, (len(left), 6)) * aside
             tried, ipopt = problem._optimum(begin, max_iterations)
             iterations += ipopt.iterations
             met = np.abs(problem.misfit_n(tried)).max(axis=1) <= problem.tolerance_n
@@ -187,10 +189,3 @@ class StaticEquilibrium:
         contact = self.contact
         answer = solver(x0=contact.variables(pressed), lbx=contact.lower, ubx=contact.upper)
         return contact.poses_with(pressed, answer["x"]), IpoptOutcome.of(solver)
-
-    def _nearest_solved(self, poses: Array, solved: np.ndarray) -> Array:
-        """Of each row the pose (n, 6) of the solved row whose rest pose is nearest; the rest pose without any."""
-        if not solved.any():
-            return self.rest
-        apart = np.linalg.norm((self.rest[:, None] - self.rest[solved]) * POSE_IN_MM, axis=2)
-        return np.asarray(poses[solved][apart.argmin(axis=1)])

@@ -131,12 +131,7 @@ def _drawn_around(
 
 
 def _trained_on(
-    surrogate: Surrogate,
-    known: Samples,
-    new: Samples,
-    model: WrenchModel,
-    gflop: float,
-    rng: np.random.Generator,
+    surrogate: Surrogate, known: Samples, new: Samples, model: WrenchModel, gflop: float, rng: np.random.Generator
 ) -> Surrogate:
     """The surrogate's networks trained on from where they are, on the new samples and some of the known ones, and
     calibrated on all, and on the model around them."""

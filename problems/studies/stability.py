@@ -36,11 +36,7 @@ from casadi_contact.workflow.project import built_in_motion, shipped_surrogates
 from problems.studies.peers import LOADS, Peer
 from problems.studies.regressors import METHODS, learned
 
-FAILURES = {
-    1: "starts out of contact and too deep",
-    2: "lift-off",
-    3: "poses to three times the learned range",
-}
+FAILURES = {1: "starts out of contact and too deep", 2: "lift-off", 3: "poses to three times the learned range"}
 FOUNDATION, ELEMENTS = "foundation", "EF"
 LIFTS_MM = (0.5, 2.0, 5.0, 20.0, -0.5, -2.0, -5.0)  # out of contact; below zero, too deep
 

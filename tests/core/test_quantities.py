@@ -6,14 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from casadi_contact.core.quantities import (
-    KINDS,
-    format_above_limit,
-    newton_scales,
-    quantity,
-    three_digits,
-    two_digits,
-)
+from casadi_contact.core.quantities import KINDS, format_above_limit, newton_scales, quantity, three_digits, two_digits
 from casadi_contact.scenes.opensim import ColumnMap, renamed_table
 
 LOADS = ("Fy_med", "Tz", "peak_pressure_med", "contact_area")  # an implant's outputs beyond forces and torques

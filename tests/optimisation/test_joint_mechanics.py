@@ -10,11 +10,7 @@ from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.contact.polar.lines import Rays
 from casadi_contact.core.conventions import WRENCH_NAMES, rotation
 from casadi_contact.optimisation.contact_frames import ContactFrames
-from casadi_contact.optimisation.joint_mechanics import (
-    generalised_forces,
-    total_selection,
-    whole_wrench,
-)
+from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection, whole_wrench
 from casadi_contact.optimisation.pose_estimation import PoseTargets
 from problems.contact_source import wrench_function
 

@@ -9,12 +9,7 @@ import pytest
 import casadi_contact as cc
 from casadi_contact.core.conventions import POSE_NAMES, angular_velocity_map
 from casadi_contact.optimisation.ipopt import FrameOutcome
-from casadi_contact.optimisation.knee import (
-    COORDINATES,
-    KNEE_LOADS,
-    contact_on_femur,
-    in_newtons,
-)
+from casadi_contact.optimisation.knee import COORDINATES, KNEE_LOADS, contact_on_femur, in_newtons
 from casadi_contact.optimisation.muscle_contact import MuscleContact, MuscleSettings, ankle_moment
 from casadi_contact.scenes.cycle import read_cycle
 from problems.walks import example_walk, read_walk

@@ -13,13 +13,7 @@ import casadi_contact as cc
 from casadi_contact.cli.main import app
 from casadi_contact.core.conventions import POSE_NAMES
 from casadi_contact.pictures import joint_page as compiling
-from casadi_contact.pictures.drawn_bodies import (
-    MOST_TRIANGLES,
-    Triangles,
-    fewer_triangles,
-    fixed_surfaces,
-    moving_body,
-)
+from casadi_contact.pictures.drawn_bodies import MOST_TRIANGLES, Triangles, fewer_triangles, fixed_surfaces, moving_body
 from casadi_contact.pictures.joint_page import joint_page, page_cycle
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.pose_file import write_poses

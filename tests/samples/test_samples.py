@@ -84,10 +84,7 @@ def with_another_format(path):
         samples.attrs["format_version"] = 99
 
 
-HARM = {
-    with_three_roles: "shape",
-    with_another_format: "format 99",
-}
+HARM = {with_three_roles: "shape", with_another_format: "format 99"}
 
 
 @pytest.mark.parametrize("harm", HARM)

@@ -14,10 +14,7 @@ from casadi_contact.surrogate.two_stage import TwoStageSurrogate
 from tests.support.agreement import agree, evaluated
 from tests.support.random_surrogates import invented_samples, random_poses, random_surrogate
 
-POSE = {
-    "locked": {"tz": 0.4, "ry": -0.05},
-    "tied": {"rx": {"to": "rz", "slope": 0.02, "at_zero": 0.03}},
-}
+POSE = {"locked": {"tz": 0.4, "ry": -0.05}, "tied": {"rx": {"to": "rz", "slope": 0.02, "at_zero": 0.03}}}
 
 
 def locked_knee(pose=POSE):

@@ -22,12 +22,7 @@ MATERIALS: Mapping[str, Mapping[str, Any]] = {
 
 
 def first_tables(
-    geometry: JointGeometry,
-    frame: Frame,
-    files: Mapping[str, Path],
-    units: str,
-    material: Mapping[str, Any],
-    name: str,
+    geometry: JointGeometry, frame: Frame, files: Mapping[str, Path], units: str, material: Mapping[str, Any], name: str
 ) -> dict[str, Any]:
     """A scene's tables as far as the surfaces tell; grids, tolerances and gap slope are placeholders."""
     scale, joint = geometry.pair.scale, geometry.joint
