@@ -23,7 +23,7 @@ from casadi_contact.core.terminal import run_program
 from casadi_contact.samples.domains import hammersley
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.workflow.benchmark.timing import time_single_calls
+from casadi_contact.workflow.benchmark.candidates import time_single_calls
 
 SCENE = """format = 1
 name = "ccx_block"

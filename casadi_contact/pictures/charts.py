@@ -15,8 +15,7 @@ from casadi_contact.pictures.page import COLOURS, new_page, save_page
 from casadi_contact.surrogate.load import STRUCTURES
 
 if TYPE_CHECKING:
-    from casadi_contact.workflow.benchmark.front_file import Front, Point
-    from casadi_contact.workflow.benchmark.timing import Timing
+    from casadi_contact.workflow.benchmark.front_file import Front, Point, Timing
 
 MARKERS = ("s", "o", "^", "D", "v", "P", "X", "*")
 _FIRST = ("patch", "EF", "two_stage", "foundation")
@@ -33,11 +32,6 @@ def family_styles(families: Sequence[str]) -> dict[str, dict[str, Any]]:
         face = "white" if turn % 2 else colour
         styles[family] = {"color": colour, "marker": marker, "markerfacecolor": face, "markeredgewidth": 1.0}
     return {family: styles[family] for family in dict.fromkeys(families)}
-
-
-def _darker(colour: str) -> str:
-    """A colour "#rrggbb" that can be read as text."""
-    return "#" + "".join(f"{int(0.6 * int(colour[i : i + 2], 16)):02x}" for i in (1, 3, 5))
 
 
 _LEGEND_INCHES = 2.35
@@ -81,10 +75,10 @@ def log_scale(axes: Any) -> None:
 
 def save(figure: Any, folder: Path, name: str) -> list[Path]:
     """Write a figure as .png and .svg."""
-    paths = {folder / f"{name}.png": None, folder / f"{name}.svg": {"Date": None}}
-    for path, metadata in paths.items():
+    paths = [folder / f"{name}.png", folder / f"{name}.svg"]
+    for path, metadata in zip(paths, (None, {"Date": None}), strict=True):
         save_page(figure, path, metadata=metadata)
-    return list(paths)
+    return paths
 
 
 _NAMES = {"EF": "elastic foundation (EF), elements", "foundation": "foundation, smooth quadrature"}
@@ -112,7 +106,7 @@ def draw_speed_accuracy(front: Front, title: str = "time per pose against error"
             mine = [(timing.median_us, rms, point) for point, timing, rms in points if point.family == family]
             best = [mine[i] for i in pareto([row[:2] for row in mine])]  # of a peer the most accurate alone
             for x, y, point in best if family in _NAMES else best[-1:]:
-                labels.append((x, y, point.name.removeprefix(f"{family} "), _darker(style["color"])))
+                labels.append((x, y, point.name.removeprefix(f"{family} "), style["color"]))
         place_labels(axis, labels, [(timing.low_us, timing.high_us, rms) for _, timing, rms in points])
     return figure
 
@@ -161,6 +155,8 @@ def place_labels(
 ) -> None:
     """Write (x, y, text, colour) on an axis whose layout is final, at the nearest free place, or where it covers least
     of the bars (from x, to x, y); a label far from its point gets a thin line to it."""
+    from matplotlib.colors import to_rgb
+
     renderer, scale = axis.figure.canvas.get_renderer(), axis.figure.dpi / 72.0
     frame = axis.get_window_extent(renderer).extents
     points = axis.transData.transform([(x, y) for x, y, *_ in labels])
@@ -185,7 +181,8 @@ def place_labels(
             best[i] = covered.round(6).argmin()
             boxes[i] = tried[best[i]]
     look = {"textcoords": "offset points", "ha": "center", "va": "center", "fontsize": _SIZE}
-    for (x, y, text, colour), (away, _), k in zip(labels, ways, best, strict=True):
+    for (x, y, text, bright), (away, _), k in zip(labels, ways, best, strict=True):
+        colour = [0.6 * part for part in to_rgb(bright)]  # dark enough to be read as text
         line = {"arrowstyle": "-", "lw": 0.4, "color": colour, "shrinkA": 0.0, "shrinkB": 2.0}
         leader = line if _DISTANCES[k // len(directions)] > _LEADER_FROM else None
         axis.annotate(text, (x, y), away[k] / scale, color=colour, arrowprops=leader, **look)

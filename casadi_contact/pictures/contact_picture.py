@@ -20,7 +20,7 @@ from casadi_contact.pictures.page import (
     name_axes,
     new_figure,
     patch_title,
-    save,
+    save_page,
     view_of,
 )
 from casadi_contact.scenes.shapes.mesh_bodies import body_field, body_mesh
@@ -37,7 +37,8 @@ def draw_contact(model: ElasticFoundation, poses: Array, path: str | Path) -> No
     if not len(poses):
         raise ValueError("there is no pose to draw, expected one or more")
     chosen = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), MOST_FRAMES)).round().astype(int))
-    save(_one(model, poses[0]) if len(poses) == 1 else _strip(model, poses[chosen], chosen), path)
+    drawn = _one(model, poses[0]) if len(poses) == 1 else _strip(model, poses[chosen], chosen)
+    save_page(drawn, path, bbox_inches="tight")
 
 
 def _one(model: ElasticFoundation, pose: Array) -> Any:
@@ -161,7 +162,7 @@ def draw_fit(model: ElasticFoundation, path: str | Path) -> None:
         axis.set_title(f"{body} body, seen towards {seen.name}\n{text}", fontsize=9)
     figure.colorbar(drawn, ax=axes, label="signed distance [µm], outside > 0", shrink=0.8, extend="both")
     figure.suptitle(f"{scene.name}: how far the meshes' vertices lie from the smooth surfaces", fontsize=10)
-    save(figure, path)
+    save_page(figure, path, bbox_inches="tight")
 
 
 def _vertices(axis: Any, mesh: TriangleMesh, off_um: Array, view: View, largest: float) -> Any:

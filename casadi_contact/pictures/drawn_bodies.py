@@ -227,8 +227,8 @@ def _angles(low: float, high: float) -> np.ndarray:
     return np.linspace(low, high, max(2, round((high - low) / _STEP_RAD) + 1))
 
 
-_TURNS = {"rx": "Ab-/adduction", "ry": "Axial rotation", "rz": "Flexion"}
-_RIGHT_HANDED = {"rx": ("−", "+"), "ry": ("−", "+"), "rz": ("flexed", "hyperextended")}
+_TURNS = {"rx": ("Ab-/adduction", ("−", "+")), "ry": ("Axial rotation", ("−", "+"))}
+_TURNS |= {"rz": ("Flexion", ("flexed", "hyperextended"))}
 _EYE_SHARES = (0.62, 0.75, 0.25)  # towards the viewer of the map, its top, its right: where the eye is at first
 _DISTANCE = 4.4  # of the eye, in half extents of the fixed surface
 _LIFT = 0.06  # of what the eye looks at above the surface's middle, in distances
@@ -268,16 +268,13 @@ def map_view(model: ElasticFoundation, points_mm: Array) -> dict[str, Any]:
 
 def pose_words(scene_shape: str, ranges: Array) -> list[dict[str, Any]]:
     """Name, label, unit of its slider and its factor, range [mm, rad] and the words at both ends of each parameter."""
-    anatomical = shape_named(scene_shape).anatomical
-    found = []
+    anatomical, found = shape_named(scene_shape).anatomical, []
     for name, bounds in zip(POSE_NAMES, ranges.tolist(), strict=True):
-        axis = name[1]
-        unit, factor = ("°", float(np.degrees(1.0))) if quantity(name).kind == ANGLE else ("mm", 1.0)
-        if factor > 1.0:
-            label, ends = (_TURNS[name], _RIGHT_HANDED[name]) if anatomical else (name, ("−", "+"))
-        else:
-            grows, falls = ANATOMY[axis] if anatomical else ("+", "−")
-            label, ends = (f"{falls.capitalize()}–{grows}", (falls, grows)) if anatomical else (name, ("", ""))
+        turns, (grows, falls) = quantity(name).kind == ANGLE, ANATOMY[name[1]]
+        label, ends = _TURNS[name] if turns else (f"{falls.capitalize()}–{grows}", (falls, grows))
+        if not anatomical:
+            label, ends = name, ("−", "+") if turns else ("", "")
+        unit, factor = ("°", float(np.degrees(1.0))) if turns else ("mm", 1.0)
         words = {"name": name, "label": label, "unit": unit, "factor": factor}
         found.append({**words, "range": bounds, "ends": list(ends)})
     return found

@@ -7,7 +7,7 @@ import re
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from html import escape
 from importlib import resources
@@ -15,7 +15,7 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from string import Template
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -156,8 +156,7 @@ def _rounded(parameters: Array) -> Array:
 _LEAST_REACH = np.array([3.0, 3.0, 3.0, 0.1, 0.1, 0.1])  # of a slider to either side of the cycle's poses [mm, rad]
 
 
-@dataclass(frozen=True, eq=False)
-class PageCycle:
+class PageCycle(NamedTuple):
     """poses (n, 6) over time_s (n,), and where they come from in words."""
 
     time_s: Array
@@ -176,10 +175,9 @@ def page_cycle(model: ContactModel, path: str | None) -> PageCycle:
     if not scene.motion and not has_gait(scene):
         return PageCycle(np.zeros(1), contact_pose(ElasticFoundation(scene))[None], "a pose in contact")
     cycle = reference_motion_cycles(scene, ())[0]
-    poses, report = reference_poses(model, [cycle])
-    return PageCycle(
-        np.linspace(cycle.time_s[0], cycle.time_s[-1], len(poses[0])), poses[0], "; ".join(str(report).splitlines())
-    )
+    (poses,), report = reference_poses(model, [cycle])
+    times = np.linspace(cycle.time_s[0], cycle.time_s[-1], len(poses))
+    return PageCycle(times, poses, "; ".join(str(report).splitlines()))
 
 
 def slider_ranges(poses: Array, surrogate: Surrogate | None) -> Array:

@@ -74,11 +74,6 @@ def new_figure(width: float, height: float) -> Any:
     return new_page(width, height, w_pad=0.08, h_pad=0.08, wspace=0.04, hspace=0.04, compress=True)
 
 
-def save(figure: Any, path: str | Path) -> None:
-    """Write the page, cut to what is drawn, in the format of the path's ending (PNG if it has none)."""
-    save_page(figure, path, bbox_inches="tight")
-
-
 def discs(axis: Any, points_mm: Array, diameters_mm: Array | float, view: View, **colours: Any) -> Any:
     """Points (n, 3) as the view sees them, each a disc of its diameter on the scale of the axes."""
     from matplotlib.collections import EllipseCollection
@@ -123,22 +118,18 @@ class PictureAxis:
         return cls(np.where(backwards, -unit, unit) + 0.0, backwards, anatomical)
 
     @property
-    def formula(self) -> str:
-        """x, y or z, or the sum of these that an oblique coordinate is: 0.98 x - 0.18 y."""
-        return direction_formula(self.direction)
-
-    @property
     def name(self) -> str:
-        """The formula, or, of an oblique axis of a joint, where it grows towards: medial-inferior."""
-        return self.formula if self.formula in _LETTERS or not self.anatomical else anatomical_name(self.direction)
+        """x, y or z, or, of an oblique axis, where it grows towards in a joint (medial-inferior), else its formula."""
+        formula = direction_formula(self.direction)
+        return formula if formula in _LETTERS or not self.anatomical else anatomical_name(self.direction)
 
     @property
     def label(self) -> str:
         """The coordinate and where it grows towards: "z, medial [mm]", or below each other for an oblique one."""
+        formula, towards = direction_formula(self.direction), anatomical_name(self.direction)
         if not self.anatomical:
-            return f"{self.formula} [mm]"
-        towards = anatomical_name(self.direction)
-        return f"{self.name}, {towards} [mm]" if self.name in _LETTERS else f"{towards} [mm]\n{self.formula}"
+            return f"{formula} [mm]"
+        return f"{formula}, {towards} [mm]" if formula in _LETTERS else f"{towards} [mm]\n{formula}"
 
     @property
     def pointing(self) -> Array:
@@ -199,11 +190,10 @@ def direction_formula(direction: Array) -> str:
     """A unit vector in letters: -y, or 0.98 x - 0.18 y; components below 0.005 are left out."""
     parts = ""
     for letter, value in zip(_LETTERS, direction, strict=True):
-        if abs(value) < 0.005:
-            continue
-        sign = "−" if value < 0.0 else "+" if parts else ""
-        size = "" if abs(value) > 0.9999 else f"{abs(value):.2f} "
-        parts += f" {sign} {size}{letter}" if parts else f"{sign}{size}{letter}"
+        if abs(value) >= 0.005:
+            size = "" if abs(value) > 0.9999 else f"{abs(value):.2f} "
+            sign = "−" if value < 0.0 else "+" if parts else ""
+            parts += f" {sign} {size}{letter}" if parts else f"{sign}{size}{letter}"
     return parts
 
 

@@ -28,7 +28,7 @@ from casadi_contact.optimisation.pose_estimation import PoseEstimation
 from casadi_contact.scenes.walking import reference_cycle
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.load import load_surrogate
-from casadi_contact.workflow.benchmark.timing import compare, time_single_calls
+from casadi_contact.workflow.benchmark.candidates import compare, time_single_calls
 from casadi_contact.workflow.project import Project, available_poses
 from problems.studies.torch_forms import pytorch
 

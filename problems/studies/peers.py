@@ -30,9 +30,8 @@ from casadi_contact.samples.samples import Samples, finite, fitted_rows
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.patch.networks import part_components, ratios_name, root_name
 from casadi_contact.surrogate.patch.regressions import patch_regressions, root_target
-from casadi_contact.workflow.benchmark.candidates import Candidate
+from casadi_contact.workflow.benchmark.candidates import Candidate, time_batch, time_single_calls
 from casadi_contact.workflow.benchmark.front_file import Point
-from casadi_contact.workflow.benchmark.timing import time_batch, time_single_calls
 from casadi_contact.workflow.project import Project
 from problems.studies.casadi_forms import generated_library
 from problems.studies.regressors import METHODS, Fit, b_spline, learned

@@ -27,10 +27,9 @@ from casadi_contact.scenes.cycle import Cycle
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.walking import reference_motion_cycles
-from casadi_contact.workflow.benchmark.candidates import Candidate, surrogate_candidates, untrained_candidates
+from casadi_contact.workflow.benchmark.candidates import Candidate, compare, surrogate_candidates, untrained_candidates
 from casadi_contact.workflow.benchmark.front_file import Front, Point, write_front
 from casadi_contact.workflow.benchmark.measure import converged_elements, header_of
-from casadi_contact.workflow.benchmark.timing import compare
 from casadi_contact.workflow.project import shipped_surrogates
 
 NAME = "solve_time"

@@ -51,7 +51,7 @@ def writers():
         "evaluation.json": lambda path: write_text(path, json.dumps(POSES.tolist())),
         "speed_accuracy.csv": lambda path: write_front(path, front),
         "chart.png": lambda path: charts.save(picture, path.parent, path.stem),
-        "picture.png": lambda path: page.save(picture, path),
+        "picture.png": lambda path: page.save_page(picture, path),
         "ball.c": lambda path: cc.export_c(surrogate, path.parent, name="ball"),
         "cycle.csv": lambda path: write_cycle(reference_cycle(), path),
         "poses.csv": lambda path: write_poses(TIME_S, POSES, path),

@@ -1,14 +1,17 @@
-"""What stands on the chart: contact models without training, surrogates, the ladder of sizes, and peers."""
+"""What stands on the chart: contact models without training, surrogates, the ladder of sizes, peers; and stopwatches of
+CPU time, on which other programs tell least."""
 
 import math
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.choice import foundation, foundation_ladder
@@ -25,8 +28,7 @@ from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.load import STRUCTURES, load_surrogate
 from casadi_contact.surrogate.on_foundation import OnFoundation
-from casadi_contact.workflow.benchmark.front_file import Point
-from casadi_contact.workflow.benchmark.timing import Stopwatch, time_batch, time_mapped, time_single_calls
+from casadi_contact.workflow.benchmark.front_file import Point, Timing
 from casadi_contact.workflow.fitting import Fitting, fit_surrogate
 from casadi_contact.workflow.presets import Effort
 from casadi_contact.workflow.project import Project, exclusive, shipped_surrogates, trained_surrogates
@@ -34,6 +36,11 @@ from casadi_contact.workflow.project import Project, exclusive, shipped_surrogat
 EF_FAMILY, FE_FAMILY, FOUNDATION_FAMILY = "EF", "FE", "foundation"
 MX_SUFFIX = " (CasADi MX)"  # follows name and family of a function that is also shown in another form
 GRIDS = ((20, 15), (40, 30), (80, 40), (160, 80), (320, 160))
+
+
+Name = TypeVar("Name", bound=Hashable)
+Stopwatch = Callable[[Array], float]
+"""Poses (n, 6) -> CPU seconds per pose, on one thread."""
 
 
 @dataclass(frozen=True)
@@ -180,3 +187,47 @@ def charted_surrogates(project: Project) -> Iterator[tuple[str, Surrogate]]:
 def own_name(structure: str) -> str:
     """Name on the chart of the surrogate that lies in the project's folder."""
     return f"own {structure}"
+
+
+def time_batch(evaluate: Callable[[Array], object], poses: Array) -> float:
+    """CPU seconds per pose of one call with all poses."""
+    start = time.process_time()
+    evaluate(poses)
+    return (time.process_time() - start) / len(poses)
+
+
+def time_single_calls(function: ca.Function, poses: Array, *others: Array) -> float:
+    """CPU seconds per call of a CasADi function (pose, *others) -> outputs, called pose by pose through its buffer.
+
+    Includes the copy of each pose into the buffer, as a simulation would make it. Other arguments stay as given."""
+    buffer, call = function.buffer()
+    pose = np.zeros(poses.shape[1])
+    view, rows = memoryview(pose), [memoryview(row) for row in np.ascontiguousarray(poses)]  # type: ignore[arg-type]
+    outputs = [np.zeros(function.sparsity_out(i).nnz()) for i in range(function.n_out())]
+    buffer.set_arg(0, view)  # type: ignore[call-arg, arg-type]
+    for i, value in enumerate(others, start=1):
+        buffer.set_arg(i, memoryview(value))  # type: ignore[call-arg, arg-type]
+    for i, output in enumerate(outputs):
+        buffer.set_res(i, memoryview(output))  # type: ignore[call-arg, arg-type]
+    start = time.process_time()
+    for row in rows:
+        view[:] = row
+        call()
+    return (time.process_time() - start) / len(poses)
+
+
+def time_mapped(mapped: ca.Function, poses: Array) -> float:
+    """CPU seconds per pose of one buffered call of a CasADi function poses (6 x n) -> outputs, for n = len(poses)."""
+    return time_single_calls(mapped, np.reshape(poses, (1, -1))) / len(poses)  # CasADi stores column after column
+
+
+def compare(measurements: Mapping[Name, Callable[[], float]], repeats: int = 7) -> dict[Name, Timing]:
+    """Run each measurement (which returns seconds per pose) once to warm up, then all in turn, `repeats` times."""
+    for measure in measurements.values():
+        measure()
+    seconds: dict[Name, list[float]] = {name: [] for name in measurements}
+    for _ in range(repeats):
+        for name, measure in measurements.items():
+            seconds[name].append(measure())
+    us = {name: 1e6 * np.array(values) for name, values in seconds.items()}
+    return {name: Timing(float(np.median(t)), float(t.min()), float(t.max())) for name, t in us.items()}

@@ -17,13 +17,21 @@ from casadi_contact.core.files.reading import MOST_TEXT, checked_size
 from casadi_contact.core.files.writing import replacing
 from casadi_contact.core.quantities import FORCE, TORQUE, Kind, of_kind, quantity
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.workflow.benchmark.timing import Timing
 
 FILE_NAME = "speed_accuracy.csv"
 FORMAT = "casadi_contact speed-accuracy 2"
 TIMES = ("value", "jacobian", "hessian", "batch")
 _ENDS = ("_us", "_low_us", "_high_us")  # of the columns of a time
 _OTHERS = ("samples", "training_seconds", "parameters", "remark", "failure")
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Microseconds per pose: median, lowest and highest of the repeated measurements."""
+
+    median_us: float
+    low_us: float
+    high_us: float
 
 
 @dataclass(frozen=True)

@@ -27,13 +27,13 @@ from casadi_contact.workflow.benchmark.candidates import (
     EF_FAMILY,
     Candidate,
     charted_surrogates,
+    compare,
     finite_element_candidates,
     own_name,
     surrogate_candidates,
     untrained_candidates,
 )
 from casadi_contact.workflow.benchmark.front_file import FILE_NAME, Front, Point, write_front
-from casadi_contact.workflow.benchmark.timing import compare
 from casadi_contact.workflow.project import Project, available_poses, built_in_motion, has_motion, read_motion
 
 

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from casadi_contact.core.quantities import FORCE, TORQUE
 from casadi_contact.pictures.charts import pareto
-from casadi_contact.workflow.benchmark.front_file import Front, Point, read_front, write_front
-from casadi_contact.workflow.benchmark.timing import Timing
+from casadi_contact.workflow.benchmark.front_file import Front, Point, Timing, read_front, write_front
 from tests.support.shared_data import SPEED_ACCURACY as STORED
 
 

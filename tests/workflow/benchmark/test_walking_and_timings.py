@@ -12,9 +12,10 @@ from casadi_contact.networks.functions import hessian_function
 from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.walking import reference_cycles
-from casadi_contact.workflow.benchmark import timing as timing_module
+from casadi_contact.workflow.benchmark import candidates as timing_module
+from casadi_contact.workflow.benchmark.candidates import compare, time_batch, time_single_calls
+from casadi_contact.workflow.benchmark.front_file import Timing
 from casadi_contact.workflow.benchmark.measure import unseen_walking
-from casadi_contact.workflow.benchmark.timing import Timing, compare, time_batch, time_single_calls
 
 
 @pytest.mark.parametrize("cycles", [3, 1])
