@@ -59,24 +59,20 @@ def fit_surrogate(
     twins = {twin: of for twin, of in twins.items() if twin in posed and of in posed}  # one side alone may be asked for
     regressions = [regression for name, regression in posed.items() if name not in twins]
     efforts = {regression.name: effort_for(fitting.efforts, regression.name) for regression in regressions}
-    starts, networks = {}, dict[str, Network]()
-    if onward is not None:
-        starts = {name: onward.networks[name] for name in efforts}
-        for name, effort in efforts.items():
-            if starts[name].hidden != effort.sizes[0]:
-                starts[name] = widen(starts[name], effort.sizes[0], seed=0)
-        networks |= {name: starts[name] for name, effort in efforts.items() if effort.gflop == 0.0}
-    restarts = TrainingSettings.restarts if onward is None else 0
+    starts, before = dict[str, Network](), {} if onward is None else onward.networks
+    for name, effort in efforts.items() if before else ():
+        start = before[name]
+        starts[name] = start if start.hidden == effort.sizes[0] else widen(start, effort.sizes[0], seed=0)
+    networks = {name: start for name, start in starts.items() if efforts[name].gflop == 0.0}
     settings, chosen = {}, []
     for regression in regressions:
         if (name := regression.name) not in networks:
-            effort = efforts[name]
+            effort, more = efforts[name], {"restarts": 0} if before else {}
             settings[name] = TrainingSettings(
-                effort.sizes, effort.activation, effort.gflop, max_cpu_s=effort.cpu_s, restarts=restarts
+                effort.sizes, effort.activation, effort.gflop, max_cpu_s=effort.cpu_s, **more
             )
-            weighted = regression.weighted(weights)
-            closer = replace(weighted, tolerance=effort.tolerance_share * regression.tolerance)
-            chosen.append(_random_rows(closer, effort.max_rows))
+            tolerance = effort.tolerance_share * regression.tolerance
+            chosen.append(_random_rows(replace(regression.weighted(weights), tolerance=tolerance), effort.max_rows))
     fits = fit_all(chosen, settings, executor, fitting.checkpoints, progress, starts)
     if progress is not None:
         for name, fit in fits.items():

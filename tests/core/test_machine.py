@@ -6,17 +6,8 @@ import numpy as np
 import pytest
 
 from casadi_contact.core import machine
-from casadi_contact.core.machine import blas_environment, instruction_set, machine_record
+from casadi_contact.core.machine import blas_environment, machine_record
 from problems.summary import write_summary
-
-
-@pytest.mark.parametrize(
-    ("flags", "name"),
-    [("fpu avx avx2 avx512f", "AVX-512"), ("fpu avx avx2", "AVX2"), ("fp asimd", "NEON"), ("", "unknown")],
-)
-def test_the_widest_vector_instructions_are_named(monkeypatch, flags, name):
-    monkeypatch.setattr(machine, "_cpuinfo", lambda *keys: flags)
-    assert instruction_set() == name
 
 
 def test_a_record_names_the_flags_that_kernels_are_compiled_with(monkeypatch):

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,6 @@ from casadi_contact.workflow.proposal.joint_geometry import Joint, JointGeometry
 from casadi_contact.workflow.proposal.pair import extent_mm
 from casadi_contact.workflow.proposal.tables import MATERIALS, direction_of, first_tables
 
-_STEPS = ("surfaces", "pose at rest", "reference motion", "element grids", "done")
 REST_SHARE = 0.3  # of the reference load, on every patch of a body at rest
 
 
@@ -67,11 +67,8 @@ def propose(
 ) -> Proposal:
     """Analyse the meshes, propose a scene, and try it in the first ``test_cycles`` cycles of its reference motion;
     element grids are chosen at ``test_poses`` of these poses."""
-
-    def begin(step: str) -> None:
-        progress("proposing a scene", _STEPS.index(step), len(_STEPS) - 1, step)
-
-    begin("surfaces")
+    begin = partial(progress, "proposing a scene")
+    begin(0, 4, "surfaces")
     files = {"moving": Path(moving), "fixed": Path(fixed)}
     unit, meshes = load_meshes(files, units)
     if np.array_equal(meshes["moving"].vertices_mm, meshes["fixed"].vertices_mm):
@@ -93,7 +90,7 @@ def propose(
     if shells_mm["moving"] < THIN_MM:
         tables["geometry"]["shell"] = _shell(geometry)
 
-    begin("pose at rest")
+    begin(1, 4, "pose at rest")
     # Of a shell that counts on one side alone, only that surface has a distance field.
     one_sided = tables["geometry"].get("shell") == "outer"
     thickness_mm = {**shells_mm, "moving": np.inf if one_sided else shells_mm["moving"]}
@@ -118,14 +115,14 @@ def propose(
     tables["sampling"] = _sampling(joint, geometry.pair.scale)
     tables |= made_up_motion(scene, joint)
 
-    begin("reference motion")
+    begin(2, 4, "reference motion")
     poses, report = _reference(tables, test_cycles)
     if not found:  # a frame of the motion has a pose that carries loads
         pose = poses[0]
         tables["geometry"]["start_pose"] = pose.round(4).tolist()
         tables["loads"]["gap_slope"] = gap_slope(model, pose, direction)
     tables["tolerances"] = _tolerances(model, poses)
-    begin("element grids")
+    begin(3, 4, "element grids")
     tables["grids"], off = converged_grids(Scene.from_tables(tables), poses[:: max(1, len(poses) // test_poses)])
     (nx, nz), (most_x, most_z) = tables["grids"]["fine"], CONVERGED
     text = f"{nx}×{nz} elements a patch are {off:.2g} tolerances (RMS) off {most_x}×{most_z}"
@@ -133,7 +130,7 @@ def propose(
     questions += [f"enough elements: {text}"] if off > 1.0 else []
     model = ElasticFoundation(Scene.from_tables(tables))
     questions += _questions_about_motion(model, poses, report)
-    begin("done")
+    begin(4, 4, "done")
     frames = report.converged.size
     return Proposal(Scene.from_tables(tables), joint, pose, len(poses), frames, findings, questions)
 

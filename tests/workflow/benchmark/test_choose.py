@@ -82,11 +82,6 @@ def test_an_elastic_foundation_is_chosen_where_it_is_enough_and_told_how_to_make
     assert model(np.array([[0.5, 27.4, 0.1, 0.0, -0.05, -0.3]])).shape == (1, 7)
 
 
-def test_one_load_may_be_given_by_its_name_alone(folder):
-    wanted = {"force_tolerance_n": 0.5, "folder": folder}
-    assert cc.choose("knee", loads="Fy_med", **wanted) == cc.choose("knee", loads=["Fy_med"], **wanted)
-
-
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

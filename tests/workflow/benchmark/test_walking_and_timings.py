@@ -8,7 +8,6 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.core.conventions import pose_index
-from casadi_contact.networks.functions import hessian_function
 from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.walking import reference_cycles
@@ -66,13 +65,3 @@ def test_times_are_seconds_per_pose_of_single_calls_and_of_batches(monkeypatch):
     assert time_single_calls(Slow(1), poses) == pytest.approx(2.0)
     seconds = iter([9.0, 3e-6, 1e-6, 5e-6])  # of which the first warms up
     assert compare({"x": lambda: next(seconds)}, repeats=3)["x"] == Timing(*map(pytest.approx, (3.0, 1.0, 5.0)))
-
-
-def test_what_is_timed_as_hessian_is_that():
-    """Of loads (sin tx + ty·tz, rx²) with weights 2 and 3."""
-    pose = ca.MX.sym("pose", 6)
-    loads = ca.Function("loads", [pose], [ca.vertcat(ca.sin(pose[0]) + pose[1] * pose[2], pose[3] ** 2)])
-    bends = np.zeros((6, 6))
-    bends[0, 0], bends[1, 2], bends[2, 1], bends[3, 3] = -2.0 * np.sin(0.4), 2.0, 2.0, 6.0
-    at = np.array([0.4, 2.0, 3.0, 5.0, 0.0, 0.0])
-    np.testing.assert_allclose(hessian_function(loads)(at, [2.0, 3.0]), bends)
