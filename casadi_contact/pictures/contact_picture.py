@@ -11,7 +11,6 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.pressures import PressureMap
 from casadi_contact.core.conventions import POSE_NAMES, Array, as_poses, load_selection
 from casadi_contact.core.quantities import quantity, three_digits
-from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.pictures.page import (
     CENTRE_OF_PRESSURE,
     PictureAxis,
@@ -44,7 +43,16 @@ def draw_contact(model: ElasticFoundation, poses: Array, path: str | Path) -> No
 def _one(model: ElasticFoundation, pose: Array) -> Any:
     """Pressure, a section across all patches, and one along each."""
     maps, view = model.pressure_maps(pose), view_of(model)
-    figure, seen = page_of_sections(model, pose, maps, view)
+    panels = 2 + len(maps)
+    columns = panels if panels < 4 else (panels + 1) // 2
+    rows = -(-panels // columns)
+    figure = new_figure(4.6 * columns, 3.4 * rows + 0.6)
+    seen, across, *others = figure.subplots(rows, columns, squeeze=False).ravel()
+    draw_section(across, model, pose, maps, view)
+    for axis, pressed in zip(others, maps, strict=False):
+        draw_section(axis, model, pose, [pressed], View(view.up, view.right, view.toward))
+    for axis in others[len(maps) :]:
+        axis.set_axis_off()
     drawn = _draw_pressure(seen, maps, view, _largest([maps]))
     figure.colorbar(drawn, ax=seen, label="pressure [MPa]", shrink=0.8)
     seen.set_title(f"fixed surface, seen towards {view.name}", fontsize=9)
@@ -155,7 +163,11 @@ def draw_fit(model: ElasticFoundation, path: str | Path) -> None:
     figure = new_figure(11.0, 4.8)
     axes = figure.subplots(1, 2)
     for axis, body, seen in zip(axes, meshes, (view.behind, view), strict=True):
-        drawn = _vertices(axis, meshes[body], off_um[body], seen, largest)
+        mesh, colours = meshes[body], {"cmap": "RdBu_r", "clim": (-largest, largest)}
+        order = np.argsort(mesh.vertices_mm @ seen.toward.pointing)  # far ones first: they are hidden
+        reach = 1.5 * np.sqrt(np.median(mesh.areas_mm2))
+        drawn = discs(axis, mesh.vertices_mm[order], reach, seen, array=off_um[body][order], **colours)
+        name_axes(axis, seen)
         fit = fields[body].fit
         rms, most = _UM_PER_MM * fit.rms_mm, _UM_PER_MM * fit.largest_mm
         text = f"RMS {three_digits(rms)} µm, at most {three_digits(most)} µm"
@@ -165,51 +177,18 @@ def draw_fit(model: ElasticFoundation, path: str | Path) -> None:
     save_page(figure, path, bbox_inches="tight")
 
 
-def _vertices(axis: Any, mesh: TriangleMesh, off_um: Array, view: View, largest: float) -> Any:
-    """The vertices in their colours, far ones first: what lies behind is hidden by what lies before it."""
-    order = np.argsort(mesh.vertices_mm @ view.toward.pointing)
-    reach = 1.5 * np.sqrt(np.median(mesh.areas_mm2))
-    drawn = discs(
-        axis, mesh.vertices_mm[order], reach, view, array=off_um[order], cmap="RdBu_r", clim=(-largest, largest)
-    )
-    name_axes(axis, view)
-    return drawn
-
-
 _POINTS = 300  # of the plane, each way
 _MARGIN_MM = 4.0  # beyond the elements
 _LEAST_HEIGHT = 0.45  # of the picture over the width of the widest patch: higher up a body may end
 _GAP = 4.0  # element sides without an element: the line is broken there
 
 
-def page_of_sections(model: ElasticFoundation, pose: Array, maps: Sequence[PressureMap], view: View) -> tuple[Any, Any]:
-    """A figure with the section across all patches and one along each, and its first panel, which is empty."""
-    panels = 2 + len(maps)
-    columns = panels if panels < 4 else (panels + 1) // 2
-    rows = -(-panels // columns)
-    figure = new_figure(4.6 * columns, 3.4 * rows + 0.6)
-    axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    draw_section(axes[1], model, pose, maps, along=view.right, across=view.up, toward=view.toward)
-    for axis, pressed in zip(axes[2:], maps, strict=False):
-        draw_section(axis, model, pose, [pressed], along=view.up, across=view.right, toward=view.toward)
-    for axis in axes[panels:]:
-        axis.set_axis_off()
-    return figure, axes[0]
-
-
-def draw_section(
-    axis: Any,
-    model: ElasticFoundation,
-    pose: Array,
-    maps: Sequence[PressureMap],
-    *,
-    along: PictureAxis,
-    across: PictureAxis,
-    toward: PictureAxis,
-) -> None:
-    """Draw the plane normal to `across` through the centre of pressure of these patches (their middle out of contact),
-    with `along` to the right and `toward`, to where the moving body lies, upwards."""
-    at = float(across.of(_centre(maps)))
+def draw_section(axis: Any, model: ElasticFoundation, pose: Array, maps: Sequence[PressureMap], view: View) -> None:
+    """Draw the plane normal to the view's up through the centre of pressure of these patches (the median of their
+    elements out of contact), with its right to the right and `toward`, to where the moving body lies, upwards."""
+    along, across, toward = view.right, view.up, view.toward
+    centres, force = (np.concatenate(each) for each in zip(*((m.centres_mm, m.forces_n) for m in maps), strict=True))
+    at = float(across.of(force @ centres / force.sum() if force.any() else np.median(centres, axis=0)))
     profiles = [_profile(pressed, at, along, across) for pressed in maps]
     low, high = _window(profiles, along, toward)
     for pressed, profile in zip(maps, profiles, strict=True):
@@ -231,13 +210,6 @@ def draw_section(
     axis.yaxis.set_inverted(toward.reversed)
     patches = ", ".join(patch_title(pressed.patch) for pressed in maps)
     axis.set_title(f"{patches}: section at {across.name} = {round(at, 1) + 0.0:g} mm", fontsize=9)
-
-
-def _centre(maps: Sequence[PressureMap]) -> Array:
-    """Centre of pressure (3,) of all these patches together, the median of their elements out of contact."""
-    centres = np.concatenate([pressed.centres_mm for pressed in maps])
-    force = np.concatenate([pressed.forces_n for pressed in maps])
-    return force @ centres / force.sum() if force.any() else np.median(centres, axis=0)
 
 
 def _profile(pressed: PressureMap, at: float, along: PictureAxis, across: PictureAxis) -> Array:

@@ -26,7 +26,7 @@ def test_the_moving_body_lies_above_the_fixed_one_and_both_meet_at_the_centre_of
     pose, view = contact_pose(model), view_of(model)
     pressed = model.pressure_maps(pose)[0]
     axis = Figure().subplots()
-    draw_section(axis, model, pose, [pressed], along=view.up, across=view.right, toward=view.toward)
+    draw_section(axis, model, pose, [pressed], View(view.up, view.right, view.toward))
     assert (axis.get_xlabel(), axis.get_ylabel()) == labels
     assert (axis.xaxis.get_inverted(), axis.yaxis.get_inverted()) == reversed_axes
     fixed, centre = (line.get_xydata() for line in axis.get_lines())
@@ -42,7 +42,7 @@ def test_condyles_are_each_drawn_round_on_their_own_side():
     model = coarse("knee")
     pose, view = np.array([0.5, 27.23, 0.1, 0.001, -0.05, -0.3]), view_of(model)
     axis = Figure().subplots()
-    draw_section(axis, model, pose, model.pressure_maps(pose), along=view.right, across=view.up, toward=view.toward)
+    draw_section(axis, model, pose, model.pressure_maps(pose), view)
     assert axis.get_title().startswith("medial, lateral: section at x = ")
     for k, side in ((1, 1.0), (3, -1.0)):
         width, height = np.concatenate([path.vertices for path in axis.collections[k].get_paths()]).T
