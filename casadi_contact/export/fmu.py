@@ -11,7 +11,6 @@ import sys
 import tempfile
 import zipfile
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from string import Template
@@ -21,7 +20,7 @@ from xml.etree import ElementTree as ET
 from casadi_contact.core.compiler import DATA_FILE, SUFFIX, portable_library
 from casadi_contact.core.conventions import POSE_NAMES
 from casadi_contact.core.files.writing import replacing
-from casadi_contact.core.quantities import ANGLE, FORCE, LENGTH, TORQUE, quantity
+from casadi_contact.core.quantities import quantity
 from casadi_contact.export.c_source import TEMPLATES, c_source, header, pose_or_example, template_words
 from casadi_contact.networks.kernel.source import ExportedModel, c_text
 
@@ -34,36 +33,25 @@ _UNITS: dict[str, dict[str, str]] = {
     "N.mm": {"kg": "1", "m": "2", "s": "-2", "factor": "0.001"},
     "1": {},
 }
-_UNIT_OF_KIND = {LENGTH: "mm", ANGLE: "rad", FORCE: "N", TORQUE: "N.mm"}
 
 
-@dataclass(frozen=True)
-class Variable:
-    """One of the unit's variables; its value reference is its place (the order of ``fmi3.c``)."""
-
-    name: str
-    unit: str
-    causality: str
-    said: str
-
-
-def variables(model: ExportedModel) -> Iterator[Variable]:
-    """Time, pose, loads, root loads; validity and expected errors where the model has them."""
-    yield Variable("time", "s", "independent", "simulation time")
-    for name in POSE_NAMES:
-        yield Variable(name, _unit(name), "input", "pose of the moving body in the fixed body's frame, Rx Ry Rz")
-    for load in model.load_names:
-        yield Variable(load, _unit(load), "output", "load on the fixed body, in its frame, about its origin")
+def variables(model: ExportedModel) -> Iterator[tuple[str, str, str, str]]:
+    """Name, unit, causality and description of time, pose, loads, root loads, and of validity and expected errors where
+    the model has them, in the order of ``fmi3.c``, which is that of value references."""
+    pose, loads = (
+        [(name, quantity(name).unit.replace("·", ".")) for name in of] for of in (POSE_NAMES, model.load_names)
+    )
+    yield "time", "s", "independent", "simulation time"
+    for name, unit in pose:
+        yield name, unit, "input", "pose of the moving body in the fixed body's frame, Rx Ry Rz"
+    for name, unit in loads:
+        yield name, unit, "output", "load on the fixed body, in its frame, about its origin"
     for patch in model.patch_names:
-        yield Variable(f"root_{patch}", "1", "output", "signed root load: below zero out of contact")
+        yield f"root_{patch}", "1", "output", "signed root load: below zero out of contact"
     if model.calibrated:
-        yield Variable("validity", "1", "local", "1 well inside what was learned, 0 far outside")
-        for load in model.load_names:
-            yield Variable(f"expected_error_{load}", _unit(load), "local", "95 % of errors lie below it")
-
-
-def _unit(name: str) -> str:
-    return _UNIT_OF_KIND[quantity(name).kind]
+        yield "validity", "1", "local", "1 well inside what was learned, 0 far outside"
+        for name, unit in loads:
+            yield f"expected_error_{name}", unit, "local", "95 % of errors lie below it"
 
 
 def model_description(model: ExportedModel, name: str, token: str, start: Sequence[float]) -> str:
@@ -86,19 +74,19 @@ def model_description(model: ExportedModel, name: str, token: str, start: Sequen
     ET.SubElement(root, "DefaultExperiment", {"startTime": "0.0", "stopTime": "1.0"})
     listed = ET.SubElement(root, "ModelVariables")
     structure = ET.SubElement(root, "ModelStructure")
-    all_variables = list(enumerate(variables(model)))
-    pose = [str(k) for k, variable in all_variables if variable.causality == "input"]
-    for k, variable in all_variables:
-        attributes = {"name": variable.name, "valueReference": str(k), "causality": variable.causality}
-        attributes |= {"variability": "continuous", "unit": variable.unit, "description": variable.said}
-        if str(k) in pose:
-            attributes["start"] = repr(start[pose.index(str(k))])
+    pose, outputs = list[str](), list[str]()
+    for k, (called, unit, causality, said) in enumerate(variables(model)):
+        attributes = {"name": called, "valueReference": str(k), "causality": causality}
+        attributes |= {"variability": "continuous", "unit": unit, "description": said}
+        if causality == "input":
+            attributes["start"] = repr(start[len(pose)])
+            pose.append(str(k))
+        outputs += [str(k)] if causality == "output" else []
         ET.SubElement(listed, "Float64", attributes)
+    depends = {"dependencies": " ".join(pose), "dependenciesKind": " ".join(["dependent"] * len(pose))}
     for tag in ("Output", "InitialUnknown"):
-        for k, variable in all_variables:
-            if variable.causality == "output":
-                depends = {"dependencies": " ".join(pose), "dependenciesKind": " ".join(["dependent"] * len(pose))}
-                ET.SubElement(structure, tag, {"valueReference": str(k), **depends})
+        for reference in outputs:
+            ET.SubElement(structure, tag, {"valueReference": reference, **depends})
     ET.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 

@@ -199,7 +199,7 @@ def settled_by(scene: Scene) -> tuple[tuple[str, ...], tuple[str, ...]]:
 _LIBRARY = ("third_party", "twgl-full.js")
 # In the order in which each can use those before it.
 _MODULES = ("canvas", "linear", "kernel", "settle", "scene", "views", "panel", "timeline", "save", "main")
-_IMPORT = re.compile(r"^import .*? from \"\./\w+\.js\";\n", re.MULTILINE | re.DOTALL)
+_NOT_IN_ONE = re.compile(r"^import .*? from \"\./\w+\.js\";\n|^export ", re.MULTILINE | re.DOTALL)  # module of all
 _COLOURS = 64
 
 
@@ -223,15 +223,9 @@ def joint_page(scene: str, poses: str | None = None, surrogate: str | None = Non
         "style": _text("web", "style.css"),
         "content": json.dumps(content, separators=(",", ":")).replace("<", "\\u003c"),
         "arrays": arrays,
-        "modules": page_script(),
+        "modules": "\n".join(_NOT_IN_ONE.sub("", _text("web", f"{name}.js")) for name in _MODULES),
     }
     return Template(_text("web", "page.html")).substitute(words), cycle
-
-
-def page_script() -> str:
-    """The page's modules as one: each file's imports are those before it."""
-    texts = [_IMPORT.sub("", _text("web", f"{name}.js")) for name in _MODULES]
-    return "\n".join(re.sub(r"^export ", "", text, flags=re.MULTILINE) for text in texts)
 
 
 def _text(*path: str) -> str:
