@@ -2,8 +2,8 @@
 
 Coordinates are drawn about `centres`, states that the joint takes: half of the samples near them, half far from them.
 Where a path wraps, the points at both ends of that stretch, seen from the body that carries the surface, determine the
-excess: in closed form over a cylinder, where that agrees with the wheel, else by a network, whose inputs are those that
-move against the surface, three where one end does.
+excess: in closed form over a cylinder, where that agrees with the wheel at least as well as a network would, else by a
+network, whose inputs are those that move against the surface, three where one end does.
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,7 +34,7 @@ class Sampling:
     widest_rad: float = 1.2  # that the first turn of a joint goes from its rest, within its range
     far_weight: float = 0.3
     wrong_cylinder: float = 0.1  # share of samples outside of it in which a cylinder may differ
-    cylinder_mm: float = 0.1  # that it may differ by in all others: the wheel's own accuracy
+    cylinder_mm: float = 0.1  # that it may differ by in all others, before a network is tried: the wheel's own error
     leap_mm: float = 0.1  # beyond what nine tenths of the samples are off, six times, a sample is left out
     tolerance_mm: float = 0.02
     first: tuple[tuple[int, ...], ...] = ((8,),)
@@ -88,10 +88,11 @@ def fit_excesses(
         parts = [path.inputs(assembly._chain, body, points), path.straight(assembly._chain)]
         inputs, straight = (each.full().T for each in ca.Function("parts", [assembly._q], parts)(values.T))
         excess = 1e3 * found["lengths"][:, k] - straight[:, 0]
-        wrap, residual = _rolled(over, points, inputs, excess, settings) or _fitted(
-            name, body, points, inputs, excess, near, settings
-        )
-        made[name] = wrap, float(np.sqrt(np.mean(residual[near] ** 2)))
+        found_wraps = _rolled(over, points, inputs, excess, settings)
+        if not found_wraps or np.abs(found_wraps[0][1]).max() > settings.cylinder_mm:
+            found_wraps.append(_fitted(name, body, points, inputs, excess, near, settings))
+        errors = [float(np.sqrt(np.mean(residual[near] ** 2))) for _, residual in found_wraps]
+        made[name] = found_wraps[int(np.argmin(errors))][0], min(errors)
         if progress:
             progress("paths", k + 1, len(wraps), name)
     return made
@@ -99,11 +100,11 @@ def fit_excesses(
 
 def _rolled(
     over: Mapping[str, Any], points: list[int], x: Array, excess: Array, settings: Sampling
-) -> tuple[Roll, Array] | None:
-    """The cylinder's closed form, on the side where it agrees with the wheel, and what it leaves (n,) [mm], but for
-    points within the cylinder, where the wheel does not wrap; None where it agrees on no side."""
+) -> list[tuple[Wrap | Roll, Array]]:
+    """The cylinder's closed form, on the side where it agrees best with the wheel, and what it leaves (n,) [mm], but
+    for points within the cylinder, where the wheel does not wrap; none for another surface."""
     if "radius_mm" not in over or len(points) != 2:
-        return None
+        return []
     tried, place, radius = [], over["frame"], over["radius_mm"]
     local = (x.reshape(-1, 2, 3) - place[:3]) @ rotation(np.array(place[3:]))
     outside = (np.linalg.norm(local[..., :2], axis=2) > radius).all(axis=1)
@@ -113,8 +114,7 @@ def _rolled(
         residual = ca.Function("roll", [symbol], [roll.excess(symbol)])(x.T).full()[0] - excess
         most = float(np.quantile(np.abs(residual[outside]), 1.0 - settings.wrong_cylinder))
         tried.append((most, roll, np.where(np.abs(residual) <= most, residual, 0.0)))
-    most, roll, residual = min(tried, key=itemgetter(0))
-    return (roll, residual) if most < settings.cylinder_mm else None
+    return [min(tried, key=itemgetter(0))[1:]]
 
 
 def _fitted(
