@@ -99,6 +99,10 @@ def main(
         )
         rays = cc.load_assembly(model, contact=ray_casting)
         theirs = quantities(rays, stored, secondary)
+        if (against / "forces.sto").is_file():
+            summary["largest difference at their states"] = exactness(assembly, rays, against)
+            for name, value in summary["largest difference at their states"].items():
+                print(f"at their states, {name}: largest difference {value:.2g}")
         off = {name: float(np.sqrt(np.mean((curve - theirs[name]) ** 2))) for name, curve in ours.items()}
         peaks = {name: float(np.abs(theirs[name]).max()) for name in off}
         summary |= {"RMS difference": off, "their peak": peaks}
@@ -113,6 +117,40 @@ def main(
     draw(out / "passive_flexion.png", time_s, ours, theirs)
     print(f"results in {out}")
     raise SystemExit(0 if settled.all() else 3)
+
+
+def exactness(assembly: Assembly, rays: Assembly, folder: Path, activation: float = 0.02) -> dict[str, float]:
+    """Largest differences [N, mm] from what JAM's forces.sto holds at the states of its states.sto: contact by rays and
+    by the assembly's own models, bundles that are straight and that wrap, and muscles, which have one activation."""
+    states, forces = (read_opensim_table(folder / f"{name}.sto") for name in ("states", "forces"))
+    time_s, q = states.columns[TIME], states_of(assembly, states)
+    u, found = np.zeros_like(q), dict[str, float]()
+    for label, column in states.columns.items():
+        if label.endswith("/speed"):
+            u[:, assembly.rows([label.split("/")[-2]])[0]] = column
+
+    def off(ours: Any, columns: list[str]) -> Any:
+        """Largest difference of each curve (curves, n) from the column of that name."""
+        theirs = [np.interp(time_s, forces.columns[TIME], forces.columns[name]) for name in columns]
+        return np.abs(np.asarray(ours) - theirs).max(axis=1)
+
+    for name, model in (("rays", rays), ("cells", assembly)):
+        wrenches = np.asarray(model.function(["contact_wrenches"]).map(len(q))(q.T, 0.0, 0.0, 0.0))
+        for i, contact in enumerate(assembly.contact_names):
+            columns = [f"{contact}.casting.total.contact_force_{axis}" for axis in "xyz"]
+            found[f"{contact} by {name} [N]"] = float(off(wrenches[:3, i :: len(assembly.contacts)], columns).max())
+    outputs = ["ligament_lengths", "ligament_tensions", "muscle_forces"]
+    lengths, tensions, _ = assembly.function(outputs)(q.T, 0.0, 0.0, activation)
+    muscles = assembly.function(outputs[2:])(q.T, u.T, 0.0, activation)
+    straight = np.array([ligament.wrap is None for ligament in assembly.ligaments])
+    for label, ours, key, unit in (
+        ("length [mm]", lengths, "length", 1e3),
+        ("spring [N]", tensions, "force_spring", 1.0),
+    ):
+        worst = unit * off(ours, [f"{name}.{key}" for name in assembly.ligament_names])
+        found |= {f"straight bundles' {label}": float(worst[straight].max())}
+        found |= {f"wrapped bundles' {label}": float(worst[~straight].max(initial=0.0))}
+    return found | {"muscles [N]": float(off(muscles, list(assembly.muscle_names)).max())}
 
 
 def quantities(assembly: Assembly, q: Array, secondary: list[str]) -> dict[str, Array]:

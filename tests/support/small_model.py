@@ -58,6 +58,35 @@ def _body(name, mass, wraps=""):
     )
 
 
+def _contact(name, target, casting):
+    return (
+        f'<Smith2018ArticularContactForce name="{name}"><socket_target_mesh>/contactgeometryset/{target}'
+        f"</socket_target_mesh><socket_casting_mesh>/contactgeometryset/{casting}</socket_casting_mesh>"
+        "<max_proximity>0.02</max_proximity></Smith2018ArticularContactForce>"
+    )
+
+
+def write_model_with_disc(folder: Path, thickness=0.003) -> Path:
+    """The small model with a loose disc between ball and plate, pressed on both faces: a meniscus."""
+    model, sheet = write_small_model(folder), sheet_mesh(0.016, 0.001)
+    write_obj(folder / "top.obj", sheet[0] + [0.0, thickness, 0.0], sheet[1])
+    write_obj(folder / "bottom.obj", sheet[0], sheet[1][:, ::-1])
+    moves = [_axis(f"rotation{i + 1}", axis) for i, axis in enumerate(("1 0 0", "0 1 0", "0 0 1"))]
+    moves += [_axis("translation1", "1 0 0"), _axis("translation2", "0 1 0", "float"), _axis("translation3", "0 0 1")]
+    joint = f'<CustomJoint name="loose">{_frame("bodyset/shank")}<socket_child_frame>/bodyset/disc</socket_child_frame>'
+    joint += f"<coordinates>{_coordinate('float', 0, -1, 1)}</coordinates>"
+    joint += f"<SpatialTransform>{''.join(moves)}</SpatialTransform></CustomJoint>"
+    forces = _contact("upper", "ball", "top") + _contact("lower", "bottom", "plate")
+    parts = {"BodySet": _body("disc", 0.01), "JointSet": joint, "ForceSet": forces}
+    parts["ContactGeometrySet"] = _mesh("top", "disc", "top.obj") + _mesh("bottom", "disc", "bottom.obj")
+    text = model.read_text().replace("-0.0199", str(-RADIUS - thickness + 1e-4))
+    for kind, more in parts.items():
+        before, after = text.split(f"</{kind}>")
+        text = f"{before.removesuffix('</objects>')}{more}</objects></{kind}>{after}"
+    model.write_text(text)
+    return model
+
+
 def write_small_model(folder: Path, *, side="r", contact=True) -> Path:
     """Write the model and its meshes, in m and under other names than it knows, into `folder` and `folder/meshes`."""
     (folder / "meshes").mkdir(exist_ok=True)
@@ -72,11 +101,6 @@ def write_small_model(folder: Path, *, side="r", contact=True) -> Path:
     lateral = [("thigh", (0.0, 0.02, 0.03)), ("shank", (0.0, -0.03, 0.03))]
     front = [("thigh", (0.025, 0.06, 0.0)), ("shank", (0.03, -0.03, 0.0))]
     muscle = _path([("thigh", (-0.02, 0.15, 0.0)), ("shank", (-0.02, -0.02, 0.0))])
-    contacts = (
-        '<Smith2018ArticularContactForce name="joint_contact"><socket_target_mesh>/contactgeometryset/ball'
-        "</socket_target_mesh><socket_casting_mesh>/contactgeometryset/plate</socket_casting_mesh>"
-        "<max_proximity>0.02</max_proximity></Smith2018ArticularContactForce>"
-    )
     path = folder / "small.osim"
     path.write_text(f"""<?xml version="1.0" encoding="UTF-8" ?>
 <OpenSimDocument Version="40000"><Model name="small"><gravity>0 -9.8 0</gravity>
@@ -92,7 +116,7 @@ def write_small_model(folder: Path, *, side="r", contact=True) -> Path:
 <optimal_fiber_length>0.09</optimal_fiber_length><tendon_slack_length>0.1</tendon_slack_length>
 <pennation_angle_at_optimal>0.2</pennation_angle_at_optimal></Millard2012EquilibriumMuscle>
 <HuntCrossleyForce name="floor"></HuntCrossleyForce>
-{contacts if contact else ""}</objects></ForceSet>
+{_contact("joint_contact", "ball", "plate") if contact else ""}</objects></ForceSet>
 <ContactGeometrySet name="contactgeometryset"><objects>
 {_mesh("ball", "thigh", "model-thigh-ball.stl") + _mesh("plate", "shank", "model-shank-plate.stl") if contact else ""}
 </objects></ContactGeometrySet></Model></OpenSimDocument>

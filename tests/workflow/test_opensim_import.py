@@ -18,7 +18,7 @@ from casadi_contact.workflow.opensim_import.model_file import read_model
 from casadi_contact.workflow.opensim_import.process import describe, measure
 from tests.support.compiler import needs_compiler
 from tests.support.shared_data import shared_file
-from tests.support.small_model import RADIUS, random_states, write_small_model
+from tests.support.small_model import RADIUS, random_states, write_model_with_disc, write_small_model
 
 if find_spec("opensim") is None:
     pytest.skip("needs the extra: pip install casadi_contact[opensim]", allow_module_level=True)
@@ -126,6 +126,22 @@ def test_the_joint_settles_where_contact_and_ligaments_balance(small):
     forces, wrench = assembly.function(["forces", "contact_wrenches"])(settled.q, 0.0, 0.0, 0.3)
     assert abs(float(forces[2])) < 1e-3
     assert float(wrench[1, 0]) < -10.0
+
+
+def test_a_loose_disc_between_two_bodies_is_pressed_on_both_faces(tmp_path):
+    """As a meniscus: its coordinate is free while the joint moves, and its own weight is all that its faces differ
+    by."""
+    report = import_model(write_model_with_disc(tmp_path), tmp_path / "out", geometry=[tmp_path / "meshes"])
+    assert "flex_r to 33 degrees: 8 of 8 states settle" in report
+    in_cells = partial(cc.CellFoundation, cells=Cells(1.4, 1.4), compiled=False)
+    assembly = cc.load_assembly(tmp_path / "out", in_cells)
+    settled = CoordinateSettling(assembly, ["sink_r", "float"])(assembly.default, 0.3)
+    assert settled.converged
+    wrenches = assembly.function(["contact_wrenches"])(settled.q, 0.0, 0.0, 0.3).full()
+    by_name = dict(zip(assembly.contact_names, wrenches[1], strict=True))
+    assert by_name["joint_contact"] == 0.0
+    assert by_name["upper"] < -10.0
+    assert by_name["lower"] == pytest.approx(by_name["upper"], abs=0.15)
 
 
 def test_another_side_without_contact_is_read_alike(tmp_path):

@@ -7,6 +7,7 @@ et al. 2018). Springs of an ElasticFoundationForce are a layer without Poisson's
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -130,7 +131,7 @@ def write_scene(path: Path, contact: ContactForce, casting: Body, target: Body, 
     geometry |= {"units": "m", "elements": "grid", "pressing": [round(float(v), 3) + 0.0 for v in way]}
     geometry |= {"start_pose": pose.tolist(), "patches": {"all": {}}}
     if thickness <= THIN_MM:
-        geometry |= {"shell": "whole", "spacing": round(min(SPACING_MM, 0.4 * thickness), 3)}
+        geometry |= {"shell": "whole", "spacing": min(SPACING_MM, math.floor(400.0 * thickness) / 1000.0)}
     tables = {
         "format": 1,
         "name": path.stem,
