@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from functools import partial
 from importlib.util import find_spec
 
 import casadi as ca
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 import casadi_contact as cc
+from casadi_contact.contact.cells.basis import Cells
 from casadi_contact.optimisation.assembly.file import ray_casting, write_assembly
 from casadi_contact.optimisation.assembly.settling import CoordinateSettling
 from casadi_contact.scenes.opensim import read_opensim_table
@@ -17,6 +19,7 @@ from casadi_contact.workflow.opensim_import.importing import import_model, state
 from casadi_contact.workflow.opensim_import.model_file import read_model
 from casadi_contact.workflow.opensim_import.process import describe, measure
 from tests.support.compiler import needs_compiler
+from tests.support.meshes import cap_mesh, write_obj
 from tests.support.shared_data import shared_file
 from tests.support.small_model import RADIUS, random_states, write_model_with_disc, write_small_model
 
@@ -188,3 +191,54 @@ def test_a_knee_of_another_program_has_its_straight_ligaments_and_contact(tmp_pa
         if not name.startswith(("MCL", "PT", "pCAP")):
             np.testing.assert_allclose(length, stored["forces"].columns[f"{name}.length"][::50], atol=1e-8)
             np.testing.assert_allclose(tension, stored["forces"].columns[f"{name}.force_spring"][::50], atol=1e-3)
+
+
+SHOE = """<?xml version="1.0" encoding="UTF-8" ?>
+<OpenSimDocument Version="40000"><Model name="shoe"><gravity>0 -9.8 0</gravity><BodySet name="bodyset"><objects>
+<Body name="shoe"><mass>1</mass><mass_center>0 0 0</mass_center><inertia>0.01 0.01 0.01 0 0 0</inertia></Body>
+</objects></BodySet><JointSet name="jointset"><objects><FreeJoint name="free"><socket_parent_frame>/ground
+</socket_parent_frame><socket_child_frame>/bodyset/shoe</socket_child_frame><coordinates>{coordinates}</coordinates>
+</FreeJoint></objects></JointSet><ForceSet name="forceset"><objects><ElasticFoundationForce name="foot-ground">
+<ElasticFoundationForce::ContactParametersSet name="contact_parameters"><objects>
+<ElasticFoundationForce::ContactParameters><geometry>sole floor</geometry><stiffness>1e10</stiffness>
+<dissipation>0.5</dissipation><static_friction>0.8</static_friction><dynamic_friction>0.6</dynamic_friction>
+</ElasticFoundationForce::ContactParameters></objects></ElasticFoundationForce::ContactParametersSet>
+<transition_velocity>0.1</transition_velocity></ElasticFoundationForce><HuntCrossleyForce name="heel"/>
+</objects></ForceSet><ContactGeometrySet name="contactgeometryset"><objects><ContactMesh name="sole">
+<socket_frame>../../bodyset/shoe</socket_frame><filename>sole.obj</filename></ContactMesh>{partner}</objects>
+</ContactGeometrySet></Model></OpenSimDocument>
+"""
+FLOOR = (
+    '<ContactHalfSpace name="floor"><socket_frame>/ground</socket_frame><orientation>0 0 -1.5707963268</orientation>'
+)
+
+
+@pytest.mark.parametrize(
+    ("partner", "reach_mm", "curvature"),
+    [
+        (f"{FLOOR}</ContactHalfSpace>", 0.0, 0.0),
+        (
+            '<ContactSphere name="floor"><body_name>ground</body_name><radius>0.06</radius></ContactSphere>',
+            60.0,
+            1 / 60,
+        ),
+    ],
+    ids=("half_space", "sphere"),
+)
+def test_a_foundation_of_opensim_presses_rubs_and_damps_as_it_says(tmp_path, partner, reach_mm, curvature):
+    """F = π·k·d²/κ of a sphere on a plane or a sphere, κ their curvatures; 0.6 of it where it slides fast."""
+    names = ("rx", "ry", "rz", "tx", "ty", "tz")
+    coordinates = "".join(f'<Coordinate name="{name}"/>' for name in names)
+    (tmp_path / "shoe.osim").write_text(SHOE.format(coordinates=coordinates, partner=partner))
+    write_obj(tmp_path / "sole.obj", *cap_mesh(RADIUS, 0.0012, 1.0))
+    report = import_model(tmp_path / "shoe.osim", tmp_path / "out")
+    assert "lost: heel: HuntCrossleyForce" in report
+    in_cells = partial(cc.CellFoundation, cells=Cells(1.4, 1.4), compiled=False)
+    function = cc.load_assembly(tmp_path / "out", in_cells).function(["of_contacts"])
+    q, u = np.array([0.0, 0.0, 0.0, 0.0, 1e-3 * reach_mm + RADIUS - 3e-4, 0.0]), np.zeros(6)
+    pressed = float(function(q, u, 0.0, [])[4])
+    assert pressed == pytest.approx(np.pi * 10.0 * 0.3**2 / (1e-3 / RADIUS + curvature), rel=0.02)
+    u[3] = 1.0
+    assert float(function(q, u, 0.0, [])[3]) == pytest.approx(-0.6 * pressed, rel=0.03)
+    u[3:5] = 0.0, -0.2
+    assert float(function(q, u, 0.0, [])[4]) == pytest.approx(1.1 * pressed, rel=0.05)

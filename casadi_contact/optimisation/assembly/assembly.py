@@ -31,6 +31,7 @@ from casadi_contact.networks.names import check_name
 from casadi_contact.optimisation.assembly.joints import Body, Chain, Coordinate, Joint, compose, frame, inverse
 from casadi_contact.optimisation.assembly.paths import Bundle, Muscle, MuscleCurves, muscle_forces, tensions
 from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection
+from casadi_contact.scenes.material import Friction
 
 
 @dataclass(frozen=True)
@@ -183,8 +184,8 @@ class Assembly:
         drive, loads = ca.MX.sym("drive", m), ca.MX.sym("loads", 6, len(loaded))
         lengths, rates, strung = self._paths(q, u)
         force = drive if by_force else self._muscle_forces(lengths[k:], rates[k:], drive)
-        poses = self._poses(q)
-        wrenches = [self._wrench(contact, poses[:, i]) for i, contact in enumerate(self.contacts)]
+        poses, pose_rates = self._poses(q, u)
+        wrenches = [self._wrench(of, poses[:, i], pose_rates[:, i]) for i, of in enumerate(self.contacts)]
         pressing = ca.horzcat(*wrenches) if wrenches else ca.MX(6, 0)
         made: dict[str, Callable[[], Any]] = {
             "of_ligaments": lambda: -self._pull(rows)(q, ca.vertcat(strung, ca.MX(m, 1))),
@@ -246,7 +247,9 @@ class Assembly:
 
     @cached_property
     def _poses(self) -> ca.Function:
-        return ca.Function("poses", [self._q], [ca.horzcat(*self._pose_list) if self.contacts else ca.SX(6, 0)])
+        """q, u -> poses and their rates (6 x contacts) [mm, rad, s]."""
+        found, u = ca.horzcat(*self._pose_list) if self.contacts else ca.SX(6, 0), ca.SX.sym("u", len(self.coordinates))
+        return ca.Function("poses", [self._q, u], [found, ca.jtimes(found, self._q, u)])
 
     def _press(self, rows: Sequence[int]) -> ca.Function:
         """q, wrenches (6 x contacts) on fixed bodies [N, N·mm] -> what they do on coordinates, with the sign turned."""
@@ -288,10 +291,13 @@ class Assembly:
     def _pose(self, contact: Contact) -> Any:
         return self.pose_between(contact.fixed, contact.fixed_frame, contact.moving, contact.moving_frame)
 
-    def _wrench(self, contact: Contact, pose: ca.MX) -> ca.MX:
-        """Total wrench (6) [N, N·mm] on the fixed body, in the scene's frame."""
+    def _wrench(self, contact: Contact, pose: ca.MX, rate: ca.MX) -> ca.MX:
+        """Total wrench (6) [N, N·mm] on the fixed body, in the scene's frame; the pose's rate counts where its surface
+        has friction or dissipation."""
         total = ca.sparsify(ca.DM(total_selection(contact.model.load_names, contact.model.patch_names)))
-        return ca.mtimes(total, contact.model.function(name=contact.function_name)(pose))
+        rubs = contact.model.scene.friction != Friction()
+        loads = contact.model.function(name=contact.function_name, velocity=rubs)
+        return ca.mtimes(total, loads(pose, rate) if rubs else loads(pose))
 
     @cached_property
     def _muscle_forces(self) -> ca.Function:

@@ -105,7 +105,7 @@ class FrameBalance:
         x, q = ca.SX.sym("x", len(self.free)), ca.SX.sym("q", n)
         placed = ca.SX(q)
         placed[self.free] = x
-        poses = ca.vec(assembly._poses(placed))
+        poses = ca.vec(assembly._poses(placed, 0.0)[0])
         mu = ca.SX.sym("mu", poses.numel())
         first = ca.Function("poses", [x, q], [poses, ca.jacobian(poses, x)])
         second = ca.Function("bent", [x, q, mu], [ca.hessian(ca.dot(mu, poses), x)[0]])
@@ -114,7 +114,7 @@ class FrameBalance:
             presses = np.array(contact.model.scene.tables["geometry"]["pressing"])
             for node, weight in zip(*np.polynomial.legendre.leggauss(6), strict=True):
                 away = np.append(-1.25 * (node + 1.0) * presses, np.zeros(3))
-                force = assembly._wrench(contact, P[6 * i : 6 * i + 6] + ca.DM(away))[:3]
+                force = assembly._wrench(contact, P[6 * i : 6 * i + 6] + ca.DM(away), ca.MX(6, 1))[:3]
                 total += 1.25e-3 * weight * ca.dot(ca.DM(presses), force)
         slopes = ca.Function("energy_of", [P], [total, ca.gradient(total, P), ca.hessian(total, P)[0]])
         X, Q = ca.MX.sym("x", len(self.free)), ca.MX.sym("q", n)
@@ -174,8 +174,8 @@ class FrameBalance:
         force = drive if by_force else assembly._muscle_forces(length[k:], rate[k:], drive)
         phi = -1e-3 * ca.dot(ca.vertcat(strung, force), moved)
         for i, contact in enumerate(assembly.contacts):
-            pose, along = (poses[j][6 * i : 6 * i + 6] for j in (0, 2))
-            phi -= 1e-3 * ca.dot(generalised_forces(pose, assembly._wrench(contact, pose)), along)
+            pose, pose_rate, along = (each[6 * i : 6 * i + 6] for each in poses)
+            phi -= 1e-3 * ca.dot(generalised_forces(pose, assembly._wrench(contact, pose, pose_rate)), along)
         curvature = ca.hessian(phi, ca.vertcat(drive, C))[0]
         return (
             ca.Function("outer_slope", [C, drive], [ca.gradient(phi, C)]),

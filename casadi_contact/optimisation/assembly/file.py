@@ -108,7 +108,8 @@ def ray_casting(scene: Scene) -> RayCastFoundation:
     """The scene on all its flat triangles, whichever way they face, as JAM evaluates it: for ``load_assembly(folder,
     contact=ray_casting)``."""
     geometry = {key: value for key, value in scene.tables["geometry"].items() if key != "pressing"}
-    return RayCastFoundation(Scene.from_tables({**scene.tables, "geometry": {**geometry, "elements": "triangles"}}))
+    changed = {"geometry": {**geometry, "elements": "triangles"}, "friction": {}}
+    return RayCastFoundation(Scene.from_tables({**scene.tables, **changed}))
 
 
 def _assembly(tables: Mapping[str, Any], folder: Path, contact: MakeContact | None) -> Assembly:
