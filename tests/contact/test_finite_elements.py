@@ -38,13 +38,18 @@ def flat_grid(x):
     return points, np.broadcast_to([0.0, 1.0, 0.0], points.shape), np.ones(points.shape[:2], dtype=bool)
 
 
+def graded_block(half, thickness, mesh, E=10.0, nu=0.3):
+    """A block whose elements end at ±half (k,) along x and z, the first 0."""
+    ends = np.concatenate([-half[:0:-1], half])
+    grid = np.sort(np.concatenate([ends, 0.5 * (ends[1:] + ends[:-1])]))
+    return Layer.of(*flat_grid(grid), Material(E, nu, thickness), mesh)
+
+
 def test_sphere_on_thick_block_is_hertz():
     """With the series of Dimitriadis et al. (2002) for a bonded layer, to second order in √(R·d)/h."""
     E, nu, R, radius, h = 10.0, 0.3, 100.0, 1.0, 20.0
     half = np.concatenate([np.linspace(0.0, 1.25, 4), 1.25 + 0.42 * np.cumsum(3.0 ** np.arange(1, 4))])
-    ends = np.concatenate([-half[:0:-1], half])
-    grid = np.sort(np.concatenate([ends, 0.5 * (ends[1:] + ends[:-1])]))
-    block = Layer.of(*flat_grid(grid), Material(E, nu, h), Hexahedra(3, grading=5.0))
+    block = graded_block(half, h, Hexahedra(3, grading=5.0))
     parts = cc.load_scene("sphere_on_plane").parts
     depth = radius**2 / R
     found = ElasticBody(block, sphere(R), parts).press(np.eye(3), np.array([0.0, R - depth, 0.0]), 0.01)
@@ -52,6 +57,22 @@ def test_sphere_on_thick_block_is_hertz():
     chi = -2.0 * alpha / np.pi * np.sqrt(R * depth) / h
     hertz = 4.0 / 3.0 * E / (1.0 - nu**2) * np.sqrt(R) * depth**1.5 * (1.0 + chi + chi**2)
     assert found.forces_n.sum() == pytest.approx(hertz, rel=0.02)
+
+
+def test_rigid_flat_punch_on_a_half_space():
+    """Square of side L: F = π·0.36679·E/(1-ν²)·L·d, as the capacitance of a plate (Read 1997); a back at h takes
+    away 1.386·F·(1-ν²)/(π·E·h) of d (Dimitriadis et al. 2002, first order). Pressure is without bound at the edges."""
+    modulus, h, depth = 10.0 / (1.0 - 0.3**2), 10.0, 0.01
+    block = graded_block(np.array([0.0, 0.8, 1.0, 1.2, 2.0, 4.0, h]), h, Hexahedra(4, grading=3.3))
+    under = (np.abs(block.points_mm[:, [0, 2]]) < 1.0 + 1e-9).all(axis=1)
+    nodes = np.flatnonzero(active_set(block.compliance, np.where(under, depth, -np.inf)))
+    forces = np.linalg.solve(block.compliance[np.ix_(nodes, nodes)], np.full(len(nodes), depth))
+    half_space = np.pi * 0.36679 * modulus * 2.0
+    expected = depth / (1.0 / half_space - 1.386 / (np.pi * modulus * h))
+    assert forces.sum() == pytest.approx(expected, rel=0.03)
+    pressures = forces / block.areas_mm2[nodes]
+    at = np.abs(block.points_mm[nodes][:, [0, 2]]).max(axis=1)
+    assert pressures[at > 0.95].mean() > 2.0 * pressures[at < 0.5].mean()
 
 
 def test_thin_compressible_layer_is_an_elastic_foundation():

@@ -35,7 +35,7 @@ class Hexahedra:
     """Elements of a layer: `layers` over the thickness, each `grading` times as thick as the one above it, of `order` 1
     (8 nodes) or 2 (27 nodes). Order 2 takes two steps of the surface's grid for each element."""
 
-    layers: int = 2
+    layers: int = 3
     order: int = 2
     grading: float = 1.6
 

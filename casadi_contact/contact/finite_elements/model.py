@@ -1,7 +1,7 @@
 """Finite elements as a contact model: a rigid moving body pressed into the fixed body's elastic layer, frictionless."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -146,9 +146,10 @@ class FiniteElements(WrenchLoads):
 
     def convergence(self, poses: Array) -> dict[str, Any]:
         """The convergence test, kept as ``record``: "rms", how far each load [N, N·mm] at poses (n, 6) is from that on
-        elements 1.5 times as wide, and "against", their label. Smaller elements change loads by less."""
+        elements 1.5 times as large, and "against", their label. Smaller elements change loads by less."""
         nx, nz = (1 + 2 * (count - 1) // 3 for count in self.grid)
-        wider = FiniteElements(self.scene, (nx, nz), self.mesh, reach_mm=self.reach_mm)
+        mesh = replace(self.mesh, layers=max(1, 2 * self.mesh.layers // 3))
+        wider = FiniteElements(self.scene, (nx, nz), mesh, reach_mm=self.reach_mm)
         off = np.sqrt(np.mean((self(as_poses(poses)) - wider(as_poses(poses))) ** 2, axis=0))
         self.record = {"rms": dict(zip(self.load_names, off.tolist(), strict=True)), "against": wider.label}
         return self.record
