@@ -13,7 +13,7 @@ import numpy as np
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.settle import settle
 from casadi_contact.core.conventions import Array
-from casadi_contact.samples.chunk import WrenchModel, part_wrenches
+from casadi_contact.samples.chunk import WrenchModel, wrenches_of
 from casadi_contact.samples.draw import teacher_job
 from casadi_contact.samples.models import model_name_of
 from casadi_contact.samples.reference import Cycle, reference_poses
@@ -122,14 +122,14 @@ def label_poses(
     executor: workers, used where a pose of a model of the library takes more than slow_s. Loads are NaN where the model
     gives none, gaps everywhere: they take longer and are not needed.
     """
-    count, width, begun = len(poses), len(samples.scene.parts), perf_counter()
+    count, width, begun = len(poses), len(samples.scene.patches), perf_counter()
     first, *rest = (poses[k : k + 100] for k in range(0, max(count, 1), 100))
-    found = [part_wrenches(model, first, width)]
+    found = [wrenches_of(model, first, width)]
     slow = perf_counter() - begun > slow_s * len(first)
     if executor is not None and slow and model_name_of(samples) is not None:
         found.extend(executor.map(teacher_job(samples), rest))
     else:
-        found.extend(part_wrenches(model, block, width) for block in rest)
+        found.extend(wrenches_of(model, block, width) for block in rest)
     wrenches = np.concatenate(found)
     wrenches[~np.isfinite(wrenches).all(axis=(1, 2))] = np.nan
     role = np.where(np.arange(count) % 2 == 0, VALIDATION, TEST).astype(np.uint8)

@@ -25,8 +25,7 @@ _PULL_N = 1e-9
 class WrenchModel(Protocol):
     """The model that samples are evaluated on.
 
-    Optional: gaps(poses), at_edge(poses) and edge_share(poses), all (n, patches); for patches in several parts also
-    part_wrenches(poses) (n, parts, 6) and part_gaps(poses) (n, parts).
+    Optional: gaps(poses), at_edge(poses) and edge_share(poses), all (n, patches).
     """
 
     def wrenches(self, poses: Array) -> Array:
@@ -108,10 +107,10 @@ def draw_chunk(
     if len(drawn.poses):
         beyond = edge_share(teacher, drawn.poses) > settings.most_edge_share
         drawn.drop(np.where(beyond, "load at the edge of the elements", ""))
-    wrenches, gaps = (of(teacher, drawn.poses, len(scene.parts)) for of in (part_wrenches, part_gaps))
-    lifted = {"D4": [chunk.lifted], "D5": list(range(len(scene.first_parts)))}.get(DOMAINS[chunk.domain - 1], [])
-    touching = np.logical_or.reduceat((wrenches != 0.0).any(axis=2), scene.first_parts, axis=1)[:, lifted].any(axis=1)
-    pulls = (normal_forces([part.normal for part in scene.parts], wrenches) < -_PULL_N).any(axis=1)
+    wrenches, gaps = (of(teacher, drawn.poses, len(scene.patches)) for of in (wrenches_of, gaps_of))
+    lifted = {"D4": [chunk.lifted], "D5": list(range(len(scene.patches)))}.get(DOMAINS[chunk.domain - 1], [])
+    touching = (wrenches[:, lifted] != 0.0).any(axis=(1, 2))
+    pulls = (normal_forces(scene.normal_loads, wrenches) < -_PULL_N).any(axis=1)
     finite = np.isfinite(wrenches).all(axis=(1, 2))
     reasons = np.select([~finite, pulls, touching], [NOT_FINITE, "pulls", "touches though lifted off"], "")
     good = reasons == ""
@@ -191,22 +190,14 @@ def edge_share(teacher: WrenchModel, poses: Array) -> Array:
     return np.zeros(len(poses)) if share is None else share(poses).max(axis=1).astype(float)
 
 
-def part_wrenches(teacher: WrenchModel, poses: Array, parts: int) -> Array:
-    """Wrenches (n, parts, 6): the model's part_wrenches, or its wrenches where each patch is one part."""
-    if not len(poses):
-        return np.zeros((0, parts, 6))  # a user's own model need not accept no poses
-    wrenches: Array = getattr(teacher, "part_wrenches", teacher.wrenches)(poses)
-    if wrenches.shape[1] != parts:
-        raise ValueError(
-            f"the contact model gives {wrenches.shape[1]} wrenches for {parts} parts of the scene: "
-            "give it part_wrenches(poses) and part_gaps(poses), or leave the patches whole (no split_z)"
-        )
-    return wrenches
+def wrenches_of(teacher: WrenchModel, poses: Array, patches: int) -> Array:
+    """Wrenches (n, patches, 6); a user's own model need not accept no poses."""
+    return teacher.wrenches(poses) if len(poses) else np.zeros((0, patches, 6))
 
 
-def part_gaps(teacher: WrenchModel, poses: Array, parts: int) -> Array:
-    """Gaps (n, parts), NaN for a model without gaps."""
-    gaps = getattr(teacher, "part_gaps", getattr(teacher, "gaps", None))
+def gaps_of(teacher: WrenchModel, poses: Array, patches: int) -> Array:
+    """Gaps (n, patches), NaN for a model without gaps."""
+    gaps = getattr(teacher, "gaps", None)
     if gaps is None or not getattr(teacher, "has_gaps", True) or not len(poses):
-        return np.full((len(poses), parts), np.nan)
+        return np.full((len(poses), patches), np.nan)
     return np.asarray(gaps(poses))

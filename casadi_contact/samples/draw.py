@@ -24,9 +24,9 @@ from casadi_contact.samples.chunk import (
     DrawnChunk,
     WrenchModel,
     draw_chunk,
-    part_wrenches,
     plan_chunks,
     plan_digest,
+    wrenches_of,
 )
 from casadi_contact.samples.domains import left_out
 from casadi_contact.samples.models import (
@@ -122,7 +122,7 @@ def check_same_model(model: WrenchModel, samples: Samples, where: Path) -> None:
     """
     loaded = np.flatnonzero((samples.wrenches != 0.0).any(axis=(1, 2)))
     before = samples.rows(loaded[evenly_spaced_indices(len(loaded), 10)] if len(loaded) else loaded)
-    now = replace(before, wrenches=part_wrenches(model, before.poses, len(before.scene.parts)))
+    now = replace(before, wrenches=wrenches_of(model, before.poses, len(before.scene.patches)))
     size = np.repeat(np.abs(before.wrenches).reshape(-1, 2, 3).max(axis=(0, 2), initial=0.0), 3)
     for name, off in zip(before.scene.load_names, (now.loads() - before.loads()).T, strict=True):
         limit = max(before.scene.tolerances[name], 0.01 * size[WRENCH_NAMES.index(name.partition("_")[0])])
@@ -180,7 +180,7 @@ def _draw(scene_toml: str, settings_json: str, models: ModelPair, chunk: Chunk) 
 
 
 def teacher_job(samples: Samples) -> Callable[[Array], Array]:
-    """Part wrenches (n, parts, 6) of poses (n, 6) on the library's model that the samples come from, as a worker finds
+    """Wrenches (n, patches, 6) of poses (n, 6) on the library's model that the samples come from, as a worker finds
     them: it makes the model once."""
     settings = json.dumps(settings_of(samples).to_table(), sort_keys=True)
     return partial(_evaluate, samples.scene.to_toml(), settings, MODELS[samples.provenance["models"]])
@@ -189,7 +189,7 @@ def teacher_job(samples: Samples) -> Callable[[Array], Array]:
 def _evaluate(scene_toml: str, settings_json: str, models: ModelPair, poses: Array) -> Array:
     with one_thread():
         settle_model, teacher, _ = _worker_models(scene_toml, settings_json, models)
-        return part_wrenches(teacher, poses, len(settle_model.scene.parts))
+        return wrenches_of(teacher, poses, len(settle_model.scene.patches))
 
 
 def _joined(scene: Scene, drawn: Iterable[DrawnChunk]) -> Samples:

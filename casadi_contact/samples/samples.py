@@ -41,8 +41,8 @@ class Dropped:
 class Samples:
     """Poses and what the contact model says there (one row per sample).
 
-    poses (n, 6) [mm, rad]; wrenches (n, parts, 6) on the fixed body [N, N·mm] and gaps (n, parts) [mm] of the parts of
-    the scene's patches (most are one part), gaps NaN where the model knows none; domain (n,) 1..7 for D1..D7; role
+    poses (n, 6) [mm, rad]; wrenches (n, patches, 6) on the fixed body [N, N·mm] and gaps (n, patches) [mm], gaps NaN
+    where the model knows none; domain (n,) 1..7 for D1..D7; role
     (n,) TRAIN, VALIDATION or TEST; provenance says what made them (settings, versions, plan digest, number of dropped
     samples by reason); dropped holds the poses of these.
     """
@@ -57,8 +57,8 @@ class Samples:
     dropped: Dropped = field(default_factory=Dropped, compare=False)
 
     def __post_init__(self) -> None:
-        count, parts = len(self.poses), len(self.scene.parts)
-        shapes = {"poses": (count, 6), "wrenches": (count, parts, 6), "gaps": (count, parts)}
+        count, patches = len(self.poses), len(self.scene.patches)
+        shapes = {"poses": (count, 6), "wrenches": (count, patches, 6), "gaps": (count, patches)}
         for name, shape in {**shapes, "domain": (count,), "role": (count,)}.items():
             if getattr(self, name).shape != shape:
                 raise ValueError(f"samples: {name} has shape {getattr(self, name).shape}, expected {shape}")
@@ -75,7 +75,7 @@ class Samples:
     def loads(self, names: Sequence[str] | None = None) -> Array:
         """Named loads (n, loads), the scene's if no names are given; raises ValueError for an unknown name."""
         names = self.scene.load_names if names is None else names
-        return np.einsum("lpk,npk->nl", self.scene.part_selection(names), self.wrenches)
+        return np.einsum("lpk,npk->nl", self.scene.selection(names), self.wrenches)
 
     def select(self, domain: str | None = None, role: int | Sequence[int] | None = None) -> Samples:
         """The samples of a domain ("D1") and of one or more roles (TRAIN, VALIDATION, TEST); None takes all."""
@@ -183,7 +183,7 @@ def domain_errors(model: LoadModel, samples: Samples, role: int = TEST) -> dict[
 
 
 def mirrored(samples: Samples) -> Samples:
-    """The samples in the mirror, sides exchanged; for a scene of two parts that mirror each other."""
+    """The samples in the mirror, sides exchanged; for a scene of two patches that mirror each other."""
     wrenches, gaps = samples.wrenches[:, ::-1] * REFLECTION, samples.gaps[:, ::-1]
     return replace(samples, poses=samples.poses * REFLECTION, wrenches=wrenches, gaps=gaps)
 

@@ -100,47 +100,47 @@ def _check_units(samples: Samples, where: str) -> None:
             f"{where}: tx, ty and tz vary by {travel_mm:.2g} at most, expected mm and at least {_LEAST_TRAVEL_MM:g}: "
             "convert m to mm (and N·m to N·mm)"
         )
-    normal = normal_forces([part.normal for part in scene.parts], samples.wrenches)
+    normal = normal_forces(scene.normal_loads, samples.wrenches)
     force_n = float(np.abs(normal).max(initial=0.0))
     if 0.0 < force_n < _LEAST_FORCE_SHARE * scene.reference_load:
         raise ValueError(
             f"{where}: the largest normal load is {three_digits(force_n)} N, expected N and at least "
             f"{_LEAST_FORCE_SHARE:g} of reference_load = {scene.reference_load:g} N: convert kN to N"
         )
-    for p, part in enumerate(scene.parts):
+    for p, patch in enumerate(scene.patches):
         force, torque = samples.wrenches[:, p, :3], samples.wrenches[:, p, 3:]
         pressed = (force != 0.0).any(axis=1)
         if not pressed.any():
             continue
-        anchor = poses[pressed, :3] + rotation(poses[pressed, 3:]) @ part.anchor_mm
+        anchor = poses[pressed, :3] + rotation(poses[pressed, 3:]) @ patch.anchor_mm
         about_anchor = np.linalg.norm(torque[pressed] - np.cross(anchor, force[pressed]), axis=1)
         lever_mm = float(np.median(about_anchor / np.linalg.norm(force[pressed], axis=1)))
         if torque.any() and lever_mm > _MOST_LEVER_MM:
             raise ValueError(
-                f"{where}: the force of {part.name} acts {lever_mm:.3g} mm from its anchor (median), expected torques "
+                f"{where}: the force of {patch.name} acts {lever_mm:.3g} mm from its anchor (median), expected torques "
                 f"about the fixed body's origin, in N·mm, within {_MOST_LEVER_MM:g} mm: shift or convert them"
             )
-        if part.normal.component is None:
-            _check_resistance(poses[pressed, 3:], anchor, force[pressed], where, part.name)
+        if patch.normal.component is None:
+            _check_resistance(poses[pressed, 3:], anchor, force[pressed], where, patch.name)
 
 
 def check_no_pull(samples: Samples, where: str, *, share: float = 0.01) -> None:
-    """Raise ValueError, naming the worst row, where a part pulls by more than this share of the boundary load."""
-    parts = samples.scene.parts
-    normal = normal_forces([part.normal for part in parts], samples.wrenches)
+    """Raise ValueError, naming the worst row, where a patch pulls by more than this share of the boundary load."""
+    patches = samples.scene.patches
+    normal = normal_forces(samples.scene.normal_loads, samples.wrenches)
     pulls = normal < -share * samples.scene.boundary_load
     if pulls.any():
         row, p = np.unravel_index(int(np.nanargmin(normal)), normal.shape)
         raise ValueError(
-            f"{where}, row {row + 1}: {parts[p].name} pulls with {three_digits(-normal[row, p])} N, expected "
-            f"{parts[p].normal.component} {'>' if parts[p].normal.sign > 0.0 else '<'}= 0 "
+            f"{where}, row {row + 1}: {patches[p].name} pulls with {three_digits(-normal[row, p])} N, expected "
+            f"{patches[p].normal.component} {'>' if patches[p].normal.sign > 0.0 else '<'}= 0 "
             f"({int(pulls.any(axis=1).sum())} such rows): give the loads on the fixed body (turn all signs), and 0 out "
             "of contact"
         )
 
 
 def check_gaps(samples: Samples, where: str, *, rounding_mm: float = 1e-6) -> None:
-    """Raise ValueError, naming the first row, where a part without load has a negative gap.
+    """Raise ValueError, naming the first row, where a patch without load has a negative gap.
 
     Load and gap may change sign at slightly different poses: as far as `overlaps_without_load` allows, in half of the
     rows without load at most.
@@ -150,10 +150,10 @@ def check_gaps(samples: Samples, where: str, *, rounding_mm: float = 1e-6) -> No
     wrong = overlaps_without_load(samples.wrenches, samples.gaps)
     wrong |= negative & (2 * negative.sum(axis=0) > free.sum(axis=0))
     if wrong.any():
-        row, part = np.argwhere(wrong)[0]
+        row, patch = np.argwhere(wrong)[0]
         raise ValueError(
-            f"{where}, row {row + 1}: {samples.scene.parts[part].name} carries no load and has the gap "
-            f"{samples.gaps[row, part]:g} mm, expected a gap above 0 out of contact ({int(wrong.any(axis=1).sum())} "
+            f"{where}, row {row + 1}: {samples.scene.patches[patch].name} carries no load and has the gap "
+            f"{samples.gaps[row, patch]:g} mm, expected a gap above 0 out of contact ({int(wrong.any(axis=1).sum())} "
             "such rows): turn the signs of the gaps, or leave them out"
         )
 

@@ -16,13 +16,12 @@ import tomli_w
 
 from casadi_contact.core.conventions import Array, load_selection
 from casadi_contact.core.files.reading import toml_tables
-from casadi_contact.geometry.elements import EVERYWHERE, ElementGrid
+from casadi_contact.geometry.elements import ElementGrid
 from casadi_contact.geometry.moving_surface import MovingSurface
 from casadi_contact.scenes.material import FRICTION_NAMES, Friction, Material
-from casadi_contact.scenes.normal_load import LoadsTable, NormalLoad, Part, in_sum, parts_of, tables_by_parts
+from casadi_contact.scenes.normal_load import LoadsTable, NormalLoad, Patch, in_sum
 from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.scenes.shapes.checks import (
-    distinct_names,
     fail,
     grid_size,
     number,
@@ -37,7 +36,7 @@ _KEYS = (
     *("format", "name", "shape", "geometry", "material", "friction", "grids"),
     *("loads", "tolerances", "sampling", "motion", "pose"),
 )
-MOST_PARTS = 256
+MOST_PATCHES = 256
 GRIDS = ("fine", "coarse", "settle", "teacher")
 
 
@@ -59,7 +58,7 @@ class Scene:
     sensitive_pose: tuple[str, ...]
     pose_space: PoseSpace = field(compare=False)
     normal_loads: tuple[NormalLoad, ...]
-    parts: tuple[Part, ...] = field(compare=False)
+    patches: tuple[Patch, ...] = field(compare=False)
     reference_load: float
     gap_slope: float
     boundary_load: float
@@ -86,10 +85,8 @@ class Scene:
             grid: grid_size(f"grids.{grid}", value)
             for grid, value in table_of("grids", tables.get("grids", {}), GRIDS, complete=shape.has_layer).items()
         }
-        parts = parts_of(geometry, loads.normal_loads, anchors_mm)
-        if len(parts) > MOST_PARTS:
-            raise ValueError(f"scene: {len(parts)} patches or parts of patches, expected {MOST_PARTS} at most")
-        distinct_names("geometry.patches (and their parts)", [part.name for part in parts])
+        if len(patch_names) > MOST_PATCHES:
+            raise ValueError(f"scene: {len(patch_names)} patches, expected {MOST_PATCHES} at most")
         sampling = tables.get("sampling", {})
         motion = tables.get("motion", {})
         for key, table in (("sampling", sampling), ("motion", motion)):
@@ -106,7 +103,7 @@ class Scene:
             anchors_mm=anchors_mm,
             tolerances={load: number(f"tolerances.{load}", value, low=0.0) for load, value in tolerances.items()},
             pose_space=space,
-            parts=parts,
+            patches=tuple(map(Patch, patch_names, anchors_mm, loads.normal_loads)),
             grids=grids,
             sampling=dict(sampling),
             motion=dict(motion),
@@ -163,23 +160,9 @@ class Scene:
         a single sensitive pose parameter (a knee whose r_x is locked)."""
         return in_sum(self.normal_loads) if len(self.sensitive_pose) == 1 else self.normal_loads
 
-    @cached_property
-    def first_parts(self) -> list[int]:
-        """The first part of each patch, by number: sums over the parts of patches are ``np.add.reduceat`` of these."""
-        patches = [part.patch for part in self.parts]
-        return [patches.index(p) for p in range(len(self.patch_names))]
-
-    @cached_property
-    def by_parts(self) -> Scene:
-        """The scene whose patches are the parts of this one's, for contact models without parts; this scene, if no
-        patch is cut."""
-        if len(self.parts) == len(self.patch_names):
-            return self
-        return Scene.from_tables(tables_by_parts(self.tables, self.patch_names, self.parts))
-
-    def part_selection(self, loads: Sequence[str]) -> Array:
-        """`load_selection` by parts (loads, parts, 6): a part counts for its patch; raises ValueError likewise."""
-        return load_selection(loads, self.patch_names)[:, [part.patch for part in self.parts]]
+    def selection(self, loads: Sequence[str]) -> Array:
+        """`load_selection` (loads, patches, 6) of the scene's patches."""
+        return load_selection(loads, self.patch_names)
 
     @property
     def start_pose(self) -> Array:
@@ -193,17 +176,7 @@ class Scene:
     def elements(self, grid: tuple[int, int]) -> list[ElementGrid]:
         """The elements (nx along x, nz along z) of each patch of the fixed surface, in patch order. A mesh scene whose
         elements are its triangles has these instead, whatever the grid."""
-        return shape_named(self.shape).elements(self.geometry, grid, [[EVERYWHERE]] * len(self.patch_names))
-
-    def part_elements(self, grid: tuple[int, int]) -> list[ElementGrid]:
-        """The elements of each part, in part order: those of its patch, shared out by their z. Raises ValueError for a
-        part without elements."""
-        ranges = [[part.z_mm for part in self.parts if part.patch == p] for p in range(len(self.patch_names))]
-        by_part = shape_named(self.shape).elements(self.geometry, grid, ranges)
-        for part, elements in zip(self.parts, by_part, strict=True):
-            if not len(elements.areas_mm2):
-                raise ValueError(f"scene {self.name}: the part {part.name} holds no element: check split_z")
-        return by_part
+        return shape_named(self.shape).elements(self.geometry, grid)
 
     @cached_property
     def reach_mm(self) -> float:
@@ -218,7 +191,7 @@ class Scene:
     def symmetric(self) -> bool:
         """True where the joint's two patches, and the poses it can take, mirror each other in the plane z = 0."""
         space = self.pose_space
-        return shape_named(self.shape).symmetric(self.geometry) and len(self.parts) == 2 and space.symmetric
+        return shape_named(self.shape).symmetric(self.geometry) and len(self.patches) == 2 and space.symmetric
 
     def with_overrides(self, **overrides: Any) -> Scene:
         """A copy with single keys replaced, each found in the one table that holds it: radius=30.0, law="log". Raises

@@ -125,19 +125,17 @@ class OnFoundation(WrenchLoads, SymbolicContact):
         from casadi_contact.samples.samples import TEST, mirrored
 
         scene = samples.scene
-        if len(scene.parts) > len(scene.patch_names):
-            raise ValueError(f"scene {scene.name} cuts patches into parts, expected whole ones: leave out split_z")
         used, base = samples.rows(samples.role != TEST), foundation(scene)
         if scene.symmetric:
             used = used.join_samples(mirrored(used))
         found, roots = base.wrenches(used.poses), base.root_loads(used.poses)[0]
         normal, wanted = (normal_forces(scene.normal_loads, each) for each in (found, used.wrenches))
         corrections = []
-        for p, part in enumerate(scene.parts):
+        for p, patch in enumerate(scene.patches):
             rows = (normal[:, p] > 1e-3 * scene.boundary_load) & (wanted[:, p] > 0.0)
-            x = local_poses(used.poses, part.anchor_mm)[:, list(scene.pose_space.free)]
+            x = local_poses(used.poses, patch.anchor_mm)[:, list(scene.pose_space.free)]
             z, kappa = np.column_stack([x, roots[:, p]])[rows], np.sqrt(wanted[rows, p] / normal[rows, p])
-            along = None if part.normal.component is None else WRENCH_NAMES.index(part.normal.component)
+            along = None if patch.normal.component is None else WRENCH_NAMES.index(patch.normal.component)
             each = Correction.of(z, kappa, used.wrenches[rows, p], found[rows, p], normal[rows, p], along)
             corrections.append(each)
         counted = {"samples": int((samples.role != TEST).sum()), "drawn_from": samples.provenance.get("models")}
@@ -172,8 +170,8 @@ class OnFoundation(WrenchLoads, SymbolicContact):
         known, roots = self.foundation._function("foundation", names, ("loads", "roots"), True, None)(pose)
         found, wrenches, corrected, invalid, errors = ca.reshape(known, 6, patches), [], [], 0.0, 0.0
         selection = load_selection(loads, self.patch_names)
-        for p, (part, own) in enumerate(zip(scene.parts, self.corrections, strict=True)):
-            moved = ca.vertcat(pose[:3] + rotation(pose[3:]) @ ca.DM(part.anchor_mm), pose[3:])
+        for p, (patch, own) in enumerate(zip(scene.patches, self.corrections, strict=True)):
+            moved = ca.vertcat(pose[:3] + rotation(pose[3:]) @ ca.DM(patch.anchor_mm), pose[3:])
             inside = ca.fmax(roots[p], 0.0)
             normal = scene.reference_load * inside**2
             phi = ca.vertcat(*own.monomials([*(moved[k] for k in scene.pose_space.free), inside]))

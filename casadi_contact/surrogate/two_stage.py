@@ -56,7 +56,7 @@ class TwoStageSurrogate(Surrogate):
             )
         names = dict.fromkeys((*scene.sensitive_loads, *scene.load_names))
         inputs = {name: 6 if name in scene.sensitive_loads else 6 + len(scene.sensitive_loads) for name in names}
-        return inputs | {root_name(part.name): 6 for part in scene.parts}
+        return inputs | {root_name(patch): 6 for patch in scene.patch_names}
 
     @staticmethod
     def fits(scene: Scene) -> bool:
@@ -100,7 +100,7 @@ class TwoStageSurrogate(Surrogate):
     @cached_property
     def _validity_roots(self) -> Surrogate:  # type: ignore[override]
         """The root load networks as a surrogate; this one where a patch has none."""
-        names = [root_name(part.name) for part in self.scene.parts]
+        names = [root_name(patch) for patch in self.scene.patch_names]
         if not all(name in self.networks for name in names):
             return self
         return _RootLoads(self.scene, {name: self.networks[name] for name in names})
@@ -114,8 +114,8 @@ class TwoStageSurrogate(Surrogate):
         roots = self._validity_roots
         if not isinstance(roots, PatchSurrogate):
             return None
-        nothing = np.zeros((0, len(roots.parts), 6))
-        return patch_kernel(roots.parts, nothing, self.scene.reference_load, None, roots._root_bounds, OWN)
+        nothing = np.zeros((0, len(roots.patches), 6))
+        return patch_kernel(roots.patches, nothing, self.scene.reference_load, None, OWN)
 
     @property
     def _rounding(self) -> float:
@@ -202,4 +202,4 @@ class _RootLoads(PatchSurrogate):
 
     @classmethod
     def required_networks(cls, scene: Scene) -> list[str]:
-        return [root_name(part.name) for part in scene.parts]
+        return [root_name(patch) for patch in scene.patch_names]

@@ -116,11 +116,9 @@ PRESETS: dict[str, Preset] = {
             "two_stage": _ladder("tanh", (8, 28.0, 12_000), (16, 115.0, 12_000), (24, 310.0, 12_000)),
         },
     ),
-    "parts": Preset(  # for scenes whose patches are cut into parts: many small networks
+    "mesh": Preset(  # for surfaces of meshes, on which loads bend more sharply
         sampling_scale=0.4,
-        efforts={"patch": _patch((16, 600.0), (14, 250.0), 30_000)},
-        active=(ActiveRound(1.0, 0.2, {"patch": _patch((16, 600.0), (16, 250.0), 30_000)}),),
-        charted={"patch": _ladder("algebraic", (8, 30.0, 20_000), (12, 120.0, None))},
+        efforts={"patch": _patch((32, 9_000.0), (24, 2_500.0))},
         domain_weights={"D1": 6.0, "D3": 2.0, "D4": 1.5},  # poses like those of the motion are to be the most accurate
     ),
     "reach": Preset(  # for scenes whose plan is a joint's whole reach: larger networks than around a motion

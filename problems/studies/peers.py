@@ -28,7 +28,7 @@ from casadi_contact.networks.frames import rotation
 from casadi_contact.networks.network import Regression
 from casadi_contact.samples.samples import Samples, finite, fitted_rows
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.surrogate.patch.networks import part_components, ratios_name, root_name
+from casadi_contact.surrogate.patch.networks import patch_components, ratios_name, root_name
 from casadi_contact.surrogate.patch.regressions import patch_regressions, root_target
 from casadi_contact.workflow.benchmark.candidates import Candidate, time_batch, time_single_calls
 from casadi_contact.workflow.benchmark.front_file import Point
@@ -43,14 +43,14 @@ CHARTED = ("glenohumeral", "hip", "knee", "patellofemoral", "problems/scenes/nat
 
 class Peer:
     """Fits as a load model poses (n, 6) -> loads (n, L): one fit called "loads" of the pose, or those of signed root
-    loads s and ratios ρ of every part's local pose, which give N = N0·max(s, 0)² and N·ρ."""
+    loads s and ratios ρ of every patch's local pose, which give N = N0·max(s, 0)² and N·ρ."""
 
     def __init__(self, scene: Scene, load_names: Sequence[str], fits: Mapping[str, Fit]) -> None:
         self.scene, self.load_names, self.fits = scene, tuple(load_names), fits
         signs = {normal.loads[0]: normal.sign for normal in scene.normal_loads if normal.component is not None}
         self._sign = np.array([signs.get(name, 0.0) for name in self.load_names])
-        self._selection, self._free = scene.part_selection(self.load_names), list(scene.pose_space.free)
-        self._components = part_components(scene)
+        self._selection, self._free = scene.selection(self.load_names), list(scene.pose_space.free)
+        self._components = patch_components(scene)
 
     def __call__(self, poses: Array) -> Array:
         """Named loads (n, L); none pulls."""
@@ -59,22 +59,22 @@ class Peer:
             loads = self.fits[LOADS].predict(poses[:, self._free])
             return np.where(self._sign * loads < 0.0, 0.0, loads)
         loads = np.zeros((len(poses), len(self.load_names)))
-        for p, part in enumerate(self.scene.parts):
-            x = local_poses(poses, part.anchor_mm)[:, self._free]
-            normal = self.scene.reference_load * np.maximum(self.fits[root_name(part.name)].predict(x), 0.0) ** 2
+        for p, patch in enumerate(self.scene.patches):
+            x = local_poses(poses, patch.anchor_mm)[:, self._free]
+            normal = self.scene.reference_load * np.maximum(self.fits[root_name(patch.name)].predict(x), 0.0) ** 2
             columns, own = self._shares(p)
             ratios = (
-                self.fits[ratios_name(part.name)].predict(x) if columns.any() else np.zeros((len(x), columns.shape[1]))
+                self.fits[ratios_name(patch.name)].predict(x) if columns.any() else np.zeros((len(x), columns.shape[1]))
             )
             loads += normal * (ratios @ columns.T + own)
         return loads
 
     def _shares(self, p: int) -> tuple[Array, Array]:
-        """How much of each ratio of part p a load takes (L, ratios), and of its normal load (L,)."""
-        part = self.scene.parts[p]
-        columns = [WRENCH_NAMES.index(name) for name in self._components[part.name]]
-        own = self._selection[:, p, WRENCH_NAMES.index(part.normal.component)] if part.normal.component else 0.0
-        return self._selection[:, p][:, columns], np.broadcast_to(part.normal.sign * own, len(self.load_names))
+        """How much of each ratio of patch p a load takes (L, ratios), and of its normal load (L,)."""
+        patch = self.scene.patches[p]
+        columns = [WRENCH_NAMES.index(name) for name in self._components[patch.name]]
+        own = self._selection[:, p, WRENCH_NAMES.index(patch.normal.component)] if patch.normal.component else 0.0
+        return self._selection[:, p][:, columns], np.broadcast_to(patch.normal.sign * own, len(self.load_names))
 
     def function(self) -> ca.Function | None:
         """casadi.Function pose (6) -> loads (L), where every fit has a formula."""
@@ -87,11 +87,11 @@ class Peer:
             loads = ca.if_else(ca.DM(self._sign) * loads < 0.0, 0.0, loads)
             return ca.Function("peer", [pose], [loads])
         found = []
-        for p, part in enumerate(self.scene.parts):
-            local = ca.vertcat(on_space[:3] + ca.mtimes(rotation(on_space[3:]), ca.DM(part.anchor_mm)), on_space[3:])
+        for p, patch in enumerate(self.scene.patches):
+            local = ca.vertcat(on_space[:3] + ca.mtimes(rotation(on_space[3:]), ca.DM(patch.anchor_mm)), on_space[3:])
             x, (columns, own) = local[self._free], self._shares(p)
-            s = self.fits[root_name(part.name)].expression(x)  # type: ignore[misc]
-            ratios = self.fits[ratios_name(part.name)].expression(x) if columns.any() else ca.MX(columns.shape[1], 1)  # type: ignore[misc]
+            s = self.fits[root_name(patch.name)].expression(x)  # type: ignore[misc]
+            ratios = self.fits[ratios_name(patch.name)].expression(x) if columns.any() else ca.MX(columns.shape[1], 1)  # type: ignore[misc]
             found.append(
                 self.scene.reference_load * ca.fmax(s, 0) ** 2 * (ca.mtimes(ca.DM(columns), ratios) + ca.DM(own))
             )
@@ -133,31 +133,31 @@ def splines(samples: Samples, target: str, names: Sequence[str], nodes: int) -> 
         x = near.poses[:, free]
         return {LOADS: b_spline(lambda x: model(whole(x))[:, columns], x.min(axis=0), x.max(axis=0), nodes)}
     fits = {}
-    for p, part in enumerate(scene.parts):
-        x = local_poses(near.poses, part.anchor_mm)[:, free]
+    for p, patch in enumerate(scene.patches):
+        x = local_poses(near.poses, patch.anchor_mm)[:, free]
 
-        def poses_at(x: Array, anchor: Array = part.anchor_mm) -> Array:
+        def poses_at(x: Array, anchor: Array = patch.anchor_mm) -> Array:
             poses = whole(x)
             poses[:, :3] -= local_poses(np.hstack([np.zeros((len(poses), 3)), poses[:, 3:]]), anchor)[:, :3]
             return poses
 
         def root(x: Array, p: int = p) -> Array:
             poses = poses_at(x)
-            wrench = model.part_wrenches(poses)[:, p]
-            return root_target(scene.parts[p].normal.of(wrench), model.part_gaps(poses)[:, p], scene)[:, None]
+            wrench = model.wrenches(poses)[:, p]
+            return root_target(scene.patches[p].normal.of(wrench), model.gaps(poses)[:, p], scene)[:, None]
 
         def ratios(x: Array, p: int = p) -> Array:
             """Of nodes out of contact, which have none, those of the nearest node in contact."""
             from scipy.spatial import cKDTree
 
-            wrench, part = model.part_wrenches(poses_at(x))[:, p], scene.parts[p]
-            normal, size = part.normal.of(wrench), np.where(np.ptp(x, axis=0), np.ptp(x, axis=0), 1.0)
+            wrench, patch = model.wrenches(poses_at(x))[:, p], scene.patches[p]
+            normal, size = patch.normal.of(wrench), np.where(np.ptp(x, axis=0), np.ptp(x, axis=0), 1.0)
             touching = np.flatnonzero(normal > scene.boundary_load)
             nearest = touching[cKDTree(x[touching] / size).query(x / size)[1]]
-            picked = [WRENCH_NAMES.index(name) for name in part_components(scene)[part.name]]
+            picked = [WRENCH_NAMES.index(name) for name in patch_components(scene)[patch.name]]
             return np.asarray(wrench[nearest][:, picked] / normal[nearest, None])
 
-        for name, values in ((root_name(part.name), root), (ratios_name(part.name), ratios)):
+        for name, values in ((root_name(patch.name), root), (ratios_name(patch.name), ratios)):
             fits[name] = b_spline(values, x.min(axis=0), x.max(axis=0), nodes)
     return fits
 

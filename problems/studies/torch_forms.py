@@ -46,11 +46,11 @@ def torch_formula(surrogate: Surrogate, loads: Sequence[str]) -> Callable[[Any],
 
     scene = surrogate.scene
     if isinstance(surrogate, PatchSurrogate):
-        picks = zip(surrogate.parts, scene.part_selection(loads).transpose(1, 0, 2), strict=True)
+        picks = zip(surrogate.patches, scene.selection(loads).transpose(1, 0, 2), strict=True)
         parts = [
-            [network(part.root), network(part.ratios)]
-            + [constant(each) for each in (part.anchor_mm, pick[:, part.columns], pick @ part.own)]
-            for part, pick in picks
+            [network(patch.root), network(patch.ratios)]
+            + [constant(each) for each in (patch.anchor_mm, pick[:, patch.columns], pick @ patch.own)]
+            for patch, pick in picks
         ]
 
         def patch(pose: Any) -> Any:

@@ -15,11 +15,11 @@ from casadi_contact.contact.polar.foundation import PolarFoundation
 from casadi_contact.core.compiler import compiler_command
 from casadi_contact.scenes.loading import load_scene
 from tests.support.compiler import needs_compiler
-from tests.support.random_surrogates import IN_PARTS, random_poses, random_surrogate, scene_called
+from tests.support.random_surrogates import THREE, random_poses, random_surrogate, scene_called
 
 
-def in_parts():
-    return random_surrogate(scene_called(IN_PARTS), "patch", seed=6), random_poses(1)[0]
+def of_three():
+    return random_surrogate(scene_called(THREE), "patch", seed=6), random_poses(1)[0]
 
 
 def cells():
@@ -28,7 +28,7 @@ def cells():
 
 
 @needs_compiler
-@pytest.mark.parametrize("made", [in_parts, cells])
+@pytest.mark.parametrize("made", [of_three, cells])
 def test_code_that_casadi_generates_is_linked_with_the_exported_files(made, tmp_path, monkeypatch):
     """All compiled functions of a model are called by their names there, in one program, with their derivatives."""
     monkeypatch.chdir(tmp_path)  # where Function.generate writes

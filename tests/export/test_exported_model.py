@@ -15,7 +15,7 @@ from casadi_contact.core.quantities import quantity
 from casadi_contact.surrogate.base import Surrogate
 from tests.support.agreement import close
 from tests.support.compiler import needs_compiler
-from tests.support.random_surrogates import IN_PARTS, random_confidence, random_poses, random_surrogate, scene_called
+from tests.support.random_surrogates import THREE, random_confidence, random_poses, random_surrogate, scene_called
 
 OK, OUTSIDE, NOT_FINITE = range(3)
 pytestmark = [needs_compiler, pytest.mark.skipif(shutil.which("make") is None, reason="no make found")]
@@ -55,7 +55,7 @@ class Exported:
         return self.status(pose), loads, jacobian, *roots, validity[0], errors
 
 
-@pytest.mark.parametrize(("scene", "structure"), [("knee", "patch"), (IN_PARTS, "patch"), ("knee", "two_stage")])
+@pytest.mark.parametrize(("scene", "structure"), [("knee", "patch"), (THREE, "patch"), ("knee", "two_stage")])
 def test_an_exported_surrogate_gives_loads_roots_validity_and_expected_error_and_says_what_was_learned(
     scene, structure, tmp_path
 ):

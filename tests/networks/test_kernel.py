@@ -19,16 +19,16 @@ from tests.support.agreement import (
 from tests.support.compiler import needs_compiler
 from tests.support.meshes import ball_mesh, scene_of, sheet_mesh
 from tests.support.random_surrogates import (
-    IN_PARTS,
     POSE_CENTRE,
     POSE_SPREAD,
+    THREE,
     random_poses,
     random_surrogate,
     scene_called,
 )
 
 pytestmark = needs_compiler
-CASES = [("knee", "two_stage"), *((scene, "patch") for scene in ("knee", "hip", "patellofemoral", IN_PARTS))]
+CASES = [("knee", "two_stage"), *((scene, "patch") for scene in ("knee", "hip", "patellofemoral", THREE))]
 
 
 def far_poses(count: int) -> np.ndarray:
@@ -55,8 +55,6 @@ def test_graph_and_kernel_equal_numpy(scene, structure):
     """Loads and root loads, their Jacobians and Hessians, near and far, on both sides of liftoff, and not finite."""
     surrogate = random_surrogate(scene_called(scene), structure, seed=3)
     touching = at_liftoff(surrogate, random_poses(1, seed=2))
-    if scene == IN_PARTS:  # in the very kink rounding decides which bears, and so the curvature
-        touching = touching[2:]
     poses, pose = np.vstack([random_poses(6, seed=1), far_poses(5), touching]), ca.MX.sym("pose", 6)
     graph, kernel = (surrogate.load_and_root_function(compiled=compiled) for compiled in (False, True))
     # The root of two_stage turns by a right angle within 0.05 N, where rounding errors of the forces count for more.
@@ -83,7 +81,7 @@ def test_graph_and_kernel_equal_numpy(scene, structure):
     np.testing.assert_array_equal(surrogate(poses), surrogate.jacobian(poses)[0])
 
 
-@pytest.mark.parametrize(("scene", "structure"), [("knee", "patch"), (IN_PARTS, "patch"), ("knee", "two_stage")])
+@pytest.mark.parametrize(("scene", "structure"), [("knee", "patch"), (THREE, "patch"), ("knee", "two_stage")])
 def test_derivatives_are_those_of_differences(scene, structure):
     surrogate = random_surrogate(scene_called(scene), structure, seed=3)
     check_jacobian(surrogate, random_poses(20, seed=6), 1e-4)
@@ -121,7 +119,7 @@ def test_batches_equal_single_calls(structure):
     agree(got.full()[None, None], want.full()[None, None], 2)
 
 
-@pytest.mark.parametrize(("scene", "structure"), [("knee", "two_stage"), (IN_PARTS, "patch")])
+@pytest.mark.parametrize(("scene", "structure"), [("knee", "two_stage"), (THREE, "patch")])
 def test_the_jacobian_of_the_jacobian_is_the_hessian_of_every_output(scene, structure):
     """Loads and roots together, and either alone, against the graph."""
     surrogate, poses = random_surrogate(scene_called(scene), structure, seed=3), random_poses(4, seed=1)
@@ -170,13 +168,13 @@ def test_ready_surrogates_agree_in_and_beyond_their_range(name):
 
 
 @pytest.mark.usefixtures("as_shipped")
-def test_however_many_parts_are_pressed_the_kernel_equals_numpy():
-    """Networks of parts are evaluated four or two at a time, and those that are left over one by one."""
-    surrogate, pose = random_surrogate(scene_called(IN_PARTS), "patch", seed=5), ca.MX.sym("pose", 6)
+def test_however_many_patches_are_pressed_the_kernel_equals_numpy():
+    """Networks are evaluated in pairs, and one that is left over alone."""
+    surrogate, pose = random_surrogate(scene_called(THREE), "patch", seed=5), ca.MX.sym("pose", 6)
     poses = random_poses(5000, seed=7)
-    pressed = sum(part.root.value(local_poses(poses, part.anchor_mm)) > 0.0 for part in surrogate.parts)
-    poses = np.vstack([poses[pressed == count][:3] for count in range(5)])
-    assert len(poses) == 15
+    pressed = sum(each.root.value(local_poses(poses, each.anchor_mm)) > 0.0 for each in surrogate.patches)
+    poses = np.vstack([poses[pressed == count][:3] for count in range(4)])
+    assert len(poses) == 12
     compiled, graph = (surrogate.function(compiled=compiled) for compiled in (True, False))
     slopes = ca.Function("slopes", [pose], [ca.jacobian(graph(pose), pose)])
     agree([compiled(each).full().ravel() for each in poses], surrogate(poses))

@@ -1,6 +1,5 @@
 """Untrained surrogates and confidences of random weights, scaled so that root loads cross zero; random samples."""
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -15,21 +14,19 @@ from casadi_contact.surrogate.load import STRUCTURES
 
 POSE_CENTRE = np.array([0.0, 27.0, 0.0, 0.0, 0.0, -0.5])
 POSE_SPREAD = np.array([6.0, 0.4, 3.0, 0.05, 0.1, 0.6])
-IN_PARTS = "knee in parts"
+THREE = "three patches"
 
 
 def scene_called(name: str) -> Scene:
-    """A ready-made scene, or the knee with its medial patch in three parts (a surrogate does not ask how it is cut)."""
-    if name != IN_PARTS:
+    """A ready-made scene, or one of three patches, an odd number."""
+    if name != THREE:
         return load_scene(name)
-    knee = load_scene("knee")
-    medial, lateral = knee.parts
-    cut = []
-    for k in (1, 2, 3):
-        anchor = medial.anchor_mm + np.array([0.0, 0.0, 6.0 * (k - 2)])
-        normal = replace(medial.normal, patch=f"med_{k}")
-        cut.append(replace(medial, name=f"med_{k}", anchor_mm=anchor, normal=normal))
-    return replace(knee, parts=(*cut, lateral))
+    tables = {
+        key: value for key, value in load_scene("knee").tables.items() if key not in ("material", "grids", "motion")
+    }
+    patches = {name: {"anchor": [0.0, 0.0, z]} for name, z in (("med", 20.0), ("post", 0.0), ("lat", -20.0))}
+    loads = {**tables["loads"], "sensitive": [f"Fy_{name}" for name in patches]}
+    return Scene.from_tables({**tables, "shape": "own_model", "geometry": {"patches": patches}, "loads": loads})
 
 
 def random_poses(count: int, seed: int = 0) -> np.ndarray:

@@ -13,8 +13,8 @@ from casadi_contact.surrogate.kernel import BATCH_FROM
 from tests.support.agreement import close
 from tests.support.compiler import needs_compiler
 from tests.support.random_surrogates import (
-    IN_PARTS,
     POSE_SPREAD,
+    THREE,
     random_confidence,
     random_poses,
     random_surrogate,
@@ -37,7 +37,7 @@ def surrogates(scene, structure):
 @needs_compiler
 @pytest.mark.usefixtures("as_shipped")
 @pytest.mark.parametrize(
-    ("scene", "structure"), [("knee", "patch"), (IN_PARTS, "patch"), ("hip", "patch"), (IN_PARTS, "two_stage")]
+    ("scene", "structure"), [("knee", "patch"), (THREE, "patch"), ("hip", "patch"), (THREE, "two_stage")]
 )
 def test_the_kernel_gives_loads_derivatives_validity_and_expected_error_of_numpy(scene, structure):
     kernel, plain = surrogates(scene, structure)
@@ -62,7 +62,7 @@ def test_the_kernel_gives_loads_derivatives_validity_and_expected_error_of_numpy
 @needs_compiler
 @pytest.mark.parametrize("output", ["validity", "expected_error"])
 @pytest.mark.parametrize(
-    ("scene", "structure"), [("knee", "patch"), (IN_PARTS, "patch"), ("hip", "patch"), (IN_PARTS, "two_stage")]
+    ("scene", "structure"), [("knee", "patch"), (THREE, "patch"), ("hip", "patch"), (THREE, "two_stage")]
 )
 def test_functions_of_confidence_have_the_graph_s_derivatives_in_the_kernel(scene, structure, output):
     """Value, Jacobian, Hessian of a weighted sum: kernel = graph, slopes = differences; NaN for poses not finite."""
@@ -139,7 +139,7 @@ def test_a_confidence_of_too_few_numbers_is_refused_before_c_could_read_beyond_t
 # --- in NumPy, many poses as few, loads and root loads together as each alone
 
 MANY = random_poses(4500)  # more than two blocks
-CASES = [("knee", "patch"), (IN_PARTS, "patch"), ("knee", "two_stage"), ("planar_knee", "patch")]
+CASES = [("knee", "patch"), (THREE, "patch"), ("knee", "two_stage"), ("planar_knee", "patch")]
 
 
 @pytest.fixture(params=CASES, ids="-".join)

@@ -259,7 +259,7 @@ def test_a_pose_beside_what_the_scene_locks_is_not_valid():
     scene = load_scene("planar_knee")
     surrogate, rng = random_surrogate(scene, "patch", seed=1), np.random.default_rng(0)
     poses = scene.pose_space.project(POSE_CENTRE + POSE_SPREAD * rng.uniform(-1.0, 1.0, (900, 6)))
-    samples = samples_of(rng, poses, np.zeros((len(poses), len(scene.parts), 6)), scene, (0.5, 0.5, 0.0))
+    samples = samples_of(rng, poses, np.zeros((len(poses), len(scene.patches), 6)), scene, (0.5, 0.5, 0.0))
     made = calibrate(surrogate, samples, settings=replace(QUICK, tolerances=1e6))
     assert np.median(made.validity(poses)) > 0.9
     pose = ca.MX.sym("pose", 6)

@@ -39,7 +39,7 @@ def test_a_patch_name_that_is_code_never_runs_whether_in_a_file_or_in_python(tmp
         for key in list(file["networks"]):
             file["networks"].move(key, key.replace("contact", name.replace("/", "%")))
     refused(path, "letters")
-    surrogate = random_surrogate_of(replace(SCENE, parts=(replace(SCENE.parts[0], name=name),)))
+    surrogate = random_surrogate_of(replace(SCENE, patches=(SCENE.patches[0]._replace(name=name),)))
     for use in (lambda: surrogate.function(compiled=True), lambda: cc.export_c(surrogate, tmp_path / "out")):
         with pytest.raises(ValueError, match="cannot be a name in C"):
             use()

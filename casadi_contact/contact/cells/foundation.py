@@ -18,7 +18,7 @@ from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.friction import PressedPoints
 from casadi_contact.contact.model import PatchLoads
 from casadi_contact.contact.pressure_law import law_of
-from casadi_contact.core.conventions import Array, batched, rotation
+from casadi_contact.core.conventions import Array, rotation
 from casadi_contact.geometry.distance_field import in_single_precision
 from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface
 from casadi_contact.scenes.scene import Scene
@@ -39,16 +39,6 @@ class CellFoundation(CompiledFoundation):
         self.cells, self.resolution = cells, str(cells)
         self.patches = cell_patches(scene, cells)
 
-    @batched
-    def part_wrenches(self, poses: Array) -> Array:
-        """Wrench of each part of the scene's patches (n, parts, 6) [N, N·mm], in cells of the same size."""
-        return self._parts.wrenches(poses)
-
-    @batched
-    def part_gaps(self, poses: Array) -> Array:
-        """Distance of each part of the scene's patches (n, parts) [mm] from the moving body."""
-        return self._parts.gaps(poses)
-
     def edge_share(self, poses: Array) -> Array:
         """`ElasticFoundation.edge_share`: cells at the rim are several times as wide as elements."""
         return self._elements.edge_share(poses)
@@ -60,11 +50,6 @@ class CellFoundation(CompiledFoundation):
     @cached_property
     def _elements(self) -> ElasticFoundation:
         return ElasticFoundation(self.scene, self.scene.grids["teacher"])
-
-    @cached_property
-    def _parts(self) -> CellFoundation:
-        scene = self.scene.by_parts
-        return self if scene is self.scene else CellFoundation(scene, self.cells, compiled=self._compiled)
 
     def pressed_points(self, poses: Array) -> Iterator[list[PressedPoints]]:
         """Of each pose (n, 6), of each patch, the nodes that bear load."""

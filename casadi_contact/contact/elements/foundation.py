@@ -144,11 +144,6 @@ class ElasticFoundation(SlidingContact):
         return symbolic(self).function(loads, name, **options)
 
     @batched
-    def part_wrenches(self, poses: Array) -> Array:
-        """Wrench of each part of the scene's patches (n, parts, 6) [N, N·mm], as samples hold it."""
-        return self._evaluate(self._parts, poses, derivatives=False)[0]
-
-    @batched
     def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Wrenches (n, patches, 6) and their analytic derivatives by the pose (n, patches, 6, 6)."""
         return self._evaluate(self._patches, poses, derivatives=True)
@@ -157,11 +152,6 @@ class ElasticFoundation(SlidingContact):
     def gaps(self, poses: Array) -> Array:
         """Distance of each patch (n, patches) [mm] from the moving body; below zero, minus the largest overlap."""
         return self._gaps(self._patches, poses)[0]
-
-    @batched
-    def part_gaps(self, poses: Array) -> Array:
-        """Distance of each part of the scene's patches (n, parts) [mm] from the moving body, likewise."""
-        return self._gaps(self._parts, poses)[0]
 
     @batched
     def at_edge(self, poses: Array) -> np.ndarray:
@@ -230,18 +220,6 @@ class ElasticFoundation(SlidingContact):
             at_edge = scattered_elements(centres[near], normals[near], areas[near], near[near])
             beds.append(PatchElements.of(surface, at_edge, self.scene))
         return beds
-
-    @cached_property
-    def _parts(self) -> list[PatchElements]:
-        """The patches' beds cut into those of their parts: for samples alone, since more beds take longer."""
-        parts = self.scene.parts
-        if len(parts) == len(self.patch_names):
-            return self._patches
-        grids = self.scene.part_elements(self.grid)
-        return [
-            PatchElements.of(self._patches[part.patch].surface, e, self.scene)
-            for part, e in zip(parts, grids, strict=True)
-        ]
 
     def _evaluate(self, beds: Sequence[PatchElements], poses: Array, *, derivatives: bool) -> tuple[Array, Array]:
         """Wrenches (n, beds, 6) and, if asked, d wrench / d pose (n, beds, 6, 6)."""

@@ -1,6 +1,6 @@
 """Finite elements as a contact model: a rigid moving body pressed into the fixed body's elastic layer, frictionless."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,7 +23,6 @@ from casadi_contact.core.conventions import (
 )
 from casadi_contact.geometry.elements import scattered_elements
 from casadi_contact.geometry.moving_surface import MovingSurface
-from casadi_contact.scenes.normal_load import Part
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.checks import grid_size
 from casadi_contact.scenes.shapes.shape import shape_named
@@ -46,14 +45,12 @@ class ElasticBody:
     In a pose with overlaps d (m,) along the normals, the forces f (m,) solve f ≥ 0, C·f - d ≥ 0, fᵀ(C·f - d) = 0.
     """
 
-    def __init__(self, layer: Layer, surface: MovingSurface, parts: Sequence[Part]) -> None:
+    def __init__(self, layer: Layer, surface: MovingSurface) -> None:
         self.layer, self.surface = layer, surface
         self.wrenches = -np.concatenate([layer.normals, np.cross(layer.points_mm, layer.normals)], axis=1)
-        z = layer.points_mm[:, 2]
-        self.part_nodes = [np.asarray((part.z_mm[0] <= z) & (z < part.z_mm[1])) for part in parts]
-        everywhere = np.zeros(len(z), dtype=bool)  # no node counts as an edge: gaps alone are asked for
-        of_parts = [(layer.points_mm, layer.normals, layer.areas_mm2, everywhere, part.z_mm) for part in parts]
-        self.part_elements = [PatchElements.of(surface, scattered_elements(*of_part), None) for of_part in of_parts]
+        inner = np.zeros(len(layer.points_mm), dtype=bool)  # no node counts as an edge: gaps alone are asked for
+        nodes = scattered_elements(layer.points_mm, layer.normals, layer.areas_mm2, inner)
+        self.elements = PatchElements.of(surface, nodes, None)
 
     def press(self, R: Array, t: Array, reach_mm: float) -> Pressed:
         """The forces in one pose; nodes farther than reach from the moving body are left out."""
@@ -131,10 +128,9 @@ class FiniteElements(WrenchLoads):
         self._elements = ElasticFoundation(scene, self.grid)  # on the same points: it knows the rims
         self._bodies = []
         cells = shape_named(scene.shape).cells(scene.geometry, self.grid)
-        for patch, (surface, (points, normals, areas)) in enumerate(zip(scene.surfaces(), cells, strict=True)):
+        for surface, (points, normals, areas) in zip(scene.surfaces(), cells, strict=True):
             layer = Layer.of(points, normals, areas > 0.0, scene.material, mesh)
-            self._bodies.append(ElasticBody(layer, surface, [part for part in scene.parts if part.patch == patch]))
-        self._part_elements = [elements for body in self._bodies for elements in body.part_elements]
+            self._bodies.append(ElasticBody(layer, surface))
 
     def __repr__(self) -> str:
         return f"FiniteElements({self.scene.name}, grid={grid_text(self.grid)}, {self.mesh})"
@@ -157,18 +153,12 @@ class FiniteElements(WrenchLoads):
     @batched
     def wrenches(self, poses: Array) -> Array:
         """Wrench of each patch on the fixed body (n, patches, 6) [N, N·mm], for poses (n, 6)."""
-        return np.add.reduceat(self.part_wrenches(poses), self.scene.first_parts, axis=1)
-
-    @batched
-    def part_wrenches(self, poses: Array) -> Array:
-        """Wrench of each part of the scene's patches (n, parts, 6) [N, N·mm], as samples hold it."""
         wrenches = [
-            (found.forces_n * within[found.nodes]) @ body.wrenches[found.nodes]
+            found.forces_n @ body.wrenches[found.nodes]
             for pressed in self._pressed(poses)
             for body, found in zip(self._bodies, pressed, strict=True)
-            for within in body.part_nodes
         ]
-        return np.reshape(wrenches, (len(poses), len(self.scene.parts), 6))
+        return np.reshape(wrenches, (len(poses), len(self._bodies), 6))
 
     @batched
     def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:
@@ -180,11 +170,6 @@ class FiniteElements(WrenchLoads):
                 unit = body.wrenches[found.nodes].T
                 wrenches[k, p], by_twist[k, p] = unit @ found.forces_n, unit @ found.by_twist
         return wrenches, twist_to_pose_gradient(by_twist, poses)
-
-    @batched
-    def part_gaps(self, poses: Array) -> Array:
-        """Distance of each part of the scene's patches (n, parts) [mm] from the moving body, likewise."""
-        return self._elements._gaps(self._part_elements, poses)[0]
 
     @batched
     def at_edge(self, poses: Array) -> np.ndarray:
@@ -232,10 +217,4 @@ class FiniteElements(WrenchLoads):
 
     def gap_jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Gaps (n, patches) [mm] and their derivatives by the pose (n, patches, 6)."""
-        gaps, slopes = self._elements._gaps(self._part_elements, poses)
-        nearest = [
-            first + gaps[:, first : first + len(body.part_elements)].argmin(axis=1)
-            for first, body in zip(self.scene.first_parts, self._bodies, strict=True)
-        ]
-        rows = np.arange(len(poses))[:, None], np.transpose(nearest)
-        return gaps[rows], slopes[rows]
+        return self._elements._gaps([body.elements for body in self._bodies], poses)

@@ -15,7 +15,6 @@ from casadi_contact.networks.activations import ACTIVATIONS
 from casadi_contact.networks.kernel.networks import Bundle, Shape, padded
 
 NEURONS_SIDE_BY_SIDE = 64  # of a layer, in networks that are evaluated together: more would leave the registers
-MOST_SIDE_BY_SIDE = {"value": (4, 2), "gradient": (2,)}  # slopes take registers too
 
 
 def network_functions(bundles: Sequence[Bundle]) -> str:
@@ -50,9 +49,9 @@ def activation_loops(name: str) -> str:
     return "\n\n".join(functions)
 
 
-def sides_of(shape: Shape | None, what: str) -> list[int]:
-    """How many networks of a shape may be evaluated side by side, the most first."""
-    return [] if shape is None else [s for s in MOST_SIDE_BY_SIDE[what] if s * shape.widest <= NEURONS_SIDE_BY_SIDE]
+def paired(shape: Shape) -> bool:
+    """Whether networks of a shape may be evaluated in pairs."""
+    return 2 * shape.widest <= NEURONS_SIDE_BY_SIDE
 
 
 def _each(shape: Shape, statement: str) -> str:
@@ -119,7 +118,7 @@ def _indented(lines: Sequence[str]) -> list[str]:
 
 def _side_by_side(shape: Shape, what: str, comment: str, outputs: Sequence[str], body: Sequence[str]) -> list[str]:
     """SHAPE_whats for networks p with weights, inputs and outputs of their own, each statement for one after the other;
-    SHAPE_what for one of them, SHAPE_what_2 and so on for as many."""
+    SHAPE_what for one of them, SHAPE_what_2 for two."""
     name = f"{shape.symbol}_{what}"
     several = ", ".join(["const double *const *w", "const double *const *x", *(f"double *const *{y}" for y in outputs)])
     one = ", ".join(["const double *w", "const double *x", *(f"double *{y}" for y in outputs)])
@@ -131,10 +130,7 @@ def _side_by_side(shape: Shape, what: str, comment: str, outputs: Sequence[str],
         "}",
         "",
         f"FUNCTION void {name}({one}) {{ {name}s(1, {', '.join(f'&{each}' for each in names)}); }}",
-        *(
-            f"\nFUNCTION void {name}_{side}({several}) {{ {name}s({side}, {', '.join(names)}); }}"
-            for side in sides_of(shape, what)
-        ),
+        f"\nFUNCTION void {name}_2({several}) {{ {name}s(2, {', '.join(names)}); }}" if paired(shape) else "",
     ]
 
 
@@ -271,28 +267,24 @@ def bundle_functions(bundle: Bundle) -> str:
 
 
 def family_functions(name: str, bundles: Sequence[Bundle]) -> str:
-    """NAME_value(count, which, x, y) and NAME_gradient(count, which, x, y, g): those of the bundles that are listed;
-    several side by side where each is one network, all of the same few neurons. x, y and g hold a pointer for each."""
+    """NAME_value(count, which, x, y) and NAME_gradient(count, which, x, y, g): those of the bundles that are listed; in
+    pairs where each is one network, all of the same few neurons. x, y and g hold a pointer for each."""
     shapes = {bundle.groups[0].shape if bundle.groups else None for bundle in bundles}
-    shape = shapes.pop() if len(shapes) == 1 else None
-    sides = {what: [side for side in sides_of(shape, what) if side <= len(bundles)] for what in MOST_SIDE_BY_SIDE}
+    shape = shapes.pop() if len(shapes) == 1 and len(bundles) > 1 else None
     functions = []
-    if any(sides.values()):
+    if pairs := shape is not None and paired(shape):
         weights = ", ".join(group.symbol for bundle in bundles for group in bundle.groups)
         functions.append(f"static const double *const {name}_weights[{len(bundles)}] = {{{weights}}};")
-    for what, outputs, most in (("value", "y", "VALUES_SIDE_BY_SIDE"), ("gradient", "yg", "SLOPES_SIDE_BY_SIDE")):
+    for what, outputs, in_pairs in (("value", "y", "VALUES_IN_PAIRS"), ("gradient", "yg", "SLOPES_IN_PAIRS")):
         pointers = "".join(f", double *const *{array}" for array in outputs)
         lines = [f"INLINE void {name}_{what}(int count, const int *which, const double *const *x{pointers}) {{"]
         lines.append("  int k = 0;")
-        called = "" if shape is None else f"{shape.symbol}_{what}"
-        for side in sides[what]:
+        if pairs:
             kinds = {f"{name}_weights": "const double", "x": "const double", **dict.fromkeys(outputs, "double")}
-            given = (
-                f"({kind} *const[]){{{', '.join(f'{array}[which[k + {p}]]' for p in range(side))}}}"
-                for array, kind in kinds.items()
-            )
-            lines.append(f"  for (; {side} <= {most} && k + {side} <= count; k += {side}) {{")
-            lines += [f"    {called}_{side}({', '.join(given)});", "  }"]
+            of_two = "({kind} *const[]){{{array}[which[k]], {array}[which[k + 1]]}}"
+            given = (of_two.format(kind=kind, array=array) for array, kind in kinds.items())
+            lines.append(f"  for (; {in_pairs} && k + 2 <= count; k += 2) {{")
+            lines += [f"    {shape.symbol}_{what}_2({', '.join(given)});", "  }"]  # type: ignore[union-attr]
         lines += ["  for (; k < count; k++) {", "    const int i = which[k];", "    switch (i) {"]
         of_one = "".join(f", {array}[i]" for array in outputs)
         lines += [f"      case {p}: {b.symbol}_{what}(x[i]{of_one}); break;" for p, b in enumerate(bundles)]

@@ -24,13 +24,11 @@
     z = [3.0, 40.0]
     anchor = [0.0, 0.0, 22.0]             # on the moving body, about where it touches this patch; else its origin
     pressing = [-1.0, 0.0, 0.0]           # of this patch alone: a post's wall, a ridge that another direction sees
-    split_z = [17.0]                      # cut into parts along z, learned apart
 
 Loading a scene file makes the paths absolute and adds the files' SHA-256; the scene's digest holds the latter only,
 so that a scene stays the same scene wherever its files lie, and another one when a mesh changes.
 """
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -44,7 +42,7 @@ from casadi_contact.geometry.elements import Cells, ElementGrid, grid_elements, 
 from casadi_contact.geometry.mesh import FILE_AXES, MM_PER_UNIT, axes_rotation, file_digest
 from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface, half_space
 from casadi_contact.scenes.shapes.checks import fail, identifier, number, numbers, table_of
-from casadi_contact.scenes.shapes.shape import Geometry, Range, Shape, patch_anchors
+from casadi_contact.scenes.shapes.shape import Geometry, Shape, patch_anchors
 
 BODIES = ("moving", "fixed")
 _CHOICES: dict[str, Sequence[str]] = {
@@ -62,14 +60,12 @@ _DEFAULTS: dict[str, Any] = {"axes": list(FILE_AXES), "elements": "grid", "spaci
 
 
 def _patch(key: str, table: object) -> dict[str, Any]:
-    values = table_of(key, table, ("x", "y", "z", "anchor", "pressing", "split_z"), complete=False)
+    values = table_of(key, table, ("x", "y", "z", "anchor", "pressing"), complete=False)
     for name, length in (("x", 2), ("y", 2), ("z", 2), ("anchor", 3), ("pressing", 3)):
         if name in values:
             listed = _list(f"{key}.{name}", values[name], length)
             if length == 2 and listed[0] >= listed[1]:
                 raise fail(f"{key}.{name}", listed, "two rising numbers [mm]")
-    if "split_z" in values:
-        _check_cuts(f"{key}.split_z", values["split_z"], values.get("z"))
     return values
 
 
@@ -88,13 +84,6 @@ def _placement(key: str, table: object) -> dict[str, Any]:
     if values.get("mirror", "x") not in FILE_AXES:
         raise fail(f"{key}.mirror", values["mirror"], " or ".join(FILE_AXES))
     return values
-
-
-def _check_cuts(key: str, cuts: object, bounds: Sequence[float] | None) -> None:
-    if bounds is None:
-        raise ValueError(f"scene: {key} = {cuts!r} needs the patch's z, its bounds [mm]")
-    if not all(a < b for a, b in itertools.pairwise([bounds[0], *numbers(key, cuts, None, "mm"), bounds[1]])):
-        raise fail(key, cuts, f"a list of rising numbers between {bounds[0]:g} and {bounds[1]:g} [mm]")
 
 
 class Mesh(Shape):
@@ -160,26 +149,21 @@ class Mesh(Shape):
         bodies.check_shared(geometry, cells)
         return cells
 
-    def elements(
-        self, geometry: Geometry, grid: tuple[int, int], z_ranges_mm: Sequence[Sequence[Range]]
-    ) -> list[ElementGrid]:
+    def elements(self, geometry: Geometry, grid: tuple[int, int]) -> list[ElementGrid]:
         """As of any shape, or each patch's triangles, whatever the grid; outermost are those where the patch is cut."""
         from casadi_contact.geometry.projection import open_triangles, triangles_on_mesh
         from casadi_contact.scenes.shapes import mesh_bodies as bodies
 
-        field, elements = bodies.body_field(geometry, "fixed"), []
+        field = bodies.body_field(geometry, "fixed")
         if geometry["elements"] == "grid":
-            for patch, cells, ranges in zip(geometry["patches"], self.cells(geometry, grid), z_ranges_mm, strict=True):
-                cut = bodies.cut_cells(geometry, patch, cells, field)
-                elements += [grid_elements(*cells, z_mm, cut) for z_mm in ranges]
-            return elements
+            patches = zip(geometry["patches"], self.cells(geometry, grid), strict=True)
+            return [grid_elements(*cells, bodies.cut_cells(geometry, name, cells, field)) for name, cells in patches]
         bodies.check_patches(geometry)
         meshes = [bodies.patch_mesh(geometry, patch) for patch in geometry["patches"]]
         triangles = [triangles_on_mesh(mesh, field) for mesh in meshes]
         bodies.check_shared(geometry, triangles)
-        for mesh, of_patch, ranges in zip(meshes, triangles, z_ranges_mm, strict=True):
-            elements += [scattered_elements(*of_patch, open_triangles(mesh), z_mm) for z_mm in ranges]
-        return elements
+        patches = zip(meshes, triangles, strict=True)
+        return [scattered_elements(*of_patch, open_triangles(mesh)) for mesh, of_patch in patches]
 
     def thickness_at(self, geometry: Geometry, points_mm: Array, normals: Array) -> Array | None:
         """The way to the backing along the inward normals, where the scene names one."""

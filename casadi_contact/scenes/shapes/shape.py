@@ -6,7 +6,7 @@ asks the record. A new shape is a record and a line in `_MODULES`.
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -20,7 +20,6 @@ from casadi_contact.geometry.moving_surface import MovingSurface
 from casadi_contact.scenes.shapes.checks import fail, identifier, number, numbers, table_of
 
 Geometry = Mapping[str, Any]
-Range = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -85,16 +84,9 @@ class Shape(ABC):
     def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
         """The fixed surface of each patch in (nx, nz) cells, in patch order."""
 
-    def elements(
-        self, geometry: Geometry, grid: tuple[int, int], z_ranges_mm: Sequence[Sequence[Range]]
-    ) -> list[ElementGrid]:
-        """The elements of each patch, shared out by their z among its ranges: range by range, in patch order."""
-        cells = self.cells(geometry, grid)
-        return [
-            grid_elements(*of_patch, z_mm)
-            for of_patch, ranges in zip(cells, z_ranges_mm, strict=True)
-            for z_mm in ranges
-        ]
+    def elements(self, geometry: Geometry, grid: tuple[int, int]) -> list[ElementGrid]:
+        """The elements of each patch, in patch order."""
+        return [grid_elements(*cells) for cells in self.cells(geometry, grid)]
 
     def thickness_at(self, geometry: Geometry, points_mm: Array, normals: Array) -> Array | None:
         """Thickness (n,) [mm] of the fixed body's layer under points (n, 3) of its surface with outward unit normals

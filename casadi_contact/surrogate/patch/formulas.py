@@ -8,7 +8,6 @@ and every order is exactly zero outside contact.
 """
 
 from collections.abc import Iterable, Sequence
-from itertools import pairwise
 from string import Template
 
 import casadi as ca
@@ -19,36 +18,33 @@ from casadi_contact.networks.frames import rotation
 from casadi_contact.networks.graph import network_value
 from casadi_contact.networks.kernel.network_functions import family_functions
 from casadi_contact.networks.kernel.networks import Bundle
-from casadi_contact.networks.kernel.source import Kernel, c_text, table
+from casadi_contact.networks.kernel.source import Kernel, c_text
 from casadi_contact.networks.names import identifier
 from casadi_contact.scenes.pose_space import PoseSpace
-from casadi_contact.surrogate.patch.networks import PartNetworks
-
-LEAST_ROOT = 1e-9  # a part that just touches counts as this far off, so that no quotient is 0/0
-
+from casadi_contact.surrogate.patch.networks import PatchNetworks
 
 # --- CasADi
 
 
 def patch_expressions(
-    parts: Sequence[PartNetworks], selection: Array, reference_load: float, space: PoseSpace, pose: ca.MX
+    patches: Sequence[PatchNetworks], selection: Array, reference_load: float, space: PoseSpace, pose: ca.MX
 ) -> tuple[ca.MX, ca.MX]:
-    """Root loads of the parts, and loads = Σ S·wrench.
+    """Root loads of the patches, and loads = Σ S·wrench.
 
-    selection S has shape (L, parts, 6); ratios that S does not touch are left out of the graph.
+    selection S has shape (L, patches, 6); ratios that S does not touch are left out of the graph.
     """
     roots, loads = [], ca.MX.zeros(len(selection))
-    for p, part in enumerate(parts):
-        x = _local_pose(part.anchor_mm, space)(pose)
-        s = network_value(part.root, x)
+    for p, patch in enumerate(patches):
+        x = _local_pose(patch.anchor_mm, space)(pose)
+        s = network_value(patch.root, x)
         roots.append(s)
         used = [k for k in range(6) if selection[:, p, k].any()]
         if not used:
             continue
         normal, ratios = reference_load * ca.fmax(s, 0) ** 2, {}
-        if any(k in used for k in part.columns):
-            ratios = dict(zip(part.columns, ca.vertsplit(network_value(part.ratios, x)), strict=True))
-        shares = ca.vertcat(*(ratios.get(k, float(part.own[k])) for k in used))
+        if any(k in used for k in patch.columns):
+            ratios = dict(zip(patch.columns, ca.vertsplit(network_value(patch.ratios, x)), strict=True))
+        shares = ca.vertcat(*(ratios.get(k, float(patch.own[k])) for k in used))
         loads += ca.mtimes(ca.sparsify(ca.DM(selection[:, p, used])), normal * shares)
     return ca.vertcat(*roots), loads
 
@@ -61,22 +57,6 @@ def _local_pose(anchor_mm: Array, space: PoseSpace) -> ca.Function:
     return ca.Function("local_pose", [pose], [x])
 
 
-def union_roots(s: ca.MX, bounds: Sequence[int]) -> ca.MX:
-    """S (P) of patches from the root loads s of their parts, as `patch_roots` has it."""
-    return ca.vertcat(*(s[a] if b - a == 1 else _union_root(ca.vertsplit(s[a:b])) for a, b in pairwise(bounds)))
-
-
-def _union_root(rows: Sequence[ca.MX]) -> ca.MX:
-    squares = sum(ca.fmax(row, 0) ** 2 for row in rows)
-    loaded = squares > 0
-    free = [ca.fmin(row, -LEAST_ROOT) for row in rows]
-    nearest = free[0]
-    for row in free[1:]:
-        nearest = ca.fmax(nearest, row)
-    outside = nearest / ca.sqrt(sum((nearest / row) ** 2 for row in free))
-    return ca.if_else(loaded, ca.sqrt(ca.if_else(loaded, squares, 1)), outside)
-
-
 # --- C
 
 
@@ -84,24 +64,24 @@ def _template(name: str) -> Template:
     return Template(c_text(name, __package__))
 
 
-def _anchor(part: PartNetworks) -> str:
-    return ", ".join(repr(float(a)) for a in part.anchor_mm)
+def _anchor(patch: PatchNetworks) -> str:
+    return ", ".join(repr(float(a)) for a in patch.anchor_mm)
 
 
 def _lines(lines: Iterable[str]) -> str:
     return "\n".join(f"  {line}" for line in lines)
 
 
-def _part_functions(
-    part: PartNetworks, row: int, selection: Array, reference_load: float
+def _patch_functions(
+    patch: PatchNetworks, row: int, selection: Array, reference_load: float
 ) -> tuple[Bundle, Bundle, str]:
-    """Root load network, ratios and functions of one part, whose root load is the one at `row`; selection (L, 6) picks
+    """Root load network, ratios and functions of one patch, whose root load is the one at `row`; selection (L, 6) picks
     its wrench components into loads."""
     picked = [(int(load), k, float(selection[load, k])) for k, load in np.argwhere(selection.T)]
     ratios, of_ratios = [], {}
-    if any(k in part.columns for _, k, _ in picked):
-        ratios, of_ratios = part.columns, {f"{', '.join(part.components)} by N {part.name}": part.ratios}
-    sign = "-" if part.sign < 0.0 else ""
+    if any(k in patch.columns for _, k, _ in picked):
+        ratios, of_ratios = patch.columns, {f"{', '.join(patch.components)} by N {patch.name}": patch.ratios}
+    sign = "-" if patch.sign < 0.0 else ""
 
     def sums(target: str, pressed: str, ratio: str) -> str:
         """target of each load += its share of a wrench component; {m} stands for the ratio."""
@@ -117,21 +97,21 @@ def _part_functions(
         return " + ".join(f"{share!r} * loads_weight[{load}]" for load, k, share in picked if k in ks) or "0.0"
 
     slope = "(ratio[{m}] * d_normal + normal * d_ratio[{m}][j])"
-    code = _template("part.h").substitute(
-        patch=identifier(part.name),
+    code = _template("patch_loads.h").substitute(
+        patch=identifier(patch.name),
         row=row,
         n0=repr(float(reference_load)),
-        anchor=_anchor(part),
+        anchor=_anchor(patch),
         ratio_slopes=_lines(f"gradient_in_pose(local, d_ratio[{m}]);" for m in range(len(ratios))),
         ratio_sum=_lines(f"phi += c[{m}] * ratio[{m}];" for m in range(len(ratios))),
         loads=sums("loads[{load}]", f"{sign}normal", "normal * ratio[{m}]"),
         rows=sums("loads_jacobian[{load}][j]", f"({sign}d_normal)", slope),
         ratio_weights=", ".join(weight([k]) for k in ratios) or "0.0",
         sign=sign,
-        sensitive_weight=weight(np.flatnonzero(part.own).tolist()),
+        sensitive_weight=weight(np.flatnonzero(patch.own).tolist()),
     )
-    root = Bundle(f"root_{part.name}", 6, {f"root {part.name}": part.root})
-    return root, Bundle(f"ratios_{part.name}", 6, of_ratios), code
+    root = Bundle(f"root_{patch.name}", 6, {f"root {patch.name}": patch.root})
+    return root, Bundle(f"ratios_{patch.name}", 6, of_ratios), code
 
 
 def _held(space: PoseSpace | None) -> tuple[str, str]:
@@ -153,47 +133,40 @@ def _held(space: PoseSpace | None) -> tuple[str, str]:
 
 
 def patch_kernel(
-    parts: Sequence[PartNetworks],
+    patches: Sequence[PatchNetworks],
     selection: Array,
     reference_load: float,
     space: PoseSpace | None,
-    bounds: Sequence[int],
     before: str = "",
 ) -> Kernel:
-    """Kernel of loads (selection (L, parts, 6) of the parts' wrenches) and of root loads; space: None where all pose
-    parameters are free; bounds: of the root loads, see `patch_roots`; before: what the functions' names begin with."""
+    """Kernel of loads (selection (L, patches, 6) of wrenches) and of root loads; space: None where all pose parameters
+    are free; before: what the functions' names begin with."""
     held, by_free = _held(space)
-    made = [_part_functions(part, p, selection[:, p], reference_load) for p, part in enumerate(parts)]
+    made = [_patch_functions(patch, p, selection[:, p], reference_load) for p, patch in enumerate(patches)]
     roots, ratios, functions = zip(*made, strict=True)
 
     def each(call: str) -> str:
-        return _lines(call.format(p=p, name=part.name) for p, part in enumerate(parts))
+        return _lines(call.format(p=p, name=patch.name) for p, patch in enumerate(patches))
 
     slopes = "local + {p}, normal[{p}], s[{p}], ds[{p}], ratio[{p}], d_ratio[{p}], loads, loads_jacobian"
-    cut = len(bounds) - 1 < len(parts)
     whole = _template("patches.h").substitute(
-        before=before + "parts_" * cut,
+        before=before,
         held=held,
-        patches=len(parts),
-        anchors=", ".join(f"{{{_anchor(part)}}}" for part in parts),
+        patches=len(patches),
+        anchors=", ".join(f"{{{_anchor(patch)}}}" for patch in patches),
         n0=repr(float(reference_load)),
         values=each("if (normal[{p}] > 0.0) loads_on_{name}(normal[{p}], ratio[{p}], loads);"),
         jacobians=each(f"if (normal[{{p}}] > 0.0) slopes_on_{{name}}({slopes});"),
-        hessians=each("BENT({p}) hessian_on_{name}(pose, &frame, loads_weight, roots_weight, hessian);"),
+        hessians=each("hessian_on_{name}(pose, &frame, loads_weight, roots_weight, hessian);"),
     )
     code = [
         c_text("pose.h"),
         c_text("patch.h", __package__),
-        f"#define RATIOS {max(1, *(len(part.columns) for part in parts))}\n",
+        f"#define RATIOS {max(1, *(len(patch.columns) for patch in patches))}\n",
         family_functions("roots", roots),
         family_functions("ratios", ratios),
         *functions,
         by_free,
         whole,
     ]
-    if cut:
-        code += [
-            table("first_part", np.array(bounds)),
-            _template("unions.h").substitute(before=before, parts=len(parts)),
-        ]
     return Kernel([*roots, *ratios], "\n".join(code))

@@ -1,7 +1,7 @@
 """The networks of a patch: their names, outputs and inputs, and their mirror images.
 
 A parameter of the pose that the scene locks or ties never varies in the samples: networks have no input for it. A
-surrogate gives them one of weight zero (`part_networks`), so that every network is a function of a whole local pose.
+surrogate gives them one of weight zero (`patch_networks`), so that every network is a function of a whole local pose.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,8 +16,8 @@ from casadi_contact.scenes.scene import Scene
 
 
 @dataclass(frozen=True)
-class PartNetworks:
-    """The networks of one patch or part, each of a whole local pose (6): root load s, and ratios ρ_k of the wrench
+class PatchNetworks:
+    """The networks of one patch, each of a whole local pose (6): root load s, and ratios ρ_k of the wrench
     ``components`` (None where there are none). The sensitive component of the wrench, if any, is sign·N.
     """
 
@@ -33,43 +33,43 @@ class PartNetworks:
     """Of each wrench component (6,), its share of the normal load itself: the sign for the sensitive one, else 0."""
 
 
-def root_name(part: str) -> str:
-    """Name of the root load network of a patch or part: root_med."""
-    return f"root_{part}"
+def root_name(patch: str) -> str:
+    """Name of the root load network of a patch: root_med."""
+    return f"root_{patch}"
 
 
-def ratios_name(part: str) -> str:
-    """Name of the network of all ratios of a patch or part: ratios_med."""
-    return f"ratios_{part}"
+def ratios_name(patch: str) -> str:
+    """Name of the network of all ratios of a patch: ratios_med."""
+    return f"ratios_{patch}"
 
 
-def part_components(scene: Scene) -> dict[str, tuple[str, ...]]:
-    """Of every part: the wrench components whose ratio to the normal load the scene's loads need, perhaps none."""
-    selection = scene.part_selection(scene.load_names)
+def patch_components(scene: Scene) -> dict[str, tuple[str, ...]]:
+    """Of every patch: the wrench components whose ratio to the normal load the scene's loads need, perhaps none."""
+    selection = scene.selection(scene.load_names)
     return {
-        part.name: tuple(
-            name for k, name in enumerate(WRENCH_NAMES) if selection[:, p, k].any() and name != part.normal.component
+        patch.name: tuple(
+            name for k, name in enumerate(WRENCH_NAMES) if selection[:, p, k].any() and name != patch.normal.component
         )
-        for p, part in enumerate(scene.parts)
+        for p, patch in enumerate(scene.patches)
     }
 
 
 def ratio_outputs(scene: Scene) -> dict[str, tuple[str, ...]]:
     """Wrench components whose ratios the scene's loads need, by the name of the network that gives them."""
-    components = part_components(scene)
-    return {ratios_name(part): names for part, names in components.items() if names}
+    components = patch_components(scene)
+    return {ratios_name(patch): names for patch, names in components.items() if names}
 
 
-def part_networks(scene: Scene, networks: Mapping[str, Network]) -> list[PartNetworks]:
-    """The networks of every part."""
-    parts = []
-    for part, components in zip(scene.parts, part_components(scene).values(), strict=True):
-        of_part = (networks.get(name) for name in (root_name(part.name), ratios_name(part.name)))
-        root, ratios = (net and with_all_inputs(net, scene.pose_space.free) for net in of_part)
-        normal, columns = part.normal, [WRENCH_NAMES.index(name) for name in components]
+def patch_networks(scene: Scene, networks: Mapping[str, Network]) -> list[PatchNetworks]:
+    """The networks of every patch."""
+    patches = []
+    for patch, components in zip(scene.patches, patch_components(scene).values(), strict=True):
+        of_patch = (networks.get(name) for name in (root_name(patch.name), ratios_name(patch.name)))
+        root, ratios = (net and with_all_inputs(net, scene.pose_space.free) for net in of_patch)
+        normal, columns = patch.normal, [WRENCH_NAMES.index(name) for name in components]
         own = np.array([normal.sign if name == normal.component else 0.0 for name in WRENCH_NAMES])
-        parts.append(PartNetworks(part.name, part.anchor_mm, normal.sign, root, ratios, components, columns, own))
-    return parts
+        patches.append(PatchNetworks(patch.name, patch.anchor_mm, normal.sign, root, ratios, components, columns, own))
+    return patches
 
 
 def with_all_inputs(network: Network, columns: Sequence[int], count: int = 6) -> Network:

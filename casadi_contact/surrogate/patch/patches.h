@@ -59,21 +59,6 @@ FUNCTION void ${before}kernel_hessian(const double *given, const double *loads_w
                              double *hessian) {
   const double *const pose = $held;
   const Frame frame = frame_of(pose);
-#if $patches > 2 /* of many patches most carry nothing, and their second derivatives are zero */
-  const double *x[$patches];
-  Local local[$patches];
-  double s[$patches], *of_roots[$patches];
-  int which[$patches], bent[$patches];
-  for (int p = 0; p < $patches; p++) {
-    local[p] = local_of(pose, &frame, anchors[p][0], anchors[p][1], anchors[p][2], 0);
-    x[p] = local[p].x, of_roots[p] = s + p, which[p] = p;
-  }
-  roots_value($patches, which, x, of_roots);
-  for (int p = 0; p < $patches; p++) bent[p] = s[p] > 0.0 || (roots_weight && roots_weight[p] != 0.0);
-#define BENT(p) if (bent[p])
-#else
-#define BENT(p)
-#endif
   memset(hessian, 0, 36 * sizeof(double));
 $hessians
   for (int k = 0; k < 6; k++) gradient_by_free(hessian + 6 * k, 1);

@@ -16,7 +16,7 @@ from casadi_contact.networks.network import Regression
 from casadi_contact.samples.samples import Samples, finite, fitted_rows, nonempty
 from casadi_contact.samples.table import check_no_pull
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.surrogate.patch.networks import part_components, ratios_name, root_name
+from casadi_contact.surrogate.patch.networks import patch_components, ratios_name, root_name
 
 _GAP_WEIGHT = 0.02  # of residuals far out of contact (`root_weight`)
 _ON_SPACE = 1e-9  # [mm, rad]: rounding
@@ -43,7 +43,7 @@ def root_weight(target: Array, scene: Scene) -> Array:
 
 
 def patch_regressions(samples: Samples, *, deeper: bool = True) -> list[Regression]:
-    """Regressions for the root load of every part of a patch, which validity goes by, and for the ratios that the
+    """Regressions for the root load of every patch, which validity goes by, and for the ratios that the
     scene's loads need. deeper: with rows that go on beyond the largest load.
 
     Root: target `root_target`, weight `root_weight`, out of contact N0 as its false load. Ratios: target W_k/N, weight
@@ -58,28 +58,28 @@ def patch_regressions(samples: Samples, *, deeper: bool = True) -> list[Regressi
     _check_space(poses, scene)
     all_wrenches = finite("wrenches", samples.wrenches)[rows]
     gaps_mm, domain = samples.gaps[rows], samples.domain[rows]
-    components, tolerances = part_components(scene), _tolerances(scene, all_wrenches)
+    components, tolerances = patch_components(scene), _tolerances(scene, all_wrenches)
     regressions = []
-    for p, part in enumerate(scene.parts):
+    for p, patch in enumerate(scene.patches):
         wrench, gap_mm = all_wrenches[:, p], gaps_mm[:, p]
-        normal = part.normal.of(wrench)
+        normal = patch.normal.of(wrench)
         contact = normal > 0.0
         lost = ~contact & ~np.isfinite(gap_mm)
         if lost.any():
             raise ValueError(
-                f"samples: gap of patch {part.name!r} is unknown at row {np.flatnonzero(rows)[np.argmax(lost)]}, out "
+                f"samples: gap of patch {patch.name!r} is unknown at row {np.flatnonzero(rows)[np.argmax(lost)]}, out "
                 "of contact; expected a contact model with gaps, or the two_stage structure"
             )
         root_tolerance, ratio_tolerances = tolerances[p]
-        inputs = local_poses(poses, part.anchor_mm)[:, list(scene.pose_space.free)]
+        inputs = local_poses(poses, patch.anchor_mm)[:, list(scene.pose_space.free)]
         target = root_target(normal, gap_mm, scene)
         false_load = np.where(contact, 0.0, scene.reference_load)
         columns = (inputs, target, root_weight(target, scene), validation)
-        root = Regression(root_name(part.name), *columns, root_tolerance, false_load, domain)
-        regressions.append(_with_deeper(root, part.normal.direction, scene) if deeper else root)
-        if not components[part.name]:
+        root = Regression(root_name(patch.name), *columns, root_tolerance, false_load, domain)
+        regressions.append(_with_deeper(root, patch.normal.direction, scene) if deeper else root)
+        if not components[patch.name]:
             continue
-        used = [WRENCH_NAMES.index(name) for name in components[part.name]]
+        used = [WRENCH_NAMES.index(name) for name in components[patch.name]]
         targets = wrench[contact][:, used] / normal[contact, None]
         per_newton = 1.0 / (np.array([ratio_tolerances[k] for k in used]) * np.sqrt(len(used)))
         weights = normal[contact, None] * per_newton
@@ -87,7 +87,7 @@ def patch_regressions(samples: Samples, *, deeper: bool = True) -> list[Regressi
             targets, weights = targets[:, 0], weights[:, 0]
         regressions.append(
             Regression(
-                ratios_name(part.name),
+                ratios_name(patch.name),
                 inputs[contact],
                 targets,
                 weights,
@@ -135,14 +135,14 @@ def _check_space(poses: Array, scene: Scene) -> None:
 
 
 def _tolerances(scene: Scene, wrenches: Array) -> list[tuple[float, dict[int, float]]]:
-    """Of every part, the tolerances of its root [N] and of each ratio [N or N·mm] by the component's index; wrenches
-    (n, parts, 6) tell its levers.
+    """Of every patch, the tolerances of its root [N] and of each ratio [N or N·mm] by the component's index; wrenches
+    (n, patches, 6) tell its levers.
 
     The sides of a symmetric joint share their networks, and so the closer of their tolerances. Raises ValueError for a
-    part that nowhere is in contact.
+    patch that nowhere is in contact.
     """
-    selection = scene.part_selection(scene.load_names)
-    found = [_part_tolerances(scene, selection, p, _levers(scene, wrenches, p)) for p in range(len(scene.parts))]
+    selection = scene.selection(scene.load_names)
+    found = [_patch_tolerances(scene, selection, p, _levers(scene, wrenches, p)) for p in range(len(scene.patches))]
     if not scene.symmetric:
         return found
     root = min(root for root, _ in found)
@@ -150,22 +150,22 @@ def _tolerances(scene: Scene, wrenches: Array) -> list[tuple[float, dict[int, fl
 
 
 def _levers(scene: Scene, wrenches: Array, p: int) -> dict[int, float]:
-    """ρ (root mean square, weighted by N) of each component that a load needs of part p, by its index."""
-    part, wrench = scene.parts[p], wrenches[:, p]
-    normal = part.normal.of(wrench)
+    """ρ (root mean square, weighted by N) of each component that a load needs of patch p, by its index."""
+    patch, wrench = scene.patches[p], wrenches[:, p]
+    normal = patch.normal.of(wrench)
     contact = normal > 0.0
-    nonempty(f"patch {part.name!r} in contact", contact)
-    used = (WRENCH_NAMES.index(name) for name in part_components(scene)[part.name])
+    nonempty(f"patch {patch.name!r} in contact", contact)
+    used = (WRENCH_NAMES.index(name) for name in patch_components(scene)[patch.name])
     size = np.mean(normal[contact] ** 2)
     return {k: float(np.sqrt(np.mean(wrench[contact, k] ** 2) / size)) for k in used}
 
 
-def _part_tolerances(
+def _patch_tolerances(
     scene: Scene, selection: Array, p: int, lever: Mapping[int, float]
 ) -> tuple[float, dict[int, float]]:
-    """Tolerance of the root [N] and of each ratio [N or N·mm] of part p.
+    """Tolerance of the root [N] and of each ratio [N or N·mm] of patch p.
 
-    A load summed over m parts has 2m errors that add in quadrature, one of N·δρ and one of ρ·δN per part, so each
+    A load summed over m patches has 2m errors that add in quadrature, one of N·δρ and one of ρ·δN each, so that each
     may be τ/√(2m). Through the lever ρ that also limits δN; a load that is N itself limits it directly; a root that no
     load needs, the least tolerance of a force or the boundary load.
     """

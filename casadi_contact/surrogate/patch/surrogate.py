@@ -7,15 +7,11 @@ Patch p with local pose x_p has a signed root load s_p(x_p) and ratios ρ_pk(x_p
 so that loads vanish exactly out of contact and nothing ever pulls. All six components are ratios where the normal
 load is the magnitude of the force (`scenes.normal_load`). Networks are named ``root_med`` and ``ratios_med``; the
 second gives all ratios of a patch that the scene's loads need, from shared hidden neurons.
-
-A patch that a scene cuts into parts (`scenes.normal_load`) has these networks for each part (``root_med_1``); its
-wrench is the sum over its parts. Its root load is the smooth union of theirs (`patch_roots`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import casadi as ca
@@ -34,8 +30,8 @@ from casadi_contact.networks.kernel.source import Kernel
 from casadi_contact.networks.network import Network, Regression
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate, map_in_chunks
-from casadi_contact.surrogate.patch.formulas import LEAST_ROOT, patch_expressions, patch_kernel, union_roots
-from casadi_contact.surrogate.patch.networks import part_networks, ratio_outputs, ratios_name, reflected, root_name
+from casadi_contact.surrogate.patch.formulas import patch_expressions, patch_kernel
+from casadi_contact.surrogate.patch.networks import patch_networks, ratio_outputs, ratios_name, reflected, root_name
 
 if TYPE_CHECKING:
     from casadi_contact.samples.samples import Samples
@@ -50,15 +46,15 @@ class PatchSurrogate(Surrogate):
 
     def __init__(self, scene: Scene, networks: Mapping[str, Network], *rest: Any, **options: Any) -> None:
         super().__init__(scene, networks, *rest, **options)
-        self.parts = part_networks(scene, self.networks)
+        self.patches = patch_networks(scene, self.networks)
         self._space = None if scene.pose_space.unconstrained else scene.pose_space
-        self._selections = {names: scene.part_selection(names) for names in (self.load_names, ())}
+        self._selections = {names: scene.selection(names) for names in (self.load_names, ())}
 
     @classmethod
     def network_inputs(cls, scene: Scene) -> dict[str, int]:
-        """Root loads, and ratios where the scene's loads need any, of every part; inputs are the free columns of the
+        """Root loads, and ratios where the scene's loads need any, of every patch; inputs are the free columns of the
         local pose (6 where none is locked)."""
-        names = [*(root_name(part.name) for part in scene.parts), *ratio_outputs(scene)]
+        names = [*(root_name(patch.name) for patch in scene.patches), *ratio_outputs(scene)]
         return dict.fromkeys(names, len(scene.pose_space.free))
 
     @classmethod
@@ -76,12 +72,12 @@ class PatchSurrogate(Surrogate):
 
     @classmethod
     def twins(cls, scene: Scene) -> dict[str, str]:
-        """Networks of the second part of a symmetric joint: mirror images of those of the first. None where the scene
-        needs other ratios of the second part than of the first."""
+        """Networks of the second patch of a symmetric joint: mirror images of those of the first. None where the scene
+        needs other ratios of the second patch than of the first."""
         if not scene.symmetric:
             return {}
-        first, second = (part.name for part in scene.parts)
-        of_first, of_second = (ratio_outputs(scene).get(ratios_name(part)) for part in (first, second))
+        first, second = (patch.name for patch in scene.patches)
+        of_first, of_second = (ratio_outputs(scene).get(ratios_name(patch)) for patch in (first, second))
         if of_first != of_second:
             return {}
         ratios = {ratios_name(second): ratios_name(first)} if of_first else {}
@@ -94,43 +90,41 @@ class PatchSurrogate(Surrogate):
 
     @classmethod
     def networks_for(cls, scene: Scene, loads: Sequence[str]) -> list[str]:
-        """Of every part that the loads need: its root load, and its ratios where a load is made of one."""
-        selection = scene.part_selection(loads)
+        """Of every patch that the loads need: its root load, and its ratios where a load is made of one."""
+        selection = scene.selection(loads)
         names = []
-        for p, part in enumerate(scene.parts):
+        for p, patch in enumerate(scene.patches):
             used = [k for c, k in enumerate(WRENCH_NAMES) if selection[:, p, c].any()]
             if used:
-                names.append(root_name(part.name))
-            if any(k != part.normal.component for k in used):
-                names.append(ratios_name(part.name))
+                names.append(root_name(patch.name))
+            if any(k != patch.normal.component for k in used):
+                names.append(ratios_name(patch.name))
         return names
 
     def _selection(self, loads: Iterable[str]) -> Array:
-        """`Scene.part_selection` (L, parts, 6), kept for the next call."""
+        """`Scene.selection` (L, patches, 6), kept for the next call."""
         if (names := tuple(loads)) not in self._selections:
-            self._selections[names] = self.scene.part_selection(names)
+            self._selections[names] = self.scene.selection(names)
         return self._selections[names]
 
     def _loads(self, poses: Array, loads: Sequence[str], *, derivative: bool) -> tuple[Array, Array]:
         needed = np.flatnonzero(self._selection(loads).any(axis=(0, 2))).tolist()
-        return self._of_parts(poses, loads, needed, derivative=derivative)[:2]
+        return self._of_patches(poses, loads, needed, derivative=derivative)[:2]
 
     def _roots(self, poses: Array, *, derivative: bool) -> tuple[Array, Array]:
-        s, ds = self._of_parts(poses, (), range(len(self.parts)), derivative=derivative)[2:]
-        return patch_roots(s, ds, self._root_bounds)
+        return self._of_patches(poses, (), range(len(self.patches)), derivative=derivative)[2:]
 
     def _jacobian_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
-        loads, slopes, s, ds = self._of_parts(poses, self.load_names, range(len(self.parts)), derivative=True)
-        return loads, slopes, *patch_roots(s, ds, self._root_bounds)
+        return self._of_patches(poses, self.load_names, range(len(self.patches)), derivative=True)
 
-    def _of_parts(
-        self, poses: Array, loads: Sequence[str], parts: Sequence[int], *, derivative: bool
+    def _of_patches(
+        self, poses: Array, loads: Sequence[str], patches: Sequence[int], *, derivative: bool
     ) -> tuple[Array, Array, Array, Array]:
-        """Loads (n, L) of these parts, by the pose (n, L, 6); their root loads (n, parts), by the pose."""
+        """Loads (n, L) of these patches, by the pose (n, L, 6); their root loads (n, patches), by the pose."""
         selection, m = self._selection(loads), len(poses) * derivative
         values, jacobian = np.zeros((len(poses), len(loads))), np.zeros((m, len(loads), 6))
-        roots, d_roots = np.empty((len(poses), len(parts))), np.empty((m, len(parts), 6))
-        for k, p in enumerate(parts):
+        roots, d_roots = np.empty((len(poses), len(patches))), np.empty((m, len(patches), 6))
+        for k, p in enumerate(patches):
             used = np.asarray(selection[:, p].any(axis=0))
             roots[:, k], d_roots[:, k], wrench, d_wrench = self._part(poses, p, used, derivative=derivative)
             values += wrench @ selection[:, p].T
@@ -141,52 +135,46 @@ class PatchSurrogate(Surrogate):
     def wrenches(self, poses: Array) -> Array:
         """Wrench of every patch, (n, P, 6), or (P, 6) for a pose (6,); raises ValueError for a scene whose loads need
         less of it, which so was not learned."""
-        for part in self.parts:
-            unknown = [k for c, k in enumerate(WRENCH_NAMES) if c not in part.columns and not part.own[c]]
+        for patch in self.patches:
+            unknown = [k for c, k in enumerate(WRENCH_NAMES) if c not in patch.columns and not patch.own[c]]
             if unknown:
-                raise ValueError(f"{', '.join(unknown)} of {part.name} not learned, expected loads of it in the scene")
+                raise ValueError(f"{', '.join(unknown)} of {patch.name} not learned, expected loads of it in the scene")
         names = wrench_names(self.patch_names)
         shape = (len(self.patch_names), 6)
         return map_in_chunks(lambda some: self._loads(some, names, derivative=False)[0].reshape(-1, *shape), poses)
 
     def _part(self, poses: Array, p: int, used: np.ndarray, *, derivative: bool) -> tuple[Array, Array, Array, Array]:
-        """Root load s (n,) of part p and its wrench W (n, 6), as s, ds/dpose (n, 6), W, dW/dpose (n, 6, 6).
+        """Root load s (n,) of patch p and its wrench W (n, 6), as s, ds/dpose (n, 6), W, dW/dpose (n, 6, 6).
 
         used (6,): the wrench components that are needed; all ratios are zero where it needs none of them. Derivatives
         are (0, 6) and (0, 6, 6) if not asked for.
         """
-        part, space, n0 = self.parts[p], self._space, self.scene.reference_load
+        patch, space, n0 = self.patches[p], self._space, self.scene.reference_load
         on_space = poses if space is None else space.project(poses)
-        x, by_pose = local_poses(on_space, part.anchor_mm), np.empty((0, 6, 6))
+        x, by_pose = local_poses(on_space, patch.anchor_mm), np.empty((0, 6, 6))
         if derivative:
-            by_pose = local_pose_jacobian(on_space, part.anchor_mm)
+            by_pose = local_pose_jacobian(on_space, patch.anchor_mm)
             by_pose = by_pose if space is None else space.pull_back(by_pose)
-        s, ds = _in_pose(part.root, x, by_pose)
-        ratios, d_ratios = np.tile(part.own, (len(x), 1)), np.zeros((len(by_pose), 6, 6))
-        if used[part.own == 0.0].any():
-            values, gradients = _in_pose(part.ratios, x, by_pose)
-            ratios[:, part.columns] = values.reshape(len(x), len(part.columns))
-            d_ratios[:, part.columns] = gradients.reshape(len(by_pose), len(part.columns), 6)
+        s, ds = _in_pose(patch.root, x, by_pose)
+        ratios, d_ratios = np.tile(patch.own, (len(x), 1)), np.zeros((len(by_pose), 6, 6))
+        if used[patch.own == 0.0].any():
+            values, gradients = _in_pose(patch.ratios, x, by_pose)
+            ratios[:, patch.columns] = values.reshape(len(x), len(patch.columns))
+            d_ratios[:, patch.columns] = gradients.reshape(len(by_pose), len(patch.columns), 6)
         contact = np.maximum(s, 0.0)
         normal, d_normal = n0 * contact**2, 2.0 * n0 * contact[: len(ds), None] * ds
         d_wrench = ratios[: len(ds), :, None] * d_normal[:, None] + normal[: len(ds), None, None] * d_ratios
         return s, ds, normal[:, None] * ratios, d_wrench
 
-    @property
-    def _root_bounds(self) -> Sequence[int]:
-        return [*self.scene.first_parts, len(self.parts)]
-
     def _expressions(self, pose: ca.MX, loads: Sequence[str]) -> tuple[ca.MX, ca.MX]:
         scene = self.scene
-        s, values = patch_expressions(self.parts, self._selection(loads), scene.reference_load, scene.pose_space, pose)
-        return union_roots(s, self._root_bounds), values
+        return patch_expressions(self.patches, self._selection(loads), scene.reference_load, scene.pose_space, pose)
 
     def _kernel(self, loads: Sequence[str], *, roots: bool) -> Kernel:
         selection = self._selection(loads)
         known = np.flatnonzero(selection.any(axis=(0, 2)) | roots).tolist()
-        parts = [self.parts[p] for p in known]
-        bounds = self._root_bounds if roots else range(len(parts) + 1)
-        return patch_kernel(parts, selection[:, known], self.scene.reference_load, self._space, bounds)
+        patches = [self.patches[p] for p in known]
+        return patch_kernel(patches, selection[:, known], self.scene.reference_load, self._space)
 
 
 def local_pose_jacobian(poses: Array, anchor_mm: Array) -> Array:
@@ -204,34 +192,3 @@ def _in_pose(network: Network, x: Array, by_pose: Array) -> tuple[Array, Array]:
         return network.value(x), np.empty((0, 6))
     value, gradient = network.value_and_gradient(x)
     return value, np.einsum("n...i,nij->n...j", gradient, by_pose)
-
-
-def patch_roots(s: Array, ds: Array, bounds: Sequence[int]) -> tuple[Array, Array]:
-    """S (n, P) and dS (n, P, 6) from s (n, parts) and ds (n, parts, 6), or (0, P, 6) from (0, parts, 6); bounds:
-    where the parts of each patch begin, and their end.
-
-    With the normal loads N_k = N0·max(s_k, 0)² of its parts a patch has N = Σ N_k, so that its root load is
-
-        S = √(Σ max(s_k, 0)²)    where a part is in contact,
-        S = -1/√(Σ s_k⁻²)        where none is: near the root load of the nearest part
-
-    This is smooth in and out of contact, and once continuously differentiable where a part comes into contact.
-    """
-    count = len(bounds) - 1
-    if count == s.shape[1]:
-        return s, ds
-    roots, slopes = np.empty((len(s), count)), np.empty((len(ds), count, ds.shape[2]))
-    for p, (a, b) in enumerate(pairwise(bounds)):
-        if b - a == 1:
-            roots[:, p], slopes[:, p] = s[:, a], ds[:, a]
-            continue
-        pressed, free = np.maximum(s[:, a:b], 0.0), np.minimum(s[:, a:b], -LEAST_ROOT)
-        inside, nearest = np.sqrt((pressed * pressed).sum(axis=1)), free.max(axis=1)
-        outside = nearest / np.sqrt(((nearest[:, None] / free) ** 2).sum(axis=1))
-        loaded = inside > 0.0
-        by_part = np.where(
-            loaded[:, None], pressed / np.where(loaded, inside, 1.0)[:, None], (outside[:, None] / free) ** 3
-        )
-        roots[:, p] = np.where(loaded, inside, outside)
-        slopes[:, p] = np.einsum("ni,nij->nj", by_part[: len(ds)], ds[:, a:b])
-    return roots, slopes

@@ -122,7 +122,6 @@ _COMMENTS = {
     "spacing": "of the distance fields' nodes [mm]",
     "[geometry.spacing]": "Of the distance fields' nodes [mm], as fine as thin bodies need",
     "anchor": "on the moving body [mm]: the middle of its curvature where it touches this patch",
-    "split_z": "cuts along z [mm] between parts, which networks learn separately",
     "mirror": "a left joint becomes a right one",
     "rotation_deg": "of the mesh about x, y, z, before the offset",
     "offset": "of the mesh in its frame [mm]",

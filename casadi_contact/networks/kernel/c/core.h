@@ -63,23 +63,23 @@ INLINE void fill_nan(int n, double *values) {
   for (int i = 0; i < n; i++) values[i] = NAN;
 }
 
-/* As many doubles as a register holds, the widest part of a layer whose sums all stay in registers, and how many networks
- * side by side are faster than one by one: their values, and their slopes as well. */
+/* As many doubles as a register holds, the widest part of a layer whose sums all stay in registers, and whether networks
+ * in pairs are faster than one by one: their values, and their slopes as well. */
 #if defined(__AVX512F__)
 #define BYTES 64
 #define NEURONS_AT_ONCE 32
-#define VALUES_SIDE_BY_SIDE 4
-#define SLOPES_SIDE_BY_SIDE 2
+#define VALUES_IN_PAIRS 1
+#define SLOPES_IN_PAIRS 1
 #elif defined(__AVX__)
 #define BYTES 32
 #define NEURONS_AT_ONCE 24
-#define VALUES_SIDE_BY_SIDE 2
-#define SLOPES_SIDE_BY_SIDE 1
+#define VALUES_IN_PAIRS 1
+#define SLOPES_IN_PAIRS 0
 #else
 #define BYTES 16
 #define NEURONS_AT_ONCE 8
-#define VALUES_SIDE_BY_SIDE 1
-#define SLOPES_SIDE_BY_SIDE 1
+#define VALUES_IN_PAIRS 0
+#define SLOPES_IN_PAIRS 0
 #endif
 #if defined(__GNUC__)
 typedef double Vector __attribute__((vector_size(BYTES)));

@@ -1,4 +1,4 @@
-/* C of one patch, or part of one: loads from its root load and its ratios. (void) is for a patch that none of the loads
+/* C of one patch: loads from its root load and its ratios. (void) is for a patch that none of the loads
  * needs. A template: a dollar sign marks what `formulas.py` fills in. */
 INLINE void loads_on_${patch}(double normal, const double *ratio, double *loads) {
   (void)normal, (void)ratio, (void)loads;
