@@ -15,7 +15,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -27,11 +26,11 @@ from scipy.interpolate import CubicSpline
 import casadi_contact as cc
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.terminal import run_program
-from casadi_contact.optimisation.assembly.assembly import Assembly
+from casadi_contact.optimisation.assembly.assembly import Assembly, Loaded
 from casadi_contact.optimisation.assembly.balance import FrameBalance
 from casadi_contact.optimisation.assembly.file import ray_casting
 from casadi_contact.optimisation.ipopt import IpoptOutcome, settled_options
-from casadi_contact.pictures.page import SURROGATE, TARGET, frame, new_page, save_page
+from casadi_contact.pictures.page import FOUNDATION, SURROGATE, TARGET, frame, new_page, save_page
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.opensim import TIME, Table, read_opensim_table, write_table
 from casadi_contact.workflow.opensim_import.importing import states_of
@@ -70,28 +69,32 @@ class Settings:
             )
             energy = float(texts.get("contact_energy_weight") or 0.0)
             weights = {
-                str(each.findtext("actuator")).strip().split("/")[-1]: float(next(each.iter("value")).text or "")
+                names_of(each.findtext("actuator"))[0]: float(next(each.iter("value")).text or "")
                 for each in root.iter()
                 if each.find("actuator") is not None
             }
-            primary = tuple(word.split("/")[-1] for word in texts["primary_coordinates"].split())
+            primary = names_of(texts["primary_coordinates"])
         except (KeyError, ValueError, StopIteration) as error:
             raise ValueError(f"{path} lacks settings of COMAK, or has others than numbers: {error}") from None
-        found = [str(each.findtext("coordinate")).strip() for each in root.iter("COMAKSecondaryCoordinate")]
-        secondary = tuple(word.split("/")[-1] for word in found)
-        return cls(start, stop, step, cutoff, primary, secondary, weights, energy)
+        found = [each.findtext("coordinate") or "" for each in root.iter("COMAKSecondaryCoordinate")]
+        return cls(start, stop, step, cutoff, primary, names_of(" ".join(found)), weights, energy)
+
+
+def names_of(paths: str | None) -> tuple[str, ...]:
+    """The last parts of OpenSim's paths, a word each."""
+    return tuple(path.split("/")[-1] for path in (paths or "").split())
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Times (n,), coordinates with rates and accelerations (n, c) [m, rad], and loads (n, 6, bodies) [N, N·m] on bodies
-    in the ground about its origin."""
+    """Times (n,), coordinates with rates and accelerations (n, c) [m, rad], and loads (n, 6, bodies) [N, N·m], told as
+    `Assembly.function` says."""
 
     time_s: Array
     q: Array
     u: Array
     udot: Array
-    bodies: tuple[str, ...] = ()
+    bodies: tuple[Loaded, ...] = ()
     loads: Array | None = None
 
     def inputs(self, rows: Any = slice(None)) -> list[Array]:
@@ -118,22 +121,34 @@ def read_motion(assembly: Assembly, settings: Settings, coordinates: Path, loads
     return Motion(kept, spline(kept), spline(kept, 1), spline(kept, 2), bodies, wrenches)
 
 
-def read_loads(path: Path, time_s: Array) -> tuple[tuple[str, ...], Array]:
-    """Bodies and their loads (n, 6, bodies) [N, N·m] about the ground's origin of an OpenSim ExternalLoads file."""
-    root = opensim_root(path)
-    table = read_opensim_table(path.parent / (root.findtext(".//datafile") or "").strip())
-    found: dict[str, Array] = {}
-    for force in root.iter("ExternalForce"):
+def loads_table(path: Path) -> Table:
+    """The forces over time that an OpenSim ExternalLoads file names."""
+    return read_opensim_table(path.parent / (opensim_root(path).findtext(".//datafile") or "").strip())
+
+
+def read_loads(path: Path, time_s: Array) -> tuple[tuple[Loaded, ...], Array]:
+    """Bodies and their loads (n, 6, bodies) [N, N·m] of an OpenSim ExternalLoads file, as `Motion` has them; a force
+    and its point are both told in the ground, or both in the same body."""
+    table, found = loads_table(path), dict[Loaded, Array]()
+    for force in opensim_root(path).iter("ExternalForce"):
         told = {key.tag: (key.text or "").strip() for key in force}
-        if {told["force_expressed_in_body"], told["point_expressed_in_body"]} != {"ground"}:
-            raise ValueError(f"{path}: {force.get('name')} is told in a body, expected force and point in ground")
+        body, of_force, of_point = (
+            told.get(key, "ground").split("/")[-1]
+            for key in ("applied_to_body", "force_expressed_in_body", "point_expressed_in_body")
+        )
+        if of_force != of_point:
+            raise ValueError(
+                f"{path}: {force.get('name')} is told in {of_force}, its point in {of_point}: expected one"
+            )
         F, point, T = (
-            np.column_stack([np.interp(time_s, table.columns[TIME], table.column(told[key] + axis)) for axis in "xyz"])
-            for key in ("force_identifier", "point_identifier", "torque_identifier")
+            np.column_stack([np.interp(time_s, table.columns[TIME], table.column(key + axis)) for axis in "xyz"])
+            if (key := told.get(f"{what}_identifier"))
+            else np.zeros((len(time_s), 3))
+            for what in ("force", "point", "torque")
         )
         wrench = np.column_stack([F, T + np.cross(point, F)])
-        body = told["applied_to_body"].split("/")[-1]
-        found[body] = found.get(body, 0.0) + wrench
+        of = body if of_force == "ground" else (body, of_force)
+        found[of] = found.get(of, 0.0) + wrench
     return tuple(found), np.stack(list(found.values()), axis=2)
 
 
@@ -149,9 +164,11 @@ class Solution:
 
 
 class Walk:
-    """The problem of a motion's frames, one given the last, or all at once."""
+    """The problem of a motion's frames, one given the last, or all at once. before: secondary coordinates (f) before
+    the first frame; if left out at rest in it, without loads, muscles at `REST`, all others having moved there from the
+    model's default."""
 
-    def __init__(self, assembly: Assembly, motion: Motion, settings: Settings) -> None:
+    def __init__(self, assembly: Assembly, motion: Motion, settings: Settings, before: Array | None = None) -> None:
         self.assembly, self.motion, self.settings = assembly, motion, settings
         self.balanced = (*settings.primary, *settings.secondary)
         self.balance = FrameBalance(assembly, self.balanced, settings.secondary, motion.bodies)
@@ -159,6 +176,7 @@ class Walk:
         self.strength = np.array([muscle.max_force_n for muscle in assembly.muscles])
         volume = 1e-3 * self.strength * [muscle.optimal_fibre_mm for muscle in assembly.muscles] / STRESS_MPA  # cm³
         self.weights = volume * [settings.weights.get(name, 1.0) for name in assembly.muscle_names]
+        self.before = self._rest() if before is None else before
         self.in_mm = np.array([assembly.coordinate_table[name].in_mm for name in self.balanced])
 
     def cost(self, activations: Array) -> Array:
@@ -166,10 +184,7 @@ class Walk:
         found: Array = np.square(activations) @ self.weights
         return found
 
-    @cached_property
-    def before(self) -> Array:
-        """Secondary coordinates (f) before the first frame: at rest in it, without loads, muscles at `REST`, all others
-        having moved there from the model's default."""
+    def _rest(self) -> Array:
         rest, x = self.assembly.default, self.assembly.default[self.free]
         nothing = [np.zeros(len(rest)), np.zeros(len(rest)), np.zeros((6, len(self.motion.bodies)))]
         for share in np.linspace(0.0, 1.0, 9):
@@ -241,16 +256,11 @@ class Walk:
             found.append(solve(k, a[None], x[None], x))
             a, x = found[-1].activations[0], found[-1].secondary[0]
         worst = max((one.outcome for one in found), key=lambda outcome: (not outcome.solved, outcome.iterations))
-        return Solution(
-            np.vstack([one.activations for one in found]),
-            np.vstack([one.secondary for one in found]),
-            np.vstack([one.reserves for one in found]),
-            worst,
-        )
+        a, x, r = (np.vstack([getattr(one, key) for one in found]) for key in ("activations", "secondary", "reserves"))
+        return Solution(a, x, r, worst)
 
-    def all_frames(self) -> Solution:
+    def all_frames(self, start: Solution) -> Solution:
         """The least cost of all frames together, from that of each by itself."""
-        start = self.frame_by_frame()
         solve = self.solver(len(self.motion.time_s), mu_init=1e-4)
         return solve(0, start.activations, start.secondary, self.before)
 
@@ -281,75 +291,115 @@ def read_result(walk: Walk, folder: Path) -> tuple[Array, Array]:
     return states_of(walk.assembly, values)[at][:, walk.free], forces[at]
 
 
+def measured(walk: Walk, found: Solution) -> dict[str, Any]:
+    """Cost, energy, and what is left of the balance, of a solution; CPU time of a frame's derivatives."""
+    balance, ours, motion, n = (
+        walk.balance,
+        found.activations * walk.strength,
+        walk.motion.inputs(),
+        len(found.reserves),
+    )
+    left = replay(walk, walk.assembly, found.secondary, ours)[0]
+    at = [ours.T, found.secondary.T, np.diff(np.vstack([walk.before, found.secondary]), axis=0).T / walk.step_s]
+    spent = {}
+    for call, more in ((balance.forces, []), (balance.jacobian, []), (balance.hessian, [np.ones_like(left.T)])):
+        mapped, begun = call.map(n), time.process_time()
+        mapped(*at, *more, *motion)
+        spent[call.name_out(0)] = 1e3 * (time.process_time() - begun) / n
+    turns = walk.in_mm < 1000.0
+    return {
+        "outcome": str(found.outcome),
+        "CPU time of a frame [ms]": spent,
+        "cost": float(walk.cost(found.activations).sum()),
+        "contact energy, mean [J]": float(np.asarray(balance.energy[0].map(n)(at[1], motion[0])).mean()),
+        "left [N·m, N]": [float(np.abs(left[:, which]).max()) for which in (turns, ~turns)],
+        "largest reserve": float(np.abs(found.reserves).max()),
+    }
+
+
+def differences(walk: Walk, found: Solution, name: str, other: tuple[Array, Array], rays: Assembly) -> dict[str, Any]:
+    """From secondary coordinates (n, f) and muscles' forces (n, m) of another solution: RMS of forces, mean and largest
+    [N], of coordinates [mm, turns at 25 mm], and of contact forces by rays, RMS and largest over the peak."""
+    ours, in_mm = (found.secondary, found.activations * walk.strength), walk.in_mm[len(walk.settings.primary) :]
+    x, muscles = (np.sqrt(np.mean((here - there) ** 2, axis=0)) for here, there in zip(ours, other, strict=True))
+    here, there = (replay(walk, rays, *each)[1] for each in (ours, other))
+    share = np.abs(here - there) / there.max(axis=0)
+    return {
+        f"cost of {name}": float(walk.cost(other[1] / walk.strength).sum()),
+        f"muscles from {name}": [float(muscles.mean()), float(muscles.max())],
+        f"secondary from {name}": dict(zip(walk.settings.secondary, (x * in_mm).tolist(), strict=True)),
+        f"contact by rays from {name}": {
+            contact: [float(np.sqrt(np.mean(part**2))), float(part.max())]
+            for contact, part in zip(rays.contact_names, share.T, strict=True)
+        },
+    }
+
+
 def main(
     model: Path,
     settings: Path,
     coordinates: Path,
     loads: Path | None = None,
     against: Path | None = None,
+    networks: list[Path] | None = None,
     whole: bool = True,
     out: Path = Path("results/comak"),
 ) -> None:
     """Find muscle and contact forces of a measured motion with an imported model.
 
     model: the folder that `casadi-contact import` wrote; settings: of COMAK, .xml; coordinates: measured, .mot or .sto;
-    loads: ExternalLoads, .xml; against: a folder with COMAK's values.sto and force.sto, to compare with. no-whole: each
-    frame given the last, as COMAK has it. Exit status 3: not solved.
+    loads: ExternalLoads, .xml; against: a folder with COMAK's values.sto and force.sto, to compare with; networks:
+    surrogates of the contacts' scenes, to solve with as well, from the same start. no-whole: each frame given the last,
+    as COMAK has it. Exit status 3: not solved.
     """
-    assembly, told = cc.load_assembly(model), Settings.read(settings)
-    begun = time.perf_counter()
+    assembly, told, begun = cc.load_assembly(model), Settings.read(settings), time.process_time()
     walk = Walk(assembly, read_motion(assembly, told, coordinates, loads), told)
-    found = walk.all_frames() if whole else walk.frame_by_frame()
-    seconds, ours = time.perf_counter() - begun, found.activations * walk.strength
-    left, contact = replay(walk, assembly, found.secondary, ours)
-    turns = walk.in_mm < 1000.0
-    worst = [float(np.abs(left[:, which]).max()) for which in (turns, ~turns)]
-    summary: dict[str, Any] = {
-        "frames": len(ours),
-        "outcome": str(found.outcome),
-        "seconds": round(seconds, 1),
-        "cost": float(walk.cost(found.activations).sum()),
-        "left [N·m, N]": worst,
-        "largest reserve": float(np.abs(found.reserves).max()),
-        "largest contact force [N]": dict(zip(assembly.contact_names, contact.max(axis=0).tolist(), strict=True)),
-    }
-    curves = {"IPOPT": (contact, ours)}
-    if against is not None:
-        x, theirs = read_result(walk, against)
-        rays = cc.load_assembly(model, contact=ray_casting)
-        by_rays = [replay(walk, rays, *each)[1] for each in ((found.secondary, ours), (x, theirs))]
-        muscles = np.sqrt(np.mean((ours - theirs) ** 2, axis=0))
-        moved = np.sqrt(np.mean(((found.secondary - x) * walk.in_mm[len(told.primary) :]) ** 2, axis=0))
-        share = np.abs(by_rays[0] - by_rays[1]) / by_rays[1].max(axis=0)
-        summary |= {
-            "COMAK's cost": float(walk.cost(theirs / walk.strength).sum()),
-            "muscles, RMS difference, mean and largest [N]": [float(muscles.mean()), float(muscles.max())],
-            "secondary, RMS difference [mm, turns at 25 mm]": dict(zip(told.secondary, moved.tolist(), strict=True)),
-            "contact by rays, RMS and largest difference over COMAK's peak": {
-                name: [float(np.sqrt(np.mean(part**2))), float(part.max())]
-                for name, part in zip(assembly.contact_names, share.T, strict=True)
-            },
-        }
-        curves["COMAK"] = (by_rays[1], theirs)
+    start, walks, rays = walk.frame_by_frame(), {"cells": walk}, cc.load_assembly(model, contact=ray_casting)
+    if networks:
+        known = {surrogate.scene.name: surrogate for surrogate in map(cc.load_surrogate, networks)}
+        learned = cc.load_assembly(model, contact=lambda scene: known.get(scene.name))
+        walks["networks"] = Walk(learned, walk.motion, told, walk.before)
+    summary: dict[str, Any] = {"frames": len(start.reserves), "CPU time of the start [s]": time.process_time() - begun}
+    others = {"COMAK": read_result(walk, against)} if against else {}
+    curves = {name: named(rays, replay(walk, rays, *other)[1], other[1]) for name, other in others.items()}
+    solved = True
+    for name, each in walks.items():
+        begun = time.process_time()
+        found = each.all_frames(start) if whole else start if each is walk else each.frame_by_frame()
+        told_of = {"CPU time [s]": time.process_time() - begun} | measured(each, found)
+        for key, other in others.items():
+            told_of |= differences(walk, found, key, other, rays)
+        summary |= {f"{name}: {key}": value for key, value in told_of.items()}
+        others[name] = found.secondary, found.activations * walk.strength
+        curves[name] = named(assembly, replay(each, each.assembly, *others[name])[1], others[name][1])
+        write(out if each is walk else out / name, each, found, curves[name])
+        solved &= found.outcome.solved
     for key, value in summary.items():
         print(f"{key}: {value}")
-    out.mkdir(parents=True, exist_ok=True)
-    write(out, walk, found, contact)
     write_summary(out / "summary.json", summary)
-    draw(out / "comak.png", walk, curves)
+    strongest = sorted(assembly.muscle_names, key=lambda muscle: -curves["cells"][f"{muscle} [N]"].max())[:6]
+    names = [f"{name} [N]" for name in (*assembly.contact_names, *strongest)]
+    draw(out / "comak.png", walk.motion.time_s, curves, names, 2)
     print(f"results in {out}")
-    raise SystemExit(0 if found.outcome.solved else 3)
+    raise SystemExit(0 if solved else 3)
 
 
-def write(out: Path, walk: Walk, found: Solution, contact_n: Array) -> None:
+def named(assembly: Assembly, contact_n: Array, muscles_n: Array) -> dict[str, Array]:
+    """Forces (n, contacts) and (n, m) by what they are of."""
+    names = [f"{name} [N]" for name in (*assembly.contact_names, *assembly.muscle_names)]
+    return dict(zip(names, (*contact_n.T, *muscles_n.T), strict=True))
+
+
+def write(out: Path, walk: Walk, found: Solution, forces: Mapping[str, Array]) -> None:
     """Coordinates, activations and muscles' forces as COMAK writes them, for OpenSim, and contact forces as CSV."""
+    out.mkdir(parents=True, exist_ok=True)
     q, muscles, time_s = walk.motion.q.copy(), walk.assembly.muscle_names, walk.motion.time_s
     q[:, walk.free] = found.secondary
     write_values(out / "values.sto", walk.assembly, time_s, q)
     for name, curves in (("activation", found.activations), ("force", found.activations * walk.strength)):
         columns = {f"/forceset/{muscle}": curve for muscle, curve in zip(muscles, curves.T, strict=True)}
         write_table(Table(name, {TIME: time_s, **columns}), out / f"{name}.sto")
-    contacts = {f"{name}_N": curve for name, curve in zip(walk.assembly.contact_names, contact_n.T, strict=True)}
+    contacts = {f"{name}_N": forces[f"{name} [N]"] for name in walk.assembly.contact_names}
     write_columns(out / "contact.csv", {"time_s": time_s, **contacts}, digits=9)
 
 
@@ -360,18 +410,15 @@ def write_values(path: Path, assembly: Assembly, time_s: Array, q: Array) -> Non
     write_table(Table("values", {TIME: time_s, **values}, in_degrees=True), path)
 
 
-def draw(path: Path, walk: Walk, curves: Mapping[str, tuple[Array, Array]]) -> None:
-    """Forces of contacts and of the strongest muscles over time, ours and COMAK's."""
-    muscles = np.argsort(-curves["IPOPT"][1].max(axis=0))[:6].tolist()
-    names = [*walk.assembly.contact_names, *(walk.assembly.muscle_names[i] for i in muscles)]
-    page = new_page(13.0, 6.0)
-    axes = page.subplots(2, (len(names) + 1) // 2).ravel()
-    for label, look in (("COMAK", TARGET), ("IPOPT", SURROGATE)):
-        if label in curves:
-            contact, forces = curves[label]
-            for axis, name, curve in zip(axes, names, (*contact.T, *forces[:, muscles].T), strict=False):
-                axis.plot(walk.motion.time_s, curve, label=label, **look)
-                axis.set(title=name, ylabel="force [N]")
+def draw(path: Path, time_s: Array, curves: Mapping[str, Mapping[str, Array]], names: list[str], rows: int) -> None:
+    """Named curves (n,) over time, each by several methods."""
+    page = new_page(13.0, 3.0 * rows)
+    axes = page.subplots(rows, -(-len(names) // rows), squeeze=False).ravel()
+    looks = {"here": SURROGATE, "cells": SURROGATE, "networks": FOUNDATION}
+    for method, of in curves.items():
+        for axis, name in zip(axes, names, strict=False):
+            axis.plot(time_s, of[name], label=method, **looks.get(method, TARGET))
+            axis.set_title(name, fontsize=9)
     axes[0].legend()
     frame(axes, "time [s]")
     save_page(page, path)

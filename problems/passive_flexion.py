@@ -8,7 +8,6 @@ coordinates come from a file, all others keep the model's default. So does JAM's
 is read as it is, and with whose states.sto, contact and ligaments there are compared.
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,12 +21,11 @@ from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.assembly.assembly import Assembly
 from casadi_contact.optimisation.assembly.balance import FrameBalance
 from casadi_contact.optimisation.assembly.file import ray_casting
-from casadi_contact.pictures.page import SURROGATE, TARGET, frame, new_page, save_page
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.opensim import TIME, read_opensim_table
 from casadi_contact.workflow.opensim_import.importing import states_of
 from casadi_contact.workflow.opensim_import.model_file import opensim_root
-from problems.comak import Motion, write_values
+from problems.comak import Motion, draw, loads_table, names_of, read_loads, write_values
 from problems.summary import write_summary
 
 
@@ -41,7 +39,7 @@ def move(
 ) -> tuple[Array, Array]:
     """Coordinates (n, c) with the secondary ones in balance, and the force [N] left in each frame (n,). force_n (n, m):
     of muscles, in place of their activation. rest: they are at rest in the first frame, else at the model's default."""
-    balance = FrameBalance(assembly, secondary, secondary, by_force=force_n is not None)
+    balance = FrameBalance(assembly, secondary, secondary, motion.bodies, by_force=force_n is not None)
     drive = np.full((len(motion.q), len(assembly.muscles)), activation) if force_n is None else force_n
     q, x, left = motion.q.copy(), assembly.default[balance.free], 0.0
     if rest:
@@ -66,19 +64,22 @@ def main(
 ) -> None:
     """Settle an imported joint along a prescribed motion.
 
-    model: the folder that `casadi-contact import` wrote; settings: of JAM's forsim, .xml; prescribed: .sto,
-    angles in degrees unless it says otherwise; forces: of muscles [N] by name, .sto, in place of the settings' control;
-    against: a folder with JAM's states.sto, to compare with; rest: secondary coordinates are at rest at first, where
-    JAM's start at the model's default. Exit status 3: some frames do not settle.
+    model: the folder that `casadi-contact import` wrote; settings: of JAM's forsim, .xml, whose external loads act too;
+    prescribed: .sto, angles in degrees unless it says otherwise; forces: of muscles [N] by name, .sto, in place of the
+    settings' control; against: a folder with JAM's states.sto, to compare with; rest: secondary coordinates are at rest
+    at first, where JAM's start at the model's default. Exit status 3: some frames do not settle.
     """
     assembly, root = cc.load_assembly(model), opensim_root(settings)
-    words = (root.findtext(".//unconstrained_coordinates") or "").split()
-    secondary = [word.split("/")[-1] for word in words]
+    secondary = list(names_of(root.findtext(".//unconstrained_coordinates")))
     table = read_opensim_table(prescribed)
     table = replace(table, in_degrees=table.in_degrees is not False)
-    time_s, q = table.columns[TIME], states_of(assembly, table)
+    time_s, loads = table.columns[TIME], (root.findtext(".//external_loads_file") or "").strip()
+    if loads:  # they may go on where the motion rests
+        time_s = np.unique(np.append(time_s, loads_table(settings.parent / loads).columns[TIME]).round(9))
+    q = np.column_stack([np.interp(time_s, table.columns[TIME], x) for x in states_of(assembly, table).T])
+    loaded = read_loads(settings.parent / loads, time_s) if loads else ((), None)
     spline = CubicSpline(time_s, q)
-    motion = Motion(time_s, q, spline(time_s, 1), spline(time_s, 2))
+    motion = Motion(time_s, q, spline(time_s, 1), spline(time_s, 2), *loaded)
     given = None
     if forces is not None:
         known = read_opensim_table(forces)
@@ -93,7 +94,7 @@ def main(
     summary: dict[str, Any] = {"frames": len(left), "settled": int(settled.sum()), "left_n": float(left.max())}
     theirs = None
     if against is not None:
-        states = read_opensim_table(against / "states.sto")
+        states = read_opensim_table(next(against.glob("*states.sto")))
         stored = np.column_stack(
             [np.interp(time_s, states.columns[TIME], column) for column in states_of(assembly, states).T]
         )
@@ -107,14 +108,15 @@ def main(
         peaks = {name: float(np.abs(theirs[name]).max()) for name in off}
         summary |= {"RMS difference": off, "their peak": peaks}
         for name in (name for name in off if not name.startswith("ligament")):
-            print(f"{name:28s} RMS difference {off[name]:8.3f}, their peak {peaks[name]:8.2f}")
+            print(f"{name}: RMS difference {off[name]:.3f}, their peak {peaks[name]:.2f}")
         ligaments = [off[name] for name in off if name.startswith("ligament")]
         print(f"ligaments: RMS difference {np.mean(ligaments):.2f} N in the mean, {max(ligaments):.2f} N at most")
     out.mkdir(parents=True, exist_ok=True)
     write_columns(out / "passive_flexion.csv", {"time_s": time_s, **ours, "settled": settled.astype(int)}, digits=9)
     write_values(out / "values.sto", assembly, time_s, found)
     write_summary(out / "summary.json", summary)
-    draw(out / "passive_flexion.png", time_s, ours, theirs)
+    names = [name for name in ours if not name.startswith("ligament")]
+    draw(out / "passive_flexion.png", time_s, ({"JAM": theirs} if theirs else {}) | {"here": ours}, names, 3)
     print(f"results in {out}")
     raise SystemExit(0 if settled.all() else 3)
 
@@ -155,33 +157,14 @@ def exactness(assembly: Assembly, rays: Assembly, folder: Path, activation: floa
 
 def quantities(assembly: Assembly, q: Array, secondary: list[str]) -> dict[str, Array]:
     """Curves (n,) by name: secondary coordinates [mm, degrees], contact forces [N] and ligaments' tensions [N]."""
-    rows = assembly.rows(secondary)
-    kinds = [assembly.coordinate_table[name].kind for name in secondary]
-    curves = {
-        f"{name}_{'mm' if kind == 'translation' else 'deg'}": q[:, i]
-        * (1e3 if kind == "translation" else np.degrees(1))
-        for name, i, kind in zip(secondary, rows, kinds, strict=True)
-    }
+    units = {"translation": ("mm", 1e3), "rotation": ("deg", float(np.degrees(1.0)))}
+    in_units = [(name, *units[assembly.coordinate_table[name].kind]) for name in secondary]
+    curves = {f"{n}_{unit}": s * q[:, i] for (n, unit, s), i in zip(in_units, assembly.rows(secondary), strict=True)}
     function = assembly.function(["contact_wrenches", "ligament_tensions"]).map(len(q))
     wrenches, tensions = (np.asarray(part) for part in function(q.T, 0.0, 0.0, 0.0))
     contact = np.linalg.norm(wrenches.reshape(6, len(q), -1)[:3], axis=0)
     curves |= {f"{name}_N": curve for name, curve in zip(assembly.contact_names, contact.T, strict=True)}
     return curves | {f"ligament_{n}_N": curve for n, curve in zip(assembly.ligament_names, tensions, strict=True)}
-
-
-def draw(path: Path, time_s: Array, ours: Mapping[str, Array], theirs: Mapping[str, Array] | None) -> None:
-    """Secondary coordinates and contact forces over time, ours and JAM's."""
-    names = [name for name in ours if not name.startswith("ligament")]
-    page = new_page(14.0, 7.0)
-    axes = page.subplots(3, (len(names) + 2) // 3, squeeze=False).ravel()
-    for axis, name in zip(axes, names, strict=False):
-        if theirs is not None:
-            axis.plot(time_s, theirs[name], label="JAM", **TARGET)
-        axis.plot(time_s, ours[name], label="here", **SURROGATE)
-        axis.set_title(name, fontsize=9)
-    axes[0].legend()
-    frame(axes, "time [s]")
-    save_page(page, path)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ import numpy as np
 
 from casadi_contact.contact.callable_model import CallableModel
 from casadi_contact.contact.pressure_law import law_of, pressures
-from casadi_contact.contact.pressures import PressureSummary
+from casadi_contact.contact.pressures import PressureMap, PressureSummary
 from casadi_contact.core.conventions import Array, as_poses, rotation
 from casadi_contact.geometry.triangle_mesh import RayCaster
 from casadi_contact.scenes.scene import Scene
@@ -50,6 +50,15 @@ class RayCastFoundation(CallableModel):
             for n, p, depths in self._depths(poses)
         )
         return PressureSummary.of_elements((len(poses), len(self._patches)), pressed, counted_alike=True)
+
+    def pressure_maps(self, pose: Array) -> list[PressureMap]:
+        """Pressure of every triangle in one pose (6,), patch by patch."""
+        return [
+            PressureMap(
+                self.patch_names[p], self._patches[p][0], self._patches[p][2], pressures(*self._patches[p][3], d)
+            )
+            for _, p, d in self._depths(as_poses([pose]))
+        ]
 
     def _all_wrenches(self, poses: Array) -> Array:
         wrenches = np.zeros((len(poses), len(self._patches), 6))

@@ -106,6 +106,16 @@ def test_a_path_does_on_both_bodies_what_its_length_says():
         assert found == pytest.approx(expected, rel=1e-5), (length, rate)
 
 
+def test_a_load_told_in_a_body_s_frame_is_the_same_load():
+    two = free_bodies("earth", {"upper": np.zeros(6), "lower": np.zeros(6)})
+    q, load = np.random.default_rng(1).normal(size=(2, 12))
+    own = two.function(loaded=[("upper", "lower")])(q, 0.0, 0.0, ca.DM(0, 1), load[:6])
+    X = two.places(["lower"])(q).full()
+    force, torque = X[:, :3] @ load[:3], X[:, :3] @ load[3:6]
+    given = np.concatenate([force, torque + np.cross(X[:, 3], force)])
+    np.testing.assert_allclose(own, two.function(loaded=["upper"])(q, 0.0, 0.0, ca.DM(0, 1), given), atol=1e-9)
+
+
 def test_a_spring_pulls_back_to_its_rest():
     springs = [CoordinateSpring(name, f"body_{name}", 5e3, rest, 0.0) for name, rest in (("tx", 1e-3), ("rz", 0.5))]
     one = free_bodies("earth", {"body": np.zeros(6)}, springs=springs)

@@ -1,5 +1,6 @@
 """Muscles and secondary coordinates of a small imported model: the balance's derivatives, whole motions, files."""
 
+import json
 from dataclasses import replace
 from importlib.util import find_spec
 
@@ -15,7 +16,7 @@ from casadi_contact.scenes.opensim import TIME, Table, read_opensim_table, write
 from casadi_contact.workflow.opensim_import.importing import import_model, states_of
 from casadi_contact.workflow.opensim_import.model_file import read_model
 from casadi_contact.workflow.opensim_import.process import describe
-from problems import comak, passive_flexion
+from problems import comak, knee_picture, passive_flexion
 from tests.support.compiler import needs_compiler
 from tests.support.shared_data import shared_file
 from tests.support.small_model import RADIUS, write_small_model
@@ -96,13 +97,17 @@ def test_networks_together_are_each_by_itself():
     np.testing.assert_allclose(np.asarray(together(inputs)).ravel(), each, rtol=1e-12)
 
 
-def test_all_frames_balance_at_no_more_cost_than_one_after_the_other(walk, capsys):
+def test_all_frames_balance_at_no_more_cost_than_one_after_the_other(walk, capsys, monkeypatch):
     given = {"settings": walk / "comak.xml", "coordinates": walk / "motion.mot", "loads": walk / "loads.xml"}
     with pytest.raises(SystemExit, match="0"):
         comak.main(walk / "knee", **given, whole=False, out=walk / "one")
+    monkeypatch.setattr(cc, "load_surrogate", lambda path: cc.load_assembly(path).contacts[0].model)
     with pytest.raises(SystemExit, match="0"):
-        comak.main(walk / "knee", **given, against=walk / "one", out=walk / "all")
+        comak.main(walk / "knee", **given, against=walk / "one", networks=[walk / "knee"], out=walk / "all")
     assert "frames: 4\n" in capsys.readouterr().out
+    told = json.loads((walk / "all" / "summary.json").read_text("utf-8"))
+    assert told["networks: muscles from cells"][1] < 0.01 * told["networks: muscles from COMAK"][1] + 1.0
+    assert told["networks: CPU time of a frame [ms]"]["hessian"] > 0.0
     assembly, told = cc.load_assembly(walk / "knee"), comak.Settings.read(walk / "comak.xml")
     assert told.weights == {"back": 7.0}
     problem = comak.Walk(assembly, comak.read_motion(assembly, told, given["coordinates"], given["loads"]), told)
@@ -131,7 +136,7 @@ def test_weight_on_the_contacts_energy_lowers_it_by_exact_derivatives(walk):
     for weight in (0.0, 1e4):
         told = replace(comak.Settings.read(walk / "comak.xml"), energy_weight=weight)
         problem = comak.Walk(assembly, comak.read_motion(assembly, told, *given), told)
-        found = problem.all_frames()
+        found = problem.all_frames(problem.frame_by_frame())
         assert found.outcome.solved
         pressed.append(sum(float(energy(x, at)) for x, at in zip(found.secondary, problem.motion.q, strict=True)))
     assert pressed[1] < pressed[0]
@@ -148,6 +153,17 @@ def test_a_joint_settles_along_a_prescribed_motion_and_a_stored_one_is_compared(
     forces = [float(function(each, 0.0, 0.0, 0.1)) for each in q]
     assert np.ptp(q[:, 2]) > 1e-6
     assert np.abs(forces).max() < 20.0, "all but damping and inertia of the motion is in balance"
+    told = "<external_loads_file>own.xml</external_loads_file></ForsimTool>"
+    (walk / "pulled.xml").write_text(FORSIM.replace("</ForsimTool>", told))
+    (walk / "own.xml").write_text(LOADS.replace("in_body>ground", "in_body>/bodyset/shank"))
+    with pytest.raises(SystemExit, match="0"):
+        passive_flexion.main(walk / "knee", walk / "pulled.xml", walk / "motion.mot", out=walk / "pulled")
+    pulled = states_of(assembly, read_opensim_table(walk / "pulled" / "values.sto"))[-1]
+    loaded = assembly.function(coordinates=["sink_r"], loaded=[("shank", "shank")])
+    load = [0.0, 40.0, 0.0, 0.0, 0.0, 40.0 * 0.1 * 0.3]
+    assert abs(float(loaded(pulled, 0.0, 0.0, 0.1, load))) < 20.0 < abs(float(function(pulled, 0.0, 0.0, 0.1)))
+    knee_picture.main(walk / "knee", walk / "passive" / "values.sto", at=0.1, out=walk / "knee.png")
+    assert (walk / "knee.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize(

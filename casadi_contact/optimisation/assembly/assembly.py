@@ -33,6 +33,8 @@ from casadi_contact.optimisation.assembly.paths import Bundle, Muscle, MuscleCur
 from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection
 from casadi_contact.scenes.material import Friction
 
+Loaded = str | tuple[str, str]  # a body, or with the body in whose frame its load is told
+
 
 @dataclass(frozen=True)
 class Contact:
@@ -162,7 +164,7 @@ class Assembly:
         name: str = "assembly_forces",
         *,
         coordinates: Sequence[str] | None = None,
-        loaded: Sequence[str] = (),
+        loaded: Sequence[Loaded] = (),
         by_force: bool = False,
     ) -> ca.Function:
         """casadi.Function q (n), u (n), udot (n), activations (m) -> the outputs asked for, some of `OUTPUTS`.
@@ -173,7 +175,8 @@ class Assembly:
         contact_wrenches (6 x contacts) [N, N·m]: on the fixed body, the casting mesh, in the scene's frame about its
         origin.
         coordinates: r of which forces are wanted, all n if left out; fewer cost less. loaded: bodies on which wrenches
-        act, a further input loads (6 x bodies) [N, N·m] in the ground about its origin. by_force: muscles' forces [N]
+        act, a further input loads (6 x bodies) [N, N·m] in the ground about its origin; (body, other): in the frame of
+        another body, or of itself, about its origin. by_force: muscles' forces [N]
         come in place of activations, and tendons play no part.
         """
         if unknown := [each for each in outputs if each not in OUTPUTS]:
@@ -316,12 +319,15 @@ class Assembly:
             forces[i] += -spring.stiffness * (q[i] - spring.rest) - spring.viscosity * u[i]
         return ca.vertcat(*forces)
 
-    def _applied(self, rows: Sequence[int], loaded: Sequence[str]) -> ca.Function:
+    def _applied(self, rows: Sequence[int], loaded: Sequence[Loaded]) -> ca.Function:
         """q, loads (6 x bodies) -> generalised forces: with F and T about the ground's origin, the body's transform
-        X = [R t] takes the force [½·(T - t × F)×·R, F]."""
+        X = [R t] takes the force [½·(T - t × F)×·R, F]; F' and T' in a frame [S s] are F = S·F', T = S·T' + s × F."""
         loads, X, given = ca.SX.sym("loads", 6, len(loaded)), [], []
-        for i, (t, R) in enumerate(self._chain.place(body, self.ground) for body in loaded):
-            torque = loads[3:, i] - ca.cross(1e-3 * t, loads[:3, i])
+        for i, of in enumerate(loaded):
+            body, within = (of, self.ground) if isinstance(of, str) else of
+            (t, R), (s, S) = (self._chain.place(each, self.ground) for each in (body, within))
+            force = ca.mtimes(S, loads[:3, i])
+            torque = ca.mtimes(S, loads[3:, i]) + ca.cross(1e-3 * (s - t), force)
             X.append(ca.vec(ca.horzcat(R, 1e-3 * t)))
-            given.append(ca.vec(ca.horzcat(0.5 * ca.mtimes(ca.skew(torque), R), loads[:3, i])))
+            given.append(ca.vec(ca.horzcat(0.5 * ca.mtimes(ca.skew(torque), R), force)))
         return ca.Function("applied", [self._q, loads], [self._against(ca.vertcat(*X), ca.vertcat(*given), rows)])

@@ -25,7 +25,7 @@ import numpy as np
 from casadi_contact.core.conventions import Array
 from casadi_contact.networks.activations import activation_of
 from casadi_contact.networks.network import Network
-from casadi_contact.optimisation.assembly.assembly import Assembly
+from casadi_contact.optimisation.assembly.assembly import Assembly, Loaded
 from casadi_contact.optimisation.assembly.paths import Wrap, tensions
 from casadi_contact.optimisation.assembly.settling import pseudo_transient
 from casadi_contact.optimisation.joint_mechanics import generalised_forces
@@ -44,7 +44,7 @@ class FrameBalance:
         assembly: Assembly,
         balanced: Sequence[str],
         free: Sequence[str],
-        loaded: Sequence[str] = (),
+        loaded: Sequence[Loaded] = (),
         by_force: bool = True,
     ) -> None:
         self.assembly, self.balanced, self.free = assembly, assembly.rows(balanced), assembly.rows(free)
@@ -124,7 +124,7 @@ class FrameBalance:
         given = ca.Function("energy_at", [P], [total])(values)
         return ca.Function("energy", [X, Q], [given]), ca.Function("energy_hessian", [X, Q], [hessian])
 
-    def _geometry(self, loaded: Sequence[str]) -> ca.Function:
+    def _geometry(self, loaded: Sequence[Loaded]) -> ca.Function:
         """q, u, udot, multipliers, loads -> c with its rates along u and d stacked, and r."""
         assembly = self.assembly
         q, n, chain = assembly._q, len(assembly.coordinates), assembly._chain

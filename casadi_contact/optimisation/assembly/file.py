@@ -64,7 +64,7 @@ from casadi_contact.scenes.shapes.checks import fail, identifier, number, plain_
 FORMAT = 1
 _PACKAGE = "casadi_contact.optimisation.assembly"
 _NAMES = ("bodies", "body", "fixed", "moving", "kind", "parent", "child", "of", "curves")
-MakeContact = Callable[[Scene], ContactModel]
+MakeContact = Callable[[Scene], ContactModel | None]
 
 
 def ready_assemblies() -> list[str]:
@@ -77,7 +77,7 @@ def load_assembly(name_or_path: str | Path, contact: MakeContact | None = None) 
     """Load a ready assembly by name, or an assembly file by its path or its folder's.
 
     contact: makes the contact model of a scene, whose loads hold the whole wrench, `symbolic` where it has no CasADi
-    functions of its own; `joint_foundation` if left out.
+    functions of its own; where it is left out or gives None, cells as the file says, or `joint_foundation`.
     Raises ValueError for an unknown name, key or value, FileNotFoundError for a missing file.
     """
     path = Path(name_or_path)
@@ -219,9 +219,11 @@ def _contact(name: str, table: object, folder: Path, contact: MakeContact | None
         found = load_scene(folder / scene if scene.endswith(".toml") else scene, **change)
     except ValueError as error:
         raise ValueError(f"{key}: {error}") from None
-    if contact is None and cells is not None:
-        contact = partial(CellFoundation, cells=CellChoice().cells(*2 * (number(f"{key}.cells_mm", cells, low=0.1),)))
-    model = (contact or joint_foundation)(whole_wrench(found))
+    otherwise: Callable[[Scene], ContactModel] = joint_foundation
+    if cells is not None:
+        otherwise = partial(CellFoundation, cells=CellChoice().cells(*2 * (number(f"{key}.cells_mm", cells, low=0.1),)))
+    whole = whole_wrench(found)
+    model = (contact(whole) if contact else None) or otherwise(whole)
     placed = {k: _numbers(f"{key}.{k}", given[k]) for k in frames if k in given}
     return Contact(name, symbolic(model), given["fixed"], given["moving"], **placed)
 
