@@ -16,7 +16,7 @@ from casadi_contact.core.conventions import Array, rotation
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.assembly.assembly import Assembly
 from casadi_contact.optimisation.assembly.file import ray_casting
-from casadi_contact.pictures.page import View, new_figure, save
+from casadi_contact.pictures.page import View, new_figure, save_page
 from casadi_contact.scenes.opensim import TIME, read_opensim_table
 from casadi_contact.scenes.shapes.mesh_bodies import body_mesh, patch_mesh
 from casadi_contact.workflow.opensim_import.importing import states_of
@@ -96,7 +96,7 @@ def draw_assembly(assembly: Assembly, q: Array, path: str | Path) -> None:
     look: dict[str, Any] = {"shrink": 0.8, "aspect": 30}
     figure.colorbar(ScalarMappable(of_tension, of_lines), ax=figure.axes[:2], label="tension of a bundle [N]", **look)
     figure.colorbar(ScalarMappable(of_pressure, _PRESSURE), ax=figure.axes[2:-1], label="pressure [MPa]", **look)
-    save(figure, path)
+    save_page(figure, path, bbox_inches="tight")
 
 
 def _places(assembly: Assembly, q: Array) -> Callable[..., Array]:
