@@ -60,18 +60,18 @@ def import_model(
     source = read_model(model)
     writable_folder(out)
     with tempfile.TemporaryDirectory(prefix="casadi_contact_") as temporary:
-        bare = Path(temporary) / "model.osim"
+        draft, bare = Path(temporary), Path(temporary) / "model.osim"
         write_text(bare, source.rest)
         said = describe(bare)
         tables, curves = said["tables"], said["curves"]
         if progress:
             progress("model", 1.0, 3.0, "scenes")
         lost = [*source.unmapped, *said["lost"]]
-        assembly = write_assembly(out, tables, curves)
+        assembly = write_assembly(draft, tables, curves)
         folders = [*map(Path, geometry), model.parent]
         tables["contacts"], of_contacts = _contacts(source, said["frames"], assembly, folders, out)
         lost += of_contacts
-        assembly = write_assembly(out, tables, curves)
+        assembly = write_assembly(draft, tables, curves)
         moving, following = _coordinates(assembly, joint)
         centres, how = _centres(assembly, moving, following, motion)
         if progress:
@@ -80,6 +80,8 @@ def import_model(
     for name, (wrap, _) in excess.items():
         kind = "ligaments" if name in tables["ligaments"] else "muscles"
         tables[kind][name]["wrap"] = {key: value for key, value in vars(wrap).items() if key != "network"}
+    for table in tables["contacts"].values():
+        table["scene"] = Path(table["scene"]).name
     networks = {name: wrap.network for name, (wrap, _) in excess.items() if isinstance(wrap, Wrap)}
     write_assembly(out, tables, curves, networks)
     counts = ", ".join(
@@ -99,6 +101,8 @@ def _contacts(
     tables, lost, bodies, frames = dict[str, Any](), list[str](), {}, {}
     for name, surface in source.surfaces.items():
         if name in {end for contact in source.contacts for end in (contact.target, contact.casting)}:
+            if surface.frame not in places:
+                raise ValueError(f"{name} lies in {surface.frame}, expected a frame of the model")
             bodies[name] = body_of(surface, partial(find_mesh, folders=folders), out)
             at, own = places[surface.frame], np.append(1e3 * np.array(surface.location), surface.orientation)
             place = compose(frame(at["pose"]), frame(own))
@@ -116,7 +120,7 @@ def _contacts(
         scene = out / f"{name}.toml"
         ends = bodies[contact.casting], bodies[contact.target]
         lost += [f"{contact.name}: {what}" for what in write_scene(scene, contact, *ends, pose)]
-        table = {"scene": scene.name, "fixed": fixed, "moving": moving, "cells_mm": CELLS_MM}
+        table = {"scene": str(scene.resolve()), "fixed": fixed, "moving": moving, "cells_mm": CELLS_MM}
         table |= {"fixed_frame": fixed_at, "moving_frame": moving_at}
         tables[name] = table
     return tables, lost

@@ -100,8 +100,13 @@ def read_model(path: str | Path) -> ModelFile:
             raise ValueError(
                 f"{path}: {contact.name} names the mesh {', '.join(missing)}, it has {', '.join(surfaces)}"
             )
-    contacts += [contact for element in root.iter(ELASTIC) for contact in _elastic(element, surfaces)]
     unmapped = []
+    for element in root.iter(ELASTIC):
+        of_all = {each: _text(each, "geometry", "") for each in element.iter(f"{ELASTIC}.ContactParameters")}
+        springs = {name.split("/")[-1]: each for each, names in of_all.items() for name in names.split()}
+        contacts += _elastic(element, surfaces, {name: each for name, each in springs.items() if name in surfaces})
+        others = springs.keys() - surfaces.keys()
+        unmapped += [f"{element.get('name')}: {name}, which is no mesh, sphere or half-space" for name in others]
     for parent in list(root.iter()):
         for element in list(parent):
             if element.tag.startswith("Smith2018") or element.tag in (*SURFACES, ELASTIC, *LOST):
@@ -191,14 +196,11 @@ def _of_jam(element: ET.Element) -> ContactForce:
     )
 
 
-def _elastic(element: ET.Element, surfaces: Mapping[str, Surface]) -> Iterator[ContactForce]:
-    """Of an ElasticFoundationForce: springs stand on each mesh against each other surface of its sets, with half of
-    their stiffness where that is a mesh too."""
-    springs = {
-        name.split("/")[-1]: each
-        for each in element.iter(f"{ELASTIC}.ContactParameters")
-        for name in _text(each, "geometry", "").split()
-    }
+def _elastic(
+    element: ET.Element, surfaces: Mapping[str, Surface], springs: Mapping[str, ET.Element]
+) -> Iterator[ContactForce]:
+    """Of an ElasticFoundationForce, whose parameters come by surface: springs stand on each mesh against each other
+    surface, with half of their stiffness where that is a mesh too."""
     units = {"static_friction": 1.0, "dynamic_friction": 1.0, "viscous_friction": 1e-3, "dissipation": 1e-3}
     for pair in combinations(springs, 2):
         meshes = [name for name in pair if surfaces[name].kind == "ContactMesh"]
