@@ -38,6 +38,7 @@ from casadi_contact.workflow.opensim_import.process import describe
 CELLS_MM = 1.4
 PASSIVE = np.linspace(0.0, 1.75, 22)  # rad from rest, either way, within the range of the joint's first coordinate
 ACTIVATION = 0.02
+FAR_LARGER = 2.0  # a mesh that bends out of sight, or reaches beyond the other's open edge, is not to cast rays
 
 
 def import_model(
@@ -109,11 +110,15 @@ def _contacts(
             if bodies[name].mesh is None:  # a half-space, whose outside is -x there, and y in a scene
                 place = compose(place, frame(np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.5 * np.pi])))
             frames[name] = at["body"], pose_of(*place).full().ravel().tolist()
+    areas = {name: body.mesh.areas_mm2.sum() for name, body in bodies.items() if body.mesh}
     for contact in source.contacts:
         if not contact.applied:
             lost.append(f"{contact.name}: appliesForce is false, so it is left out")
             continue
         name = re.sub(r"[\W_]+", "_", contact.name).strip("_")
+        if not contact.springs and areas[contact.casting] > FAR_LARGER * areas[contact.target]:
+            contact = replace(contact, casting=contact.target, target=contact.casting)
+            lost.append(f"{contact.name}: rays run from {contact.casting}, its far smaller mesh")
         (fixed, fixed_at), (moving, moving_at) = frames[contact.casting], frames[contact.target]
         symbolic = assembly.pose_between(fixed, fixed_at, moving, moving_at)
         pose = ca.Function("pose", [assembly._q], [symbolic])(assembly.default).full().ravel() + 0.0
