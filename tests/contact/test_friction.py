@@ -1,6 +1,6 @@
 """Friction and dissipation: closed forms, derivatives of all forms against differences, and rest."""
 
-import json
+from importlib.util import find_spec
 
 import casadi as ca
 import numpy as np
@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 import casadi_contact as cc
 from casadi_contact.contact.symbolic import symbolic
 from casadi_contact.scenes.material import FRICTION_NAMES, Friction
-from tests.support.opensim import by_opensim
+from problems.studies import sliding
 from tests.support.ready_poses import KNEE
 
 RUBBING = dict(zip(FRICTION_NAMES, (0.3, 0.2, 1e-3, 20.0, 2e-3), strict=True))
@@ -147,49 +147,16 @@ def test_a_sphere_bounces_back_with_the_speed_that_dissipation_leaves():
     assert bounce.y[1, -1] / speed == pytest.approx(y / x, rel=5e-3)
 
 
-BY_OPENSIM = """
-import json, sys, opensim
-model, ball = opensim.Model(), opensim.Body("ball", 1.0, opensim.Vec3(0), opensim.Inertia(1.0))
-joint, down = opensim.FreeJoint("free", model.getGround(), ball), opensim.Vec3(0, 0, -1.5707963267948966)
-mesh = opensim.ContactMesh("ball.obj", opensim.Vec3(0), opensim.Vec3(0), ball, "mesh")
-plane = opensim.ContactHalfSpace(opensim.Vec3(0), down, model.getGround(), "plane")
-force = opensim.ElasticFoundationForce()
-model.addBody(ball), model.addJoint(joint), model.addForce(force)
-for geometry in (mesh, plane):
-    model.addContactGeometry(geometry), force.addGeometry(geometry.getName())
-for name, value in json.loads(sys.argv[1]).items():
-    getattr(force, "set" + name)(value)
-state, found = model.initSystem(), []
-for row in json.loads(sys.argv[2]):
-    for k in range(6):
-        joint.get_coordinates(k).setValue(state, row[k], False)
-        joint.get_coordinates(k).setSpeedValue(state, row[6 + k])
-    model.realizeDynamics(state)
-    values = force.getRecordValues(state)
-    found.append([values.get(k) for k in range(6, 12)])
-print(json.dumps(found))
-"""
-
-
+@pytest.mark.skipif(find_spec("opensim") is None, reason="opensim is not installed")
 def test_opensim_s_elastic_foundation_rubs_as_ours_does(tmp_path):
     """The same ball, a mesh there, on the same plane: normal forces differ by that mesh, in proportion all loads."""
     trimesh = pytest.importorskip("trimesh")
     trimesh.creation.icosphere(subdivisions=6, radius=0.03).export(tmp_path / "ball.obj")
-    scene = cc.load_scene(
-        "sphere_on_plane",
-        **{"dynamic_friction": 0.2, "viscous_friction": 1e-3, "transition_velocity": 2.0, "dissipation": 2e-3},
-    )
-    law, friction = scene.material, scene.friction
-    stiffness = law.modulus / law.thickness * 1e9  # Pa/m
-    given = {"Stiffness": stiffness, "Dissipation": 1e3 * friction.dissipation, "StaticFriction": 0.2}
-    given |= {"DynamicFriction": 0.2, "ViscousFriction": 1e3 * friction.viscous_friction, "TransitionVelocity": 2e-3}
+    model = cc.PolarFoundation(cc.load_scene("sphere_on_plane", **sliding.RUBBING))
     velocities = np.array([[0.0] * 6, [30.0, -20.0, -40.0, 0.0, 0.0, 0.0], [10.0, 20.0, 0.0, 0.5, 2.0, -0.3]])
     poses = np.tile([0.0, 29.8, 0.0, 0.0, 0.0, 0.0], (3, 1))
-    rows = np.hstack([poses[:, [3, 4, 5, 0, 1, 2]] * [1, 1, 1, 1e-3, 1e-3, 1e-3], velocities[:, [3, 4, 5, 0, 1, 2]]])
-    rows[:, 9:] *= 1e-3
-    theirs = np.array(json.loads(by_opensim(BY_OPENSIM, tmp_path, json.dumps(given), json.dumps(rows.tolist()))))
-    theirs[:, 3:] *= 1e3
-    ours = cc.PolarFoundation(scene).wrenches(poses, velocities)[:, 0]
+    theirs = sliding.by_opensim(model, poses, velocities, [tmp_path / "ball.obj"])[0]
+    ours = model.wrenches(poses, velocities)[:, 0]
     np.testing.assert_allclose(theirs[:, 1], ours[:, 1], rtol=0.02)
     scale = ours[0, 1] / theirs[0, 1]
     np.testing.assert_allclose(scale * theirs[:, :3], ours[:, :3], atol=2e-3 * np.abs(ours[0, 1]))

@@ -8,6 +8,7 @@ import casadi_contact as cc
 from casadi_contact.contact.cells.basis import Cells
 from problems import tracked_step
 from problems.ground_contact import ground_wrench
+from problems.squat import Body
 from tests.support.compiler import needs_compiler
 from tests.support.made_up_step import made_up
 
@@ -29,7 +30,20 @@ def test_a_made_up_step_is_tracked_within_the_cone():
     step, truth = made_up(foot)
     pose, rates = ca.MX.sym("pose", 6), ca.MX.sym("rates", 6)
     sole = ca.Function("sole", [pose, rates], [ground_wrench(foot)(pose, rates, truth)])
-    found = tracked_step.track(sole, step, intervals=4)
+    leans = np.tile([-0.1, 0.2], (len(step.time_s), 1))
+    found = tracked_step.track(sole, step, leans, Body(62.0, 1.7), intervals=4)
     wanted = np.array([np.interp(found.time_s, step.time_s, load) for load in step.wrench.T]).T
     assert np.sqrt(np.mean((found.wrench - wanted)[:, :2] ** 2)) < 10.0
     assert found.cone < 0.61
+    np.testing.assert_allclose(found.leans, np.tile(leans[:1], (len(found.leans), 1)), atol=0.2)
+
+
+def test_a_leg_that_stands_needs_the_moments_of_its_weight_and_of_the_ground():
+    """Upright over a level foot: moments are forces times levers; the equations close under them, and only then."""
+    body, at = Body(62.0, 1.7), np.zeros(5)
+    masses, weight = body.segments[0][:2], 9806.65e-3
+    ground, arm = 300.0, tracked_step.ANKLE[0]
+    ankle = ground * arm - 1.2 * weight * (arm - tracked_step.CENTRE[0])  # about the ankle, the ground presses at x = 0
+    hip = [0.0, (1.2 + masses.sum()) * weight - ground]
+    left = tracked_step.leg(body)(at, at, at, [ankle, ankle, ankle, *hip], [0.0, ground, 0.0, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(np.asarray(left).ravel(), 0.0, atol=1e-9)
