@@ -101,9 +101,7 @@ def scene(
 def import_(
     model: Annotated[Path, typer.Argument(help="an OpenSim or JAM model, .osim")],
     out: Annotated[Path, typer.Option(help="folder of the assembly")],
-    joint: Annotated[
-        str | None, typer.Option(help="whose first coordinate moves; that of most contacts if left out")
-    ] = None,
+    joint: Annotated[str | None, typer.Option(help="whose first coordinate moves; left out: of most contacts")] = None,
     geometry: Annotated[
         list[Path] | None, typer.Option(help="folder with contact meshes, once per folder; last the model's")
     ] = None,
@@ -127,15 +125,9 @@ import_.__name__ = "import"
 
 def cycle(
     file: Annotated[Path, typer.Argument(help="an OpenSim .mot or .sto file")],
-    maps: Annotated[
-        list[str], typer.Option("--map", help="COLUMN=NAME:UNIT, such as knee_angle_r=-rz:deg; once per curve")
-    ],
-    out: Annotated[
-        Path | None, typer.Option(help="CSV file to write; cycle.csv or poses.csv in this folder if left out")
-    ] = None,
-    scene: Annotated[
-        str | None, typer.Option(help="scene (name or file) that the cycle is of; a knee's if left out")
-    ] = None,
+    maps: Annotated[list[str], typer.Option("--map", help="COLUMN=NAME:UNIT, as knee_angle_r=-rz:deg; once a curve")],
+    out: Annotated[Path | None, typer.Option(help="CSV file to write; else cycle.csv or poses.csv, here")] = None,
+    scene: Annotated[str | None, typer.Option(help="scene (name or file) of the cycle; a knee's if left out")] = None,
     tibia_in_femur: Annotated[
         str | None, typer.Option(help=f"{' or '.join(SIDES)}: tx to rz are OpenSim's knee coordinates")
     ] = None,
@@ -278,7 +270,6 @@ def choose(
     say(choice.measured)
     say(f"in Python: {choice.python}")
     if choice.path is None:
-        options = (
-            f"--{name} {value:g}" for name, value in (("force-tol", force_tol), ("torque-tol", torque_tol)) if value
-        )
+        asked = {"force-tol": force_tol, "torque-tol": torque_tol}
+        options = (f"--{name} {value:g}" for name, value in asked.items() if value)
         say(f"a network of just this accuracy, which may be faster: casadi-contact build {scene} {' '.join(options)}")

@@ -24,14 +24,12 @@ _HOW_MUCH = f"how much to sample and train: {', '.join(PRESETS)}"
 PresetName = Annotated[str, typer.Option(help=_HOW_MUCH)]
 PresetOrNone = Annotated[str | None, typer.Option(help=_HOW_MUCH, show_default=DEFAULT_PRESET)]
 Cycles = Annotated[
-    list[Path] | None, typer.Option(help="cycle files (CSV) of the reference motion; the built-in one if left out")
+    list[Path] | None, typer.Option(help="cycle files (CSV) of the reference motion; else the built-in one")
 ]
 MoreCycles = Annotated[list[Path] | None, typer.Argument(help="further cycle files")]
 Table = Annotated[Path | None, typer.Option(help="a table of samples (CSV) of any contact model, instead of sampling")]
 ModelName = Annotated[str, typer.Option(help=f"contact model that samples are evaluated on: {', '.join(MODELS)}")]
-SurrogateName = Annotated[
-    str, typer.Argument(help=f"a ready surrogate ({', '.join(ready_surrogates())}) or the path of a .h5 file")
-]
+SurrogateName = Annotated[str, typer.Argument(help=f"ready surrogate ({', '.join(ready_surrogates())}) or a .h5 file")]
 Force = Annotated[bool, typer.Option("--force", help="replace files that exist")]
 Out = Annotated[Path | None, typer.Option(help="folder of all results; results/SCENE-PRESET (-TOLERANCE) if left out")]
 

@@ -13,9 +13,7 @@ from casadi_contact.workflow.benchmark.front_file import TIMES, Front
 
 def choice_table(choice: Choice) -> Table:
     """The chosen model and the next better one: time per pose, RMS errors on unseen poses of the scene's motion."""
-    table = Table(
-        title=f"Cheapest model for {', '.join(choice.loads)} within tolerance, errors on unseen poses of its motion"
-    )
+    table = Table(title=f"Cheapest model for {', '.join(choice.loads)} within tolerance, errors on unseen poses")
     errors = [("force_rms_n", FORCE), ("torque_rms_nmm", TORQUE)]
     shown = [(error, kind) for error, kind in errors if of_kind(choice.loads, kind)]
     for column in ("", "model", "time [µs]", *(f"RMS {kind.name} [{kind.unit}]" for _, kind in shown)):

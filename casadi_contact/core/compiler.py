@@ -161,9 +161,7 @@ def _compile(
             _ctypes.dlclose(ctypes.CDLL(str(library))._handle)  # closed, since a file that is open may not be changed
         except OSError as error:
             said = f"the compiled kernel cannot be loaded ({short(str(error))}), expected a compiler for this machine"
-            raise CompilerError(
-                f"{said} ($CC) and a disc that may hold programs: choose by ${CACHE_VARIABLE}"
-            ) from None
+            raise CompilerError(f"{said} ($CC) and a disc that may hold programs: set ${CACHE_VARIABLE}") from None
         os.replace(library, path)
 
 

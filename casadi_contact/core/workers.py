@@ -47,9 +47,8 @@ def worker_pool(executor: Executor | None = None) -> Iterator[Executor]:
             return
         # loky replaces a worker whose memory has grown; nothing is lost, and a user can do nothing about it.
         warnings.filterwarnings("ignore", "A worker was restarted", UserWarning)
-        pool = _OwnPool(
-            cpu_count(), initializer=_end_with_parent, initargs=(os.getpid(),), env=blas_environment() or None
-        )
+        ends = {"initializer": _end_with_parent, "initargs": (os.getpid(),)}
+        pool = _OwnPool(cpu_count(), **ends, env=blas_environment() or None)
         try:
             yield pool
         except BaseException:

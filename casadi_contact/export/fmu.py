@@ -38,9 +38,8 @@ _UNITS: dict[str, dict[str, str]] = {
 def variables(model: ExportedModel) -> Iterator[tuple[str, str, str, str]]:
     """Name, unit, causality and description of time, pose, loads, root loads, and of validity and expected errors where
     the model has them, in the order of ``fmi3.c``, which is that of value references."""
-    pose, loads = (
-        [(name, quantity(name).unit.replace("·", ".")) for name in of] for of in (POSE_NAMES, model.load_names)
-    )
+    names = (POSE_NAMES, model.load_names)
+    pose, loads = ([(name, quantity(name).unit.replace("·", ".")) for name in of] for of in names)
     yield "time", "s", "independent", "simulation time"
     for name, unit in pose:
         yield name, unit, "input", "pose of the moving body in the fixed body's frame, Rx Ry Rz"

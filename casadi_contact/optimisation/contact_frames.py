@@ -137,9 +137,8 @@ class ContactFrames:
         lines = [", ".join(f"{patch} carries {least:.0f} to {most:.0f} N" for patch, least, most in patches)]
         for name, error in self._errors.items():
             off, unit = np.abs(np.ravel(value(error))), quantity(name).kind.unit
-            lines.append(
-                f"{name} is off by {np.sqrt((off**2).mean()):.2g} {unit} (RMS), {off.max():.2g} in frame {off.argmax()}"
-            )
+            rms = np.sqrt((off**2).mean())
+            lines.append(f"{name} is off by {rms:.2g} {unit} (RMS), {off.max():.2g} in frame {off.argmax()}")
         q = np.ravel(value(self.q), order="F")
         near = 1e-6 * (1.0 + np.abs(q))
         bound = ((q <= self.lower + near) | (q >= self.upper - near)).reshape(self.frames, -1).T

@@ -148,9 +148,8 @@ class MuscleWalk(OverTime):
     def check_has(self, coordinates: Iterable[str]) -> None:
         """ValueError for coordinates of which the walk has no loads and arms."""
         if missing := [name for name in coordinates if name not in self.loads]:
-            raise ValueError(
-                f"walk {self.name} has loads and arms of {', '.join(self.loads)}, expected {', '.join(missing)} too"
-            )
+            has = ", ".join(self.loads)
+            raise ValueError(f"walk {self.name} has loads and arms of {has}, expected {', '.join(missing)} too")
 
 
 def _check_units_and_signs(walk: MuscleWalk) -> None:

@@ -176,9 +176,8 @@ class MuscleContact:
         solver = ca.nlpsol("muscle_contact", "ipopt", self.nlp, options)
         answer = solver(x0=self.start, lbx=self.lower, ubx=self.upper, lbg=self.lower_g, ubg=self.upper_g)
         seconds, ipopt = time.perf_counter() - began, IpoptOutcome.of(solver)
-        activations, poses, forces, contact, reserves, soleus = (
-            np.asarray(part).T for part in self.solution(answer["x"])
-        )
+        parts = [np.asarray(part).T for part in self.solution(answer["x"])]
+        activations, poses, forces, contact, reserves, soleus = parts
 
         walk, settings = self.walk, self.settings
         loads = self.contact_model(poses, KNEE_LOADS)

@@ -156,9 +156,8 @@ class PoseTargets:
 def _summands(component: str, scene: Scene, values: Mapping[str, Array]) -> tuple[str, ...]:
     """Loads of the scene that a component of the total wrench is the sum of, of the targets alone if they suffice."""
     targets = [name for name in scene.load_names if name in values]
-    return loads_of_total(component, targets, scene.patch_names) or loads_of_total(
-        component, scene.load_names, scene.patch_names
-    )
+    patches = scene.patch_names
+    return loads_of_total(component, targets, patches) or loads_of_total(component, scene.load_names, patches)
 
 
 @dataclass(frozen=True)

@@ -70,9 +70,8 @@ def _scaled(model: ElasticFoundation, times: float, most_mm: float = 1.5) -> Ela
     """The model with so many times the elements a side, and of meshes fields whose nodes lie √times closer."""
     scene, (nx, nz) = model.scene, model.grid
     if scene.shape == "mesh":
-        spacing = {
-            body: min(field_spacing(scene.geometry, body) / np.sqrt(times), most_mm) for body in ("moving", "fixed")
-        }
+        finer = [min(field_spacing(scene.geometry, body) / np.sqrt(times), most_mm) for body in ("moving", "fixed")]
+        spacing = dict(zip(("moving", "fixed"), finer, strict=True))
         scene = Scene.from_tables({**scene.tables, "geometry": {**scene.geometry, "spacing": spacing}})
     return ElasticFoundation(scene, (int(np.ceil(times * nx)), int(np.ceil(times * nz))))
 
@@ -101,9 +100,8 @@ def share_on_walls(
     moving, rotations = body_mesh(geometry, "moving"), rotation(poses[:, 3:])
     low, high = moving.vertices_mm.min(axis=0), moving.vertices_mm.max(axis=0)
     middles, halves = poses[:, :3] + rotations @ (0.5 * (low + high)), np.abs(rotations) @ (0.5 * (high - low))
-    bare = bare_mesh(
-        geometry, longest_mm, (middles - halves).min(axis=0), (middles + halves).max(axis=0), within=within
-    )
+    low, high = (middles - halves).min(axis=0), (middles + halves).max(axis=0)
+    bare = bare_mesh(geometry, longest_mm, low, high, within=within)
     if not len(bare.faces):
         return share
     centres, normals, areas = bare.corners_mm.mean(axis=1), bare.normals, bare.areas_mm2

@@ -132,9 +132,8 @@ class Verification:
         if not self.checked:
             return self.line
         lines = [self.line, f"  {'load':<8}{'RMS':>10}{'worst':>10}{'tolerance':>11}"]
-        for name, rms, worst, allowed in zip(
-            self.load_names, self.rms, self.worst, self.tolerance.allowed, strict=True
-        ):
+        rows = zip(self.load_names, self.rms, self.worst, self.tolerance.allowed, strict=True)
+        for name, rms, worst, allowed in rows:
             said = quantity(name).unit + ("" if rms <= allowed else "  too large")
             lines.append(f"  {name:<8}{format_above_limit(rms, allowed):>10}{worst:>10.3g}{allowed:>11g} {said}")
         return "\n".join([*lines, "  passed" if self.passed else "  not passed"])
@@ -222,42 +221,33 @@ def verify(
         outside |= surrogate.validity(poses) < 0.5 if getattr(surrogate, "confidence", None) is not None else True
     uncounted, at_edge, finer = np.zeros(len(poses)), np.zeros(len(poses)), np.zeros(shape)
     if isinstance(model, str):
-        errors, name = np.full(shape, np.nan), model
+        errors, said = np.full(shape, np.nan), model
     else:
         errors = surrogate(poses, names) - loads_on(model, poses, names)
         errors[~np.isfinite(errors)] = np.inf
-        name = getattr(model, "label", type(model).__name__)
+        said = getattr(model, "label", type(model).__name__)
         if isinstance(model, ElasticFoundation):
             uncounted, at_edge = unmodelled_fraction(model, poses), share_at_edges(model, poses)
             ended = rows["solved"]
             finer[ended] = off_finer(model, poses[ended], names, allowed[ended])
     found = {"errors": errors, "outside": outside, "uncounted": uncounted, "at_edge": at_edge, "off_finer": finer}
     return Verification(
-        names, poses, **found, **rows, allowed=allowed, tolerance=Tolerance.of(scene, names), model=name
+        names, poses, **found, **rows, allowed=allowed, tolerance=Tolerance.of(scene, names), model=said
     )
 
 
-def beside_leaps(
-    poses: Array,
-    solved: ArrayLike = True,
-    *,
-    least_mm: float = 2.0,
-    least_deg: float = 3.0,
-    times: float = 4.0,
-    beside: int = 2,
-) -> np.ndarray:
+def beside_leaps(poses: Array, solved: ArrayLike = True) -> np.ndarray:
     """True (n, 6) where a pose parameter of poses (n, 6) leaps from one solved (n,) frame to a neighbour: several poses
-    may carry the same loads. A leap is a step of more than least_mm or least_deg that is also more than `times` the
-    median of the steps beside it (so many before and behind). Where the next step leads back, that is compared with
-    what is left of both, and the median of all."""
+    may carry the same loads. A leap is a step of more than 2 mm or 3 degrees that is also more than 4 times the median
+    of the two steps before and the two behind it. Where the next step leads back, that is compared with what is left of
+    both, and the median of all."""
     moves = np.diff(poses, axis=0)
     steps = np.abs(moves)
-    padded = np.pad(steps, ((beside, beside), (0, 0)), constant_values=np.nan)
-    count = len(steps)
-    others = np.stack([padded[at : at + count] for at in range(2 * beside + 1) if at != beside])
+    padded, count = np.pad(steps, ((2, 2), (0, 0)), constant_values=np.nan), len(steps)
+    others = np.stack([padded[at : at + count] for at in (0, 1, 3, 4)])
     alone = np.isnan(others).all(axis=0)  # two frames: no step is usual
     usual = np.nanmedian(np.where(alone, np.inf, others), axis=0)
-    least = np.array([least_mm] * 3 + [np.radians(least_deg)] * 3)
+    least = np.array([2.0] * 3 + [np.radians(3.0)] * 3)
     left = np.abs(moves[1:] + moves[:-1])  # of one step and the next
     back = np.full_like(steps, np.inf)
     back[:-1] = left
@@ -265,7 +255,7 @@ def beside_leaps(
     back = np.maximum(back, np.median(steps, axis=0)) if count else back
     found = np.zeros(poses.shape, dtype=bool)
     known = np.broadcast_to(solved, len(poses))[:, None]
-    found[1:] = (steps > least) & (steps > times * np.minimum(usual, back)) & known[1:] & known[:-1]
+    found[1:] = (steps > least) & (steps > 4.0 * np.minimum(usual, back)) & known[1:] & known[:-1]
     found[:-1] |= found[1:]
     return found
 

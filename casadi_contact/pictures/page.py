@@ -80,9 +80,8 @@ def discs(axis: Any, points_mm: Array, diameters_mm: Array | float, view: View, 
 
     offsets = np.stack([view.right.of(points_mm), view.up.of(points_mm)], axis=1)
     sizes = np.broadcast_to(diameters_mm, len(offsets))
-    drawn = EllipseCollection(
-        sizes, sizes, np.zeros(len(sizes)), units="xy", offsets=offsets, transOffset=axis.transData, **colours
-    )
+    place = {"units": "xy", "offsets": offsets, "transOffset": axis.transData}
+    drawn = EllipseCollection(sizes, sizes, np.zeros(len(sizes)), **place, **colours)
     axis.add_collection(drawn)
     axis.update_datalim(offsets)
     return drawn
@@ -155,10 +154,8 @@ class View:
         toward = -direction / np.linalg.norm(direction)
         rough = np.eye(3)[0 if abs(toward[1]) > np.sqrt(0.5) else 1]
         up = rough - (rough @ toward) * toward
-        right, upwards, towards = (
-            PictureAxis.along(vector, anatomical=anatomical) for vector in (np.cross(up, toward), up, toward)
-        )
-        return cls(right, upwards, towards)
+        seen = (np.cross(up, toward), up, toward)
+        return cls(*(PictureAxis.along(vector, anatomical=anatomical) for vector in seen))
 
     @property
     def behind(self) -> View:

@@ -67,12 +67,10 @@ def fit_surrogate(
     settings, chosen = {}, []
     for regression in regressions:
         if (name := regression.name) not in networks:
-            effort, more = efforts[name], {"restarts": 0} if before else {}
-            settings[name] = TrainingSettings(
-                effort.sizes, effort.activation, effort.gflop, max_cpu_s=effort.cpu_s, **more
-            )
-            tolerance = effort.tolerance_share * regression.tolerance
-            chosen.append(_random_rows(replace(regression.weighted(weights), tolerance=tolerance), effort.max_rows))
+            it, more = efforts[name], {"restarts": 0} if before else {}
+            settings[name] = TrainingSettings(it.sizes, it.activation, it.gflop, max_cpu_s=it.cpu_s, **more)
+            tolerance = it.tolerance_share * regression.tolerance
+            chosen.append(_random_rows(replace(regression.weighted(weights), tolerance=tolerance), it.max_rows))
     fits = fit_all(chosen, settings, executor, fitting.checkpoints, progress, starts)
     if progress is not None:
         for name, fit in fits.items():

@@ -58,9 +58,7 @@ def effort_for(efforts: Mapping[str, Effort], network: str) -> Effort:
 
 def _ladder(activation: str, *rungs: tuple[int, float, int | None]) -> tuple[Effort, ...]:
     """Efforts for sizes n-n from (n, Gflop, samples used at most); small networks learn no more from more rows."""
-    return tuple(
-        Effort(((width, width),), gflop, activation, max_rows=rows, tolerance_share=0.2) for width, gflop, rows in rungs
-    )
+    return tuple(Effort(((size, size),), gflop, activation, rows, 0.2) for size, gflop, rows in rungs)
 
 
 def _patch(

@@ -69,9 +69,8 @@ def sample(
         raise ValueError(f"the model stands for another scene than {project.scene.name}: make it for this one")
     trained_surrogates(project)
     cycles = reference_motion_cycles(project.scene, cycle_files)
-    settings = SamplingSettings.from_scene(
-        project.scene, scale=project.preset.sampling_scale, **project.preset.sampling
-    )
+    preset = project.preset
+    settings = SamplingSettings.from_scene(project.scene, scale=preset.sampling_scale, **preset.sampling)
     origin = motion_origin(project.scene, cycles, settings, models_identity(models))
     drawn = begun(project.samples_path)
     if drawn is not None and project.motion_path.is_file():
@@ -199,10 +198,8 @@ def candidates(
     settings = settings_of(samples)
     settings = replace(settings, scale=times * settings.scale, seed=settings.seed + number)
     path = project.folder / f"candidates-{number}.h5"
-    motion = read_motion(project).motion
-    return draw_samples(
-        project.scene, motion, path, settings=settings, executor=executor, models=models, progress=progress
-    )
+    scene, motion = project.scene, read_motion(project).motion
+    return draw_samples(scene, motion, path, settings=settings, executor=executor, models=models, progress=progress)
 
 
 def worst_samples(model: LoadModel, samples: Samples, share: float) -> Samples:

@@ -151,9 +151,8 @@ def _point(row: Mapping[str, str], loads: Sequence[str]) -> Point:
             raise ValueError(f"{name} is {row[name]}, expected a finite number of 0 or more")
         return value
 
-    timings: dict[str, Any] = {
-        what: Timing(*(number(f"{what}{end}") for end in _ENDS)) for what in TIMES if row[f"{what}_us"]
-    }
+    timed = [what for what in TIMES if row[f"{what}_us"]]
+    timings: dict[str, Any] = {what: Timing(*(number(f"{what}{end}") for end in _ENDS)) for what in timed}
     texts = {name: row[name] for name in ("name", "family", "remark", "failure")}
     counts = {name: int(number(name)) for name in ("samples", "parameters")}
     rms = {load: number(_rms_column(load)) for load in loads if row[_rms_column(load)]}

@@ -43,9 +43,7 @@ def frame_of(geometry: JointGeometry, side: str | None = None, axes: Sequence[st
     if turned_deg := float(np.degrees(Rotation.from_matrix(geometry.rotation).magnitude())):
         findings.append(f"the bodies stand askew by {turned_deg:.0f} degrees: turned, see placement")
     if axes is not None and patches.axis is not None and not axes_rotation(axes)[2, patches.axis]:
-        raise ValueError(
-            f"--axes {','.join(axes)}: patches lie side by side along {'xyz'[patches.axis]}, expected as z"
-        )
+        raise ValueError(f"--axes {','.join(axes)}: patches lie in a row along {'xyz'[patches.axis]}, expected as z")
     if patches.exchanged and not patches.plane:
         questions.append("which body is the fixed one: it is domed, the moving one flat or hollow: files exchanged?")
     if patches.plane:
@@ -100,46 +98,38 @@ def _axes(geometry: JointGeometry, mirror: str, findings: list[str], questions: 
     return tuple(("-" if row.sum() < 0.0 else "") + "xyz"[np.abs(row).argmax()] for row in best)
 
 
-def _posterior(
-    geometry: JointGeometry,
-    findings: list[str],
-    questions: list[str],
-    notch_mm: float = 4.0,
-    least_offset_mm: float = 2.0,
-) -> Array:
+def _posterior(geometry: JointGeometry, findings: list[str], questions: list[str]) -> Array:
     """The unit vector (3,) towards the notch between a femur's condyles; the groove of the patella lies opposite. In
-    the band of half-width `notch_mm` between the condyles, the mean vertex lies on the side of the groove."""
+    the band of half-width 4 mm between the condyles, the mean vertex lies on the side of the groove."""
     pair, axis = geometry.pair, geometry.patches.axis
     assert axis is not None
     across = [a for a in range(3) if a != axis]
     flat = min(across, key=lambda a: abs(float((geometry.patches.weight @ pair.normals)[a])))
     vertices = pair.moving.vertices_mm
     along = vertices[:, axis]
-    band = np.abs(along - 0.5 * (along.max() + along.min())) < max(pair.scale * notch_mm, 0.06 * np.ptp(along))
+    band = np.abs(along - 0.5 * (along.max() + along.min())) < max(pair.scale * 4.0, 0.06 * np.ptp(along))
     anterior = float((vertices - vertices.mean(axis=0))[band, flat].mean()) if band.any() else 0.0
     posterior = np.asarray(-np.sign(anterior or -1.0) * np.eye(3)[flat])
-    if abs(anterior) > pair.scale * least_offset_mm:
+    if abs(anterior) > pair.scale * 2.0:
         findings.append(f"posterior is the file's {axis_name(posterior)}: condyles are joined at the other end")
     else:
         questions.append(f"which way is posterior: taken as the file's {axis_name(posterior)}; flexion is rz < 0")
     return posterior
 
 
-def _offsets(
-    geometry: JointGeometry, to_library: Array, findings: list[str], far_mm: float = 50.0, lever_mm: float = 2.0
-) -> dict[str, tuple[float, ...]]:
+def _offsets(geometry: JointGeometry, to_library: Array, findings: list[str]) -> dict[str, tuple[float, ...]]:
     """Offsets [mm] of the bodies that bring their origins to meaningful points; zero if the files' own are.
 
-    - Files whose origin lies more than `far_mm` from the bodies, as a scan's: to the centre of curvature of the moving
+    - Files whose origin lies more than 50 mm from the bodies, as a scan's: to the centre of curvature of the moving
       body near contact, of a ball in a cup to the cup's centre; the same for both bodies of one scan.
-    - The ball of a cup, more than `lever_mm` from its origin: to its centre, or rotations would use up the clearance.
+    - The ball of a cup, more than 2 mm from its origin: to its centre, or rotations would use up the clearance.
     - The fixed body of a knee of one scan: to the middle of contact, because centres of pressure refer to it."""
     pair, placement, patches, joint = geometry.pair, geometry.placement, geometry.patches, geometry.joint
     centre = patches.anchors_mm.mean(axis=0) + placement.translation_mm if joint.pressing else patches.centre_mm
     origins = {}
     for body, points in (("moving", pair.moving.vertices_mm), ("fixed", pair.points_mm)):
         low, high = points.min(axis=0), points.max(axis=0)
-        far = np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0)) > far_mm
+        far = np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0)) > 50.0
         origins[body] = centre if far else np.zeros(3)
         if far and body == "moving" and not placement.together:
             origins[body] = centre - placement.translation_mm
@@ -149,7 +139,7 @@ def _offsets(
         moved = " and ".join(body for body, origin in origins.items() if origin.any())
         findings.append(f"the origin of the {moved} file lay far from the bodies: moved to what turns, see placement")
     to_ball_mm = float(np.linalg.norm(patches.anchors_mm[0]))
-    if not joint.pressing and not origins["moving"].any() and to_ball_mm > pair.scale * lever_mm:
+    if not joint.pressing and not origins["moving"].any() and to_ball_mm > pair.scale * 2.0:
         origins["moving"] = patches.anchors_mm[0]
         findings.append(f"the moving body's origin lay {to_ball_mm:.3g} mm from what it turns about: moved there")
     if joint.kind == "knee" and placement.together:

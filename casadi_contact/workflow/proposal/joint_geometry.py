@@ -75,11 +75,9 @@ class Patches:
         return unit_rows((self.weight * of_patch) @ pair.normals)
 
 
-def find_patches(
-    pair: Pair, placement: ContactPlacement, *, parted: bool = True, least_share: float = SETTINGS.least_share
-) -> Patches:
-    """Rotate the moving body a little about every axis, let it touch, and collect the surface near contact. parted:
-    split it at valleys that have at least `least_share` of the weight on each side, unless it is a ball's socket."""
+def find_patches(pair: Pair, placement: ContactPlacement, least_share: float = SETTINGS.least_share) -> Patches:
+    """Rotate the moving body a little about every axis, let it touch, and collect the surface near contact, split at
+    valleys that have at least `least_share` of the weight on each side (1: nowhere), unless it is a ball's socket."""
     centre, pivot = _centre_and_pivot(pair, placement)
     weight, touched = np.zeros(len(pair.points_mm)), []
     for angles in itertools.product(np.radians(SETTINGS.turns_deg), repeat=3):
@@ -95,7 +93,7 @@ def find_patches(
     towards_centre = np.einsum("nk,nk->n", unit_rows(centre - pair.points_mm), pair.normals)
     axis: int | None = None
     cuts: tuple[float, ...] = ()
-    if parted and share(np.abs(towards_centre) > SETTINGS.socket_cos) < SETTINGS.socket_share:
+    if share(np.abs(towards_centre) > SETTINGS.socket_cos) < SETTINGS.socket_share:
         axis, cuts = _deepest_valleys(pair, weight, placement.pressing, least_share)
     rows, on_moving, gradients = (np.concatenate([each[k] for each in touched]) for k in range(3))
     normals, areas = unit_rows(gradients), pair.areas_mm2[rows]
@@ -167,30 +165,26 @@ def _centre_and_pivot(pair: Pair, placement: ContactPlacement) -> tuple[Array, A
     return fixed, moving + share * (fixed - moving)
 
 
-def _deepest_valleys(
-    pair: Pair, weight: Array, pressing: Array, least_share: float
-) -> tuple[int | None, tuple[float, ...]]:
+def _deepest_valleys(pair: Pair, weight: Array, pressing: Array, share: float) -> tuple[int | None, tuple[float, ...]]:
     """The axis across the direction of pressing with the deepest valley, and the cuts [mm] in its valleys."""
     best: tuple[float, int | None, tuple[float, ...]] = (1.0, None, ())
     surface = pair.areas_mm2 * (pair.normals @ pressing < 0)
     for axis in range(3):
         if axis != int(np.abs(pressing).argmax()):
-            depth, cuts = _valleys(pair.points_mm[:, axis], weight, surface, pair.scale * SETTINGS.bin_mm, least_share)
+            depth, cuts = _valleys(pair.points_mm[:, axis], weight, surface, pair.scale * SETTINGS.bin_mm, share)
             if cuts and depth < best[0]:
                 best = (depth, axis, cuts)
     return best[1], best[2]
 
 
-def _valleys(
-    coordinate: Array, weight: Array, surface: Array, bin_mm: float, least_share: float
-) -> tuple[float, tuple[float, ...]]:
+def _valleys(at: Array, weight: Array, surface: Array, bin_mm: float, share: float) -> tuple[float, tuple[float, ...]]:
     """Height of the deepest valley relative to its lower peak, and the coordinates of all valleys [mm]. The profile is
-    the weight per surface area in bins along the coordinate, zero where there is no surface."""
-    low, high = coordinate[weight > 0.0].min(), coordinate[weight > 0.0].max()
+    the weight per surface area in bins along the coordinate `at`, zero where there is no surface."""
+    low, high = at[weight > 0.0].min(), at[weight > 0.0].max()
     edges = np.arange(low, max(high, low + bin_mm) + bin_mm, bin_mm)
     middles = 0.5 * (edges[1:] + edges[:-1])
     near, whole = (
-        ndimage.gaussian_filter1d(np.histogram(coordinate, edges, weights=w)[0], SETTINGS.smooth_bins)
+        ndimage.gaussian_filter1d(np.histogram(at, edges, weights=w)[0], SETTINGS.smooth_bins)
         for w in (weight, surface)
     )
     profile = near / np.maximum(whole, 0.1 * whole.max())
@@ -201,7 +195,7 @@ def _valleys(
             continue
         peak = min(profile[start:k].max(initial=0.0), profile[k + 1 :].max(initial=0.0))
         left, right = near[start:k].sum(), near[k + 1 :].sum()
-        if profile[k] < SETTINGS.valley * peak and min(left, right) > least_share * near.sum():
+        if profile[k] < SETTINGS.valley * peak and min(left, right) > share * near.sum():
             cuts.append(float(middles[k]))
             depth, start = min(depth, profile[k] / peak), k
     return depth, tuple(cuts)
@@ -272,11 +266,7 @@ class JointGeometry:
 
 
 def joint_geometry(
-    meshes: Mapping[str, TriangleMesh],
-    kind: str | None = None,
-    axes: Sequence[str] | None = None,
-    *,
-    most_tilt_deg: float = 15.0,
+    meshes: Mapping[str, TriangleMesh], kind: str | None = None, axes: Sequence[str] | None = None
 ) -> JointGeometry:
     """Analyse the "moving" and the "fixed" mesh. axes: of the files, which say whereto the body of a known kind of
     joint presses; without them both meshes are rotated and analysed again if it presses across their axes."""
@@ -285,7 +275,7 @@ def joint_geometry(
         ways = {"patella": [posterior], "knee": [-up], "hip": [-up], None: [-up, posterior]}.get(kind, AXES)
         return _analysed(meshes, kind, np.eye(3), np.array(ways))
     geometry = _analysed(meshes, kind, np.eye(3))
-    if geometry.tilt_deg <= most_tilt_deg:
+    if geometry.tilt_deg <= 15.0:
         return geometry
     pressing = geometry.placement.pressing
     axis = np.sign(pressing) * (np.abs(pressing) == np.abs(pressing).max())
@@ -294,39 +284,28 @@ def joint_geometry(
 
 
 def _analysed(meshes: Mapping[str, TriangleMesh], kind: str | None, turn: Array, ways: Array = AXES) -> JointGeometry:
-    moving, fixed = (
-        TriangleMesh(mesh.name, mesh.vertices_mm @ turn.T, mesh.faces) for mesh in (meshes["moving"], meshes["fixed"])
-    )
-    pair = Pair.of(moving, fixed)
+    given = (meshes["moving"], meshes["fixed"])
+    pair = Pair.of(*(TriangleMesh(mesh.name, mesh.vertices_mm @ turn.T, mesh.faces) for mesh in given))
     placement = contact_placement(pair, ways)
     patches = find_patches(pair, placement)
     rolls = patches.plane and kind not in ("knee", "patella") and not _like_condyles(pair, placement, patches)
     if patches.axis is not None and (rolls or (kind == "hip" and patches.hollow)):
-        patches = find_patches(pair, placement, parted=False)
+        patches = find_patches(pair, placement, 1.0)
     if kind in ("knee", "patella") and len(patches.anchors_mm) == 1:
-        patches = find_patches(pair, placement, least_share=SETTINGS.least_share_requested)
+        patches = find_patches(pair, placement, SETTINGS.least_share_requested)
     return JointGeometry(pair, placement, patches, joint_of(pair, placement, patches, kind), turn)
 
 
-def joint_of(
-    pair: Pair,
-    placement: ContactPlacement,
-    patches: Patches,
-    kind: str | None = None,
-    *,
-    cup_concentration: float = 0.9,
-    groove_deg: float = 40.0,
-) -> Joint:
+def joint_of(pair: Pair, placement: ContactPlacement, patches: Patches, kind: str | None) -> Joint:
     """The given kind of joint, or the one that the bodies resemble. A single patch with normals less concentrated than
-    `cup_concentration` encloses the moving body. Two patches whose normals differ by more than `groove_deg` are a
-    patella's."""
+    0.9 encloses the moving body. Two patches whose normals differ by more than 40 degrees are a patella's."""
     count = len(patches.cuts_mm) + 1
-    encloses = placement.concentration < cup_concentration
+    encloses = placement.concentration < 0.9
     if kind is None:
         kind = "hip" if count == 1 and encloses and patches.hollow else "other"
         if count == 2 and pair.scale == 1.0:  # as large as a knee
             one, other = patches.mean_normals(pair)
-            kind = "patella" if one @ other < np.cos(np.radians(groove_deg)) else "knee"
+            kind = "patella" if one @ other < np.cos(np.radians(40.0)) else "knee"
     expected = {"knee": 2, "hip": 1, "patella": 2}.get(kind, count)
     if count != expected:
         raise ValueError(f"the bodies touch in {count} places, a {kind} in {expected}: choose another --joint")

@@ -186,22 +186,18 @@ def _as_placed(pair: Pair) -> ContactPlacement | None:
     return ContactPlacement(True, pressing, pair.touching(np.eye(3), np.zeros(3), pressing), concentration)
 
 
-def _near_as_placed(
-    pair: Pair, *, backs: bool = False, deepest_mm: float = 4.0, least_share: float = 0.03
-) -> np.ndarray | None:
+def _near_as_placed(pair: Pair, *, backs: bool = False) -> np.ndarray | None:
     """Mask (n,) of the fixed surface near the moving body where the files place them (backs: facing away from it). None
-    if the bodies overlap too deeply, or less than `least_share` of the fixed surface is near."""
+    if the bodies overlap by more than 4 mm, or less than 3 % of the fixed surface is near."""
     near = pair.near(np.eye(3), np.zeros(3), pair.scale * REACH_MM, backs=backs)
     depth = -float(pair.distances(np.eye(3), np.zeros(3))[0].min())
-    touch = depth < pair.scale * deepest_mm and pair.areas_mm2[near].sum() > least_share * pair.areas_mm2.sum()
+    touch = depth < pair.scale * 4.0 and pair.areas_mm2[near].sum() > 0.03 * pair.areas_mm2.sum()
     return near if touch else None
 
 
-def _after_drop(
-    pair: Pair, ways: Array = AXES, plane_weight: float = 0.2, doubtful_share: float = 0.4
-) -> ContactPlacement | None:
+def _after_drop(pair: Pair, ways: Array = AXES) -> ContactPlacement | None:
     """The drop along one of the ways (n, 3) after which most of the fixed surface is near; two planes that meet, such
-    as the backs of two parts, count less."""
+    as the backs of two parts, count a fifth."""
     middle = 0.5 * (pair.points_mm.min(axis=0) + pair.points_mm.max(axis=0))
     vertices = pair.moving.vertices_mm
     centred = middle - 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
@@ -212,15 +208,13 @@ def _after_drop(
             if touched is None:
                 continue
             near = pair.near(np.eye(3), touched, pair.scale * REACH_MM) & (pair.normals @ direction < 0.0)
-            area = float(pair.areas_mm2[near].sum())
-            if _are_planes(pair, near, touched):
-                area *= plane_weight
+            area = float(pair.areas_mm2[near].sum()) * (0.2 if _are_planes(pair, near, touched) else 1.0)
             areas[k] = max(areas[k], area)
             if area > 1.2 * largest:  # prefer earlier directions: y first, and the files' own translation
                 largest, placement = area, ContactPlacement(False, direction, touched, _pressing(pair, near)[1])
     if placement is None:
         return None
-    doubtful = ways[(areas > doubtful_share * largest) & (ways @ placement.pressing < 0.5)]
+    doubtful = ways[(areas > 0.4 * largest) & (ways @ placement.pressing < 0.5)]
     return replace(placement, doubtful=tuple(doubtful))
 
 

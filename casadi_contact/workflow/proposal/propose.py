@@ -62,11 +62,9 @@ def propose(
     material: str | None = None,
     units: str | None = None,
     progress: Update = lambda what, done, total, remark: None,
-    test_cycles: int = 2,
-    test_poses: int = 40,
 ) -> Proposal:
-    """Analyse the meshes, propose a scene, and try it in the first ``test_cycles`` cycles of its reference motion;
-    element grids are chosen at ``test_poses`` of these poses."""
+    """Analyse the meshes, propose a scene, and try it in the first 2 cycles of its reference motion; element grids are
+    chosen at 40 of these poses."""
     begin = partial(progress, "proposing a scene")
     begin(0, 4, "surfaces")
     files = {"moving": Path(moving), "fixed": Path(fixed)}
@@ -116,14 +114,14 @@ def propose(
     tables |= made_up_motion(scene, joint)
 
     begin(2, 4, "reference motion")
-    poses, report = _reference(tables, test_cycles)
+    poses, report = _reference(tables)
     if not found:  # a frame of the motion has a pose that carries loads
         pose = poses[0]
         tables["geometry"]["start_pose"] = pose.round(4).tolist()
         tables["loads"]["gap_slope"] = gap_slope(model, pose, direction)
     tables["tolerances"] = _tolerances(model, poses)
     begin(3, 4, "element grids")
-    tables["grids"], off = converged_grids(Scene.from_tables(tables), poses[:: max(1, len(poses) // test_poses)])
+    tables["grids"], off = converged_grids(Scene.from_tables(tables), poses[:: max(1, len(poses) // 40)])
     (nx, nz), (most_x, most_z) = tables["grids"]["fine"], CONVERGED
     text = f"{nx}×{nz} elements a patch are {off:.2g} tolerances (RMS) off {most_x}×{most_z}"
     findings += [text] if off <= 1.0 else []
@@ -135,11 +133,9 @@ def propose(
     return Proposal(Scene.from_tables(tables), joint, pose, len(poses), frames, findings, questions)
 
 
-def load_meshes(
-    files: Mapping[str, Path], unit: str | None, least_mm: float = 10.0
-) -> tuple[str, dict[str, TriangleMesh]]:
+def load_meshes(files: Mapping[str, Path], unit: str | None) -> tuple[str, dict[str, TriangleMesh]]:
     """The unit, and both meshes [mm]: the given unit, else mm or m, in which they have the size of a joint, of at least
-    `least_mm`: files in centimetres or inches would seem smaller."""
+    10 mm: files in centimetres or inches would seem smaller."""
     errors = []
     for candidate in (unit,) if unit else ("mm", "m"):
         try:
@@ -148,7 +144,7 @@ def load_meshes(
             errors.append(str(error))
             continue
         extent = max(map(extent_mm, meshes.values()))
-        if unit is None and extent < least_mm:
+        if unit is None and extent < 10.0:
             sizes = [f"{extent * MM_PER_UNIT[other]:.3g} mm across in {other}" for other in ("mm", "cm", "inch")]
             names = " and ".join(path.name for path in files.values())
             raise ValueError(f"the larger of {names} is {', '.join(sizes)}: give the unit by --units")
@@ -201,25 +197,23 @@ def made_up_motion(scene: Scene, joint: Joint, load_ratio: float = 1.5) -> dict[
     return {"motion": {"cycles": 4, "duration_s": 1.0, "deviation": 0.03, "harmonics": harmonics}}
 
 
-def _reference(tables: Mapping[str, Any], cycles: int) -> tuple[Array, ReferenceReport]:
-    """The settled poses (n, 6) of the first cycles of the scene's reference motion."""
+def _reference(tables: Mapping[str, Any]) -> tuple[Array, ReferenceReport]:
+    """The settled poses (n, 6) of the first 2 cycles of the scene's reference motion."""
     scene = Scene.from_tables(tables)
     model = ElasticFoundation(scene, scene.grids["settle"])
-    poses, report = reference_poses(model, reference_motion_cycles(scene, ())[:cycles], every_cycle=False)
+    poses, report = reference_poses(model, reference_motion_cycles(scene, ())[:2], every_cycle=False)
     if not report.converged.any():
         raise ValueError(f"no frame of the reference motion has a pose that carries its loads ({report.reason[0, 0]})")
     return poses[report.converged], report
 
 
-def _tolerances(
-    model: ElasticFoundation, poses: Array, share: float = 0.01, least_lever_mm: float = 10.0
-) -> dict[str, float]:
-    """1 % of the largest force in the poses for every force; of the largest torque, at least that force times a least
-    lever, for every torque: a ball turns about its centre without torque."""
+def _tolerances(model: ElasticFoundation, poses: Array) -> dict[str, float]:
+    """1 % of the largest force in the poses for every force; of the largest torque, at least that force times 10 mm,
+    for every torque: a ball turns about its centre without torque."""
     largest = dict(zip(model.load_names, np.abs(model(poses)).max(axis=0).tolist(), strict=True))
     of = {kind: max(largest[name] for name in of_kind(model.load_names, kind)) for kind in (FORCE, TORQUE)}
-    of[TORQUE] = max(of[TORQUE], least_lever_mm * of[FORCE])
-    return {name: float(f"{share * of[quantity(name).kind]:.2g}") for name in model.load_names}
+    of[TORQUE] = max(of[TORQUE], 10.0 * of[FORCE])
+    return {name: float(f"{0.01 * of[quantity(name).kind]:.2g}") for name in model.load_names}
 
 
 def _questions_about_motion(model: ElasticFoundation, poses: Array, report: ReferenceReport) -> list[str]:
@@ -236,20 +230,14 @@ def _questions_about_motion(model: ElasticFoundation, poses: Array, report: Refe
     return [*questions, *(f"load that the model may miss: {words}" for words in unmodelled.values())]
 
 
-def rest_pose(
-    model: ElasticFoundation,
-    joint: Joint,
-    direction: Sequence[float],
-    lifted_mm: Sequence[float] = (0.0, 0.5, 1.0, 2.0),
-) -> tuple[Array, bool]:
+def rest_pose(model: ElasticFoundation, joint: Joint, direction: Sequence[float]) -> tuple[Array, bool]:
     """The pose (6,) near the start pose in which every patch carries 0.3 of the scene's reference load, and whether it
     was found; also from poses lifted against the direction of pressing: bodies of one scan may overlap."""
     scene = model.scene
-    out = np.outer(lifted_mm, np.asarray(direction) / np.linalg.norm(direction))
+    out = np.outer((0.0, 0.5, 1.0, 2.0), np.asarray(direction) / np.linalg.norm(direction))
     starts = scene.start_pose - np.pad(out, ((0, 0), (0, 3)))
-    poses, report = settle(
-        model, starts, scene.sensitive_pose, rest_loads(scene, joint, REST_SHARE * scene.reference_load)
-    )
+    loads = rest_loads(scene, joint, REST_SHARE * scene.reference_load)
+    poses, report = settle(model, starts, scene.sensitive_pose, loads)
     first = int(report.converged.argmax())
     return poses[first], bool(report.converged[first])
 
@@ -273,18 +261,13 @@ def gap_slope(model: ElasticFoundation, pose: Array, direction: Sequence[float])
 
 
 def thin_spacing(
-    meshes: Mapping[str, TriangleMesh],
-    thickness_mm: Mapping[str, float],
-    usual_mm: float,
-    shares: Sequence[float] = (0.15, 0.25),
+    meshes: Mapping[str, TriangleMesh], thickness_mm: Mapping[str, float], usual_mm: float
 ) -> dict[str, float]:
     """The spacing [mm] of each body's distance field: of thin bodies a share of the thickness (infinite for open
     surfaces), the first that fits into memory. Half way through a body of thickness t its distance has a kink, which a
     cubic spline carries to both of its surfaces: at a spacing of t/4 by up to 0.004 t, at 0.15 t by 0.0005 t."""
-    tried = [
-        {body: min(usual_mm, round(share * thickness, 3)) for body, thickness in thickness_mm.items()}
-        for share in shares
-    ]
+    of_all = thickness_mm.items()
+    tried = [{body: min(usual_mm, round(share * mm, 3)) for body, mm in of_all} for share in (0.15, 0.25)]
     return next((each for each in tried if all(field_fits(meshes[b], mm) for b, mm in each.items())), tried[-1])
 
 
