@@ -121,11 +121,11 @@ def test_loads_root_loads_and_confidence_in_the_page_are_those_of_python(live):
             continue
         loads, slopes = model.jacobian(live.poses)
         s, ds = model.root_loads(live.poses)
-        found = live.of_poses(f"Array.from(m.{name}.jacobian(pose).slopes)", live.poses)
+        found = live.of_poses(f'Array.from(m.{name}.both("jacobian", pose).slopes)', live.poses)
         agree(live.of_poses(f"Array.from(m.{name}.loads(pose))", live.poses), loads)
         agree(found.reshape(slopes.shape), slopes, 1)
-        agree(live.of_poses(f"Array.from(m.{name}.roots(pose).values)", live.poses), s)
-        agree(live.of_poses(f"Array.from(m.{name}.roots(pose).slopes)", live.poses).reshape(ds.shape), ds, 1)
+        agree(live.of_poses(f'Array.from(m.{name}.both("roots", pose).values)', live.poses), s)
+        agree(live.of_poses(f'Array.from(m.{name}.both("roots", pose).slopes)', live.poses).reshape(ds.shape), ds, 1)
     if live.surrogate is not None:
         poses = np.array([*live.poses, [40.0, 27.0, 9.0, 1.0, 1.0, 1.0]])
         found = live.of_poses("((c) => [c.validity, ...c.errors])(m.surrogate.confidence(pose))", poses)
@@ -212,9 +212,9 @@ def test_the_scrubber_plays_stops_and_is_at_the_frame_that_a_button_leads_to(kne
 def test_the_map_paints_the_area_in_contact(knee):
     """Of a flat dish seen from above, pixel by pixel."""
     code = """() => {
-      const { map } = joint, [width, height] = [map.canvas.clientWidth, map.canvas.clientHeight];
+      const { map } = joint;
       map.draw([0, 1].map((p) => joint.models.contact.pressures(joint.pose, p)), 30, [], []);
-      const [origin, one] = [0, 1].map((x) => map.placed(width, height)([x, 0])[0]), bare = map.bare.data;
+      const [origin, one] = [0, 1].map((x) => map.place([x, 0])[0]), bare = map.bare.data;
       const drawn = map.canvas.getContext("2d").getImageData(0, 0, map.canvas.width, map.canvas.height).data;
       return drawn.filter((value, i) => i % 4 === 2 && value !== bare[i]).length / (one - origin) ** 2;
     }"""

@@ -39,19 +39,11 @@ class Model {
     this.exports[what](this.pose, ...offsets);
   }
 
-  /** Values of one of its functions and their derivatives by the pose, row after row. */
-  both(what, pose, count) {
+  /** Values and their derivatives by the pose, row after row: of the loads ("jacobian"), or of each patch's signed root load ("roots"). */
+  both(what, pose) {
+    const count = what === "roots" ? this.patches : this.count;
     this.call(`${this.name}_${what}`, pose, this.values, this.slopes);
     return { values: this.memory.at(this.values, count).slice(), slopes: this.memory.at(this.slopes, 6 * count).slice() };
-  }
-
-  jacobian(pose) {
-    return this.both("jacobian", pose, this.count);
-  }
-
-  /** Signed root load of each patch and its derivatives. */
-  roots(pose) {
-    return this.both("roots", pose, this.patches);
   }
 
   loads(pose) {
@@ -96,7 +88,7 @@ class ContactModel extends Model {
 }
 
 /** The models of a page's module; surrogate is null where there is none. */
-export async function loadModels(bytes, { loads, surrogateLoads, surfaces }) {
+export async function loadModels(bytes, loads, surrogateLoads, surfaces) {
   const { exports } = (await WebAssembly.instantiate(bytes, {})).instance;
   exports._initialize?.();
   const memory = new Memory(exports);

@@ -24,7 +24,7 @@ function evaluated(models, content, pose) {
     surrogate: inOrder(surrogate?.loads(pose)),
     errors: inOrder(confidence?.errors),
     validity: confidence?.validity,
-    gaps: Array.from(contact.roots(pose).values, (root) => (root > 0 ? null : -root / content.gapSlope)),
+    gaps: Array.from(contact.both("roots", pose).values, (root) => (root > 0 ? null : -root / content.gapSlope)),
   };
 }
 
@@ -118,12 +118,9 @@ class Page {
 
   saving() {
     const { content, frameLoads } = this;
-    const files = {
-      csv: [`${content.scene}.csv`, () => csvOf(content, frameLoads)],
-      sto: [`${content.scene}.sto`, () => stoOf(content, frameLoads)],
-      opti: [`${content.scene}_opti.py`, () => optiOf(content, this.pose, this.wanted)],
-    };
-    for (const [id, [name, text]] of Object.entries(files)) byId(id).addEventListener("click", () => download(name, text()));
+    byId("csv").onclick = () => download(`${content.scene}.csv`, csvOf(content, frameLoads));
+    byId("sto").onclick = () => download(`${content.scene}.sto`, stoOf(content, frameLoads));
+    byId("opti").onclick = () => download(`${content.scene}_opti.py`, optiOf(content, this.pose, this.wanted));
   }
 }
 
@@ -145,21 +142,10 @@ function giveUp(error) {
 async function begin() {
   const arrays = await unpack(content.arrays, byId("arrays").textContent);
   document.head.append(Object.assign(document.createElement("script"), { textContent: new TextDecoder().decode(arrays.library) }));
-  const triangles = (name) => ({
-    points: arrays[`${name}_points`],
-    normals: arrays[`${name}_normals`],
-    corners: arrays[`${name}_corners`],
-  });
-  const surfaces = content.patches.map(({ name }) => ({
-    ...triangles(`patch_${name}`),
-    places: arrays[`patch_${name}_places`],
-  }));
-  const models = await loadModels(arrays.kernel, {
-    loads: content.loads.length,
-    surrogateLoads: content.surrogateLoads?.length,
-    surfaces,
-  });
-  page.begin(models, surfaces, triangles("behind"), triangles("moving"));
+  const body = (name) => Object.fromEntries(["points", "normals", "corners", "places"].map((of) => [of, arrays[`${name}_${of}`]]));
+  const surfaces = content.patches.map(({ name }) => body(`patch_${name}`));
+  const models = await loadModels(arrays.kernel, content.loads.length, content.surrogateLoads?.length, surfaces);
+  page.begin(models, surfaces, body("behind"), body("moving"));
   window.joint = page;
 }
 

@@ -22,8 +22,7 @@ export function sliders(place, content, changed) {
       pose = pose.with(k, Math.min(Math.max(value, low), high) / parameter.factor);
       changed(pose);
     };
-    slide.addEventListener("input", () => take(slide.value));
-    number.addEventListener("change", () => take(number.value));
+    slide.oninput = number.onchange = ({ target }) => take(target.value);
     const ends = element("div", { className: "ends" }, ...parameter.ends.map((end, i) =>
       element("span", { textContent: i ? `${end} ${readable(high)}` : `${readable(low)} ${end}` })));
     place.append(element("div", { className: "slider" },
@@ -43,11 +42,8 @@ export function sliders(place, content, changed) {
 
 /** A button for each preset, a frame of the cycle; chosen(frame). */
 export function presets(place, content, chosen) {
-  for (const [name, frame] of Object.entries(content.presets)) {
-    const button = element("button", { type: "button", textContent: name });
-    button.addEventListener("click", () => chosen(frame));
-    place.append(button);
-  }
+  const button = ([name, frame]) => element("button", { type: "button", textContent: name, onclick: () => chosen(frame) });
+  place.append(...Object.entries(content.presets).map(button));
 }
 
 /** Fields for the wanted loads; wanted(values) when the form is sent. */

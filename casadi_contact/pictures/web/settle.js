@@ -9,8 +9,7 @@ const TOLERANCE_N = 1e-5;
 
 /** r, dr/dpose (rows of 6) and the largest misfit [N] of a pose; target: {names, wanted}. */
 function residuals(model, content, pose, target) {
-  const { values, slopes } = model.jacobian(pose);
-  const roots = model.roots(pose);
+  const [{ values, slopes }, roots] = ["jacobian", "roots"].map((what) => model.both(what, pose));
   const column = (name) => model.names.indexOf(name);
   const row = (from, k) => Array.from(from.slice(6 * k, 6 * k + 6));
   const rows = content.normals.flatMap(({ loads, directed, sign }, patch) => {

@@ -17,13 +17,11 @@ export class Timeline {
     this.count = content.cycle.poses.length;
     this.scrubber.max = this.count - 1;
     document.getElementById("cycle").hidden = this.count < 2;
-    document.getElementById("legend").append(...curves.map(({ name }, k) => {
-      const label = Object.assign(document.createElement("b"), { textContent: name });
-      label.style.color = COLOURS[k % COLOURS.length];
-      return label;
-    }));
+    const label = ({ name }, k) =>
+      Object.assign(document.createElement("b"), { textContent: name, style: `color: ${COLOURS[k % COLOURS.length]}` });
+    document.getElementById("legend").append(...curves.map(label));
     this.scrubber.addEventListener("input", () => moved(Number(this.scrubber.value)));
-    this.button.addEventListener("click", () => (this.playing ? this.pause() : this.play()));
+    this.button.addEventListener("click", () => this.play());
   }
 
   show(frame) {
@@ -31,15 +29,11 @@ export class Timeline {
     this.scrubber.value = frame;
   }
 
+  /** Play, or pause. */
   play() {
-    this.button.textContent = "❚❚";
-    this.playing = setInterval(() => this.moved((this.frame + 1) % this.count), 1000 / FRAMES_PER_SECOND);
-  }
-
-  pause() {
     clearInterval(this.playing);
-    this.playing = null;
-    this.button.textContent = "▶";
+    this.playing = this.playing ? null : setInterval(() => this.moved((this.frame + 1) % this.count), 1000 / FRAMES_PER_SECOND);
+    this.button.textContent = this.playing ? "❚❚" : "▶";
   }
 
   /** current: false where the pose is no longer that of the frame. */

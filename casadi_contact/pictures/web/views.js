@@ -6,6 +6,12 @@ import { dot, heights, rotation } from "./linear.js";
 
 const SCALE_WIDTH = 10;
 
+/** Where a point (right, up) [mm] lies on a canvas whose middle shows that of the bounds, which fill no more than `room`. */
+function placed([[left, end], [low, high]], room, middle) {
+  const factor = Math.min(room[0] / (end - left), room[1] / (high - low));
+  return ([x, y]) => [middle[0] + factor * (x - 0.5 * (left + end)), middle[1] - factor * (y - 0.5 * (low + high))];
+}
+
 export class PressureMap {
   constructor(canvas, content, surfaces) {
     this.canvas = canvas;
@@ -18,7 +24,7 @@ export class PressureMap {
   /** pressures: of each patch; contacts: of each patch, with centre; trail: points of earlier centres by patch. */
   draw(pressures, largest, contacts, trail) {
     const { context, width, height } = cleared(this.canvas);
-    const place = this.placed(width, height);
+    const place = (this.place = placed(this.content.view.bounds, [width - 150, height - 44], [0.5 * (width - 46), 0.5 * height]));
     const { width: wide, height: high } = this.canvas;
     if (this.bare?.width !== wide || this.bare.height !== high || this.largest !== largest) {
       for (const surface of this.surfaces) fill(context, place, surface, surface.corners, css(BONE));
@@ -51,14 +57,6 @@ export class PressureMap {
 
   flat(point) {
     return [dot(this.content.view.right, point), dot(this.content.view.up, point)];
-  }
-
-  /** Where a point (right, up) [mm] lies on the canvas. */
-  placed(width, height) {
-    const [[left, end], [low, high]] = this.content.view.bounds;
-    const factor = Math.min((width - 150) / (end - left), (height - 44) / (high - low));
-    const centre = 0.5 * (width - 46);
-    return ([x, y]) => [centre + factor * (x - 0.5 * (left + end)), 0.5 * height - factor * (y - 0.5 * (low + high))];
   }
 
   trail(context, place, trail) {
@@ -134,7 +132,9 @@ export class Section {
   /** across: the map's direction that the plane is normal to, "up" or "right". */
   constructor(canvas, { view }, across, fixed, behind, moving) {
     const [along, names] = across === "up" ? [0, ["left", "right"]] : [1, ["bottom", "top"]];
-    Object.assign(this, { canvas, view, across, moving, bounds: [view.bounds[along], view.bounds[2]], names });
+    const [low, high] = view.bounds[2];
+    const bounds = [view.bounds[along], [low - 2 * MARGIN_MM, high + 2 * MARGIN_MM]];
+    Object.assign(this, { canvas, view, across, moving, bounds, names });
     this.fixed = [...fixed, behind].map((part) => ({ part, of: heights(view[across], part.points) }));
   }
 
@@ -143,7 +143,7 @@ export class Section {
     const { [this.across]: up, toward } = this.view;
     const right = this.view[this.across === "up" ? "right" : "up"];
     const { context, width, height } = cleared(this.canvas);
-    const place = this.placed(width, height);
+    const place = placed(this.bounds, [width - 40, height - 36], [0.5 * width, 0.56 * height]);
     const R = rotation(pose);
     const inBody = (axis) => [0, 1, 2].map((k) => R[0][k] * axis[0] + R[1][k] * axis[1] + R[2][k] * axis[2]);
     const shift = [right, toward].map((axis) => dot(axis, pose));
@@ -159,11 +159,5 @@ export class Section {
     for (const ends of moved) line(context, ends.map(place));
     context.restore();
     write(context, FAINT, this.names.map((way, i) => [this.view.names[way], i ? "right" : "left", i ? width - 10 : 10, 14]));
-  }
-
-  placed(width, height) {
-    const [[left, end], [low, high]] = this.bounds;
-    const factor = Math.min((width - 40) / (end - left), (height - 36) / (high - low + 4 * MARGIN_MM));
-    return ([x, y]) => [0.5 * width + factor * (x - 0.5 * (left + end)), 0.56 * height - factor * (y - 0.5 * (low + high))];
   }
 }
