@@ -190,10 +190,8 @@ class MuscleContact:
         shares = [np.abs(curve) / settings.reserve_sizes[name] for name, curve in given.items()]
         solved = (worst_n <= settings.tolerance_n) & ipopt.solved
         overloaded = solved & (np.max([*shares, *soleus.T], axis=0) > 1.0)
-        outcome, calf = (
-            FrameOutcome.of(solved, (overloaded, FrameOutcome.OVERLOADED)),
-            soleus[:, 0] if soleus.size else None,
-        )
+        outcome = FrameOutcome.of(solved, (overloaded, FrameOutcome.OVERLOADED))
+        calf = soleus[:, 0] if soleus.size else None
         found = (activations, forces, poses, loads, given, left, calf)
         return MuscleContactResult(*found, outcome=outcome, ipopt=ipopt, seconds=seconds)
 

@@ -100,8 +100,8 @@ def share_on_walls(
     moving, rotations = body_mesh(geometry, "moving"), rotation(poses[:, 3:])
     low, high = moving.vertices_mm.min(axis=0), moving.vertices_mm.max(axis=0)
     middles, halves = poses[:, :3] + rotations @ (0.5 * (low + high)), np.abs(rotations) @ (0.5 * (high - low))
-    low, high = (middles - halves).min(axis=0), (middles + halves).max(axis=0)
-    bare = bare_mesh(geometry, longest_mm, low, high, within=within)
+    box = (middles - halves).min(axis=0), (middles + halves).max(axis=0)
+    bare = bare_mesh(geometry, longest_mm, *box, within=within)
     if not len(bare.faces):
         return share
     centres, normals, areas = bare.corners_mm.mean(axis=1), bare.normals, bare.areas_mm2

@@ -22,8 +22,8 @@ const root = (pose) => pose.reduce((sum, q, k) => sum + slopes[k] * q, 0);
 // A patch of root load s = slopes·pose under N = N0 s², N0 = 100 N, pressed along -Fy.
 const model = {
   names: ["Fy"],
-  roots: (pose) => ({ values: [root(pose)], slopes }),
-  jacobian: (pose) => ({ values: [-100 * root(pose) ** 2], slopes: slopes.map((k) => -200 * root(pose) * k) }),
+  both: (what, pose) => what === "roots" ? { values: [root(pose)], slopes }
+    : { values: [-100 * root(pose) ** 2], slopes: slopes.map((k) => -200 * root(pose) * k) },
 };
 const content = { space, referenceLoad: 100, normals: [{ loads: ["Fy"], directed: true, sign: -1 }] };
 console.log(JSON.stringify(settle(model, content, start, [1], { names: ["Fy"], wanted: [wanted] })));
