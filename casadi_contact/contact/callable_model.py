@@ -80,8 +80,7 @@ class CallableModel(WrenchLoads):
     def wrench_jacobian(self, poses: Array) -> tuple[Array, Array]:
         """Wrenches (n, patches, 6) and their central-difference derivatives by the pose (n, patches, 6, 6).
 
-        The last ones are kept: `jacobian` and `root_loads` at the same poses cost the user's function one evaluation of
-        each.
+        The last ones are kept: `jacobian` and `root_loads` at the same poses evaluate the user's function once.
         """
         last = self._last
         if last is None or not np.array_equal(last[0], poses):

@@ -30,8 +30,7 @@ OF_PRESSURES = "pressure_"  # what names of C functions begin with
 
 
 class CompiledFoundation(SlidingContact, SymbolicContact, PressureOutputs):
-    """A contact model of a scene by a kernel in C; without a compiler, slower, by the same formulas in NumPy. It gives
-    loads, root loads and pressures.
+    """Loads, root loads and pressures of a scene by a kernel in C; without a compiler, slower, in NumPy.
 
     compiled: False for NumPy in any case. ``record`` says what was chosen and how wrong it is, in plain values.
     """
@@ -73,8 +72,7 @@ class CompiledFoundation(SlidingContact, SymbolicContact, PressureOutputs):
 
     @batched
     def wrenches(self, poses: Array, velocities: ArrayLike | None = None) -> Array:
-        """Wrench of each patch on the fixed body (n, patches, 6) [N, N·mm], for poses (n, 6); velocities: their rates,
-        see `SlidingContact`."""
+        """Wrench of each patch on the fixed body (n, patches, 6) [N, N·mm]; velocities: see `SlidingContact`."""
         if velocities is not None:
             return self.moving_wrenches(poses, checked_velocities(poses, velocities))
         return self._evaluate(poses).wrench

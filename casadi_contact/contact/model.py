@@ -35,8 +35,7 @@ class ContactModel(Protocol):
     def root_loads(self, poses: Array) -> tuple[Array, Array]:
         """Signed root load of each patch (n, patches) and its derivatives (n, patches, 6).
 
-        s = √(N/N0) in contact, with N the patch's normal load (see the scene); out of contact s = -c·gap, or a like
-        falling quantity.
+        s = √(N/N0) in contact, with N the patch's normal load; out of contact s = -c·gap, or what falls alike.
         """
 
     def jacobian_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
@@ -103,8 +102,7 @@ def root_of_normal(normal: Array, gradient: Array, reference_load: float) -> tup
 
 
 def total_root(s: Array, ds: Array) -> tuple[Array, Array]:
-    """√(Σ max(s, 0)²) (n,) of root loads (n, P) and its derivatives (n, 6); where no patch is in contact, those of the
-    nearest."""
+    """√(Σ max(s, 0)²) (n,) of root loads (n, P) and its derivatives (n, 6); out of contact, those of the nearest."""
     inside, rows = np.maximum(s, 0.0), np.arange(len(s))
     total, nearest = np.linalg.norm(inside, axis=1), s.argmax(axis=1)
     loaded = total > 0.0
@@ -199,8 +197,7 @@ class WrenchLoads(ContactModel):
 
     @batched
     def jacobian(self, poses: Array, loads: Iterable[str] | None = None) -> tuple[Array, Array]:
-        """Named loads (n, loads), as a call gives them, and their derivatives by the pose (n, loads, 6) [per mm, per
-        rad]."""
+        """Named loads (n, loads), and their derivatives by the pose (n, loads, 6) [per mm, per rad]."""
         return load_jacobian(self._rows(loads), *self.wrench_jacobian(poses))
 
     @batched

@@ -23,8 +23,7 @@ def law_number(name: str) -> int:
 
 
 def law_of(material: Material) -> tuple[int, float, float]:
-    """Number of a material's law, modulus K [MPa] and thickness h [mm], that of both layers in series: what compiled
-    laws are called with."""
+    """What compiled laws are called with: number, modulus K [MPa], thickness h [mm] of both layers in series."""
     return law_number(material.law), material.modulus, material.thickness + material.in_series
 
 

@@ -92,8 +92,7 @@ class PressureOutputs(ABC):
 
     @property
     def pressure_names(self) -> tuple[str, ...]:
-        """contact_area_med, mean_pressure_med, ... patch by patch; without the patch where there is but one. None where
-        the layer's thickness varies."""
+        """contact_area_med, mean_pressure_med, ... patch by patch (one: without it); none where thickness varies."""
         if self.scene.varies:
             return ()
         single = len(self.patch_names) == 1
@@ -117,8 +116,7 @@ class PressureOutputs(ABC):
         return PressureSummary(area, mean, largest, deepest, values[..., 3:6])
 
     def pressure_function(self, names: Iterable[str] | None = None, name: str = "contact_pressures") -> ca.Function:
-        """casadi.Function pose (6) -> the named outputs (m), with its Jacobian; Hessians are differences of it. Raises
-        ValueError for an unknown name.
+        """casadi.Function pose (6) -> the named outputs (m), with its Jacobian; Hessians are differences of it.
 
         Without parameters: a centre out of contact is NaN, which a product with a placement would spread to outputs in
         contact. Material is a factor K(E, ν)/h of mean and peak alone; a placed fixed body is met at the relative pose.

@@ -22,8 +22,7 @@ from casadi_contact.core.conventions import (
 def _conjugate_motion(model: ContactModel, names: Sequence[str], pose: Array) -> Array:
     """Motion (targets, 6) by pose rate along which each target does work.
 
-    A patch's force works on the velocity of the patch's anchor, a total force on that of the moving origin, a torque
-    on the angular velocity.
+    A patch's force works on its anchor's velocity, a total force on the origin's, a torque on the angular velocity.
     """
     omega = angular_velocity_map(pose[3:])
     motion = np.zeros((len(names), 6))
@@ -44,8 +43,7 @@ def _conjugate_motion(model: ContactModel, names: Sequence[str], pose: Array) ->
 class _DampedMotion:
     """The body of one row of the equations, moving from a pose (6,): m·q̈ = Aᵀ·(target - loads) - c·q̇.
 
-    A state (2k,) holds steps q from there of the k free pose parameters [mm, rotations times LEVER_MM] and their rates
-    [mm/s].
+    A state (2k,): steps q from there of k free pose parameters [mm, rotations times LEVER_MM], their rates [mm/s].
     """
 
     equations: Equilibrium
@@ -71,8 +69,7 @@ class _DampedMotion:
         return np.concatenate([speed, (self._motion(pose).T @ missing - self.damping * speed) / self.mass])
 
     def rate_jacobian(self, _: float, state: Array) -> Array:
-        """Derivative (2k, 2k) of the rate by the state. The motion A is taken as constant, and so are loads whose
-        derivative is not finite."""
+        """Derivative (2k, 2k) of the rate by the state; A, and loads without finite derivatives, as constants."""
         pose, one = self.pose(state), np.eye(len(self.equations.free))
         by_q = self._by_q(self.equations.model.jacobian(pose[None])[1][0, self._loads])
         by_q = np.where(np.isfinite(by_q), by_q, 0.0)

@@ -1,5 +1,4 @@
-"""Static analyses: free pose parameters that carry target loads, by a damped Newton method, all poses at once
-([EF15 §2.4], "via optimization")."""
+"""Static analyses: free pose parameters that carry target loads, by damped Newton steps of all poses ([EF15 §2.4])."""
 
 from __future__ import annotations
 
@@ -69,8 +68,7 @@ class Equilibrium:
         return {p: list(map(self.names.index, loads)) for p, loads in magnitudes if set(loads) <= set(self.names)}
 
     def pressing(self) -> Equilibrium | None:
-        """The equations of the sensitive pose parameters under the normal loads alone; None unless they are some of the
-        free ones, with a load for each."""
+        """The equations of the sensitive pose parameters under the normal loads; None unless free, a load for each."""
         sensitive = tuple(pose_index(name) for name in self.model.scene.sensitive_pose)
         of_vectors = [column for columns in self._vector_targets.values() for column in columns]
         columns = sorted({*self._normal_targets, *of_vectors})
@@ -208,8 +206,7 @@ def settle(
     the least-squares sense and says so. tolerance is in N (torques over 25 mm). Where more than the scene's sensitive
     pose parameters is free, these settle first under the normal loads alone: torques of bodies that press each other
     far too hard lead astray. What then stands still short of the loads goes on by a trust region (SciPy's
-    ``least_squares``), from there and from places up to 0.3 mm around it, one pose after the other; not so with
-    trust_region=False.
+    ``least_squares``), from there and up to 0.3 mm around, one pose after the other; not with trust_region=False.
 
     What the scene locks or ties is put in place. progress(done, all): poses settled, or given up.
 
@@ -296,8 +293,7 @@ def _trust_region(
 
     @lru_cache(maxsize=1)  # SciPy asks for the Jacobian where it has asked for the value
     def residuals(steps: bytes) -> tuple[Array, Array, Array]:
-        """Not a number for steps that are none, which SciPy may take where Jacobians are all but singular: it then
-        keeps where it was."""
+        """NaN for steps that are none, which SciPy may take beside singular Jacobians: it keeps where it was."""
         at = np.frombuffer(steps)
         if np.isfinite(at).all():
             return equations.residuals(equations.moved(start, at), rows)

@@ -4,8 +4,7 @@ A model without a kernel is called back with its own Jacobian; CasADi difference
 
 Loads are proportional to K(E, ν) and, under the linear law, to 1/h: material inputs are factors on the scene's own
 loads, NaN unless E > 0, -1 < ν < 0.5 and h > 0. The fixed body placed at (t_f, R_f) in the scene's frame is met by the
-moving body at R_fᵀ(t - t_f), R_fᵀR; its wrench (F', T') there is F = R_f F', T = R_f T' + t_f × F in the scene's frame,
-about its origin.
+moving body at R_fᵀ(t - t_f), R_fᵀR; its wrench (F', T') there is F = R_f F', T = R_f T' + t_f × F about the origin.
 """
 
 from __future__ import annotations
@@ -41,11 +40,8 @@ _KEPT: list[ca.Callback] = []  # CasADi does not keep the Python side of a callb
 
 
 def contact_callback(name: str, outputs: Sequence[Output], size: int = 6) -> ca.Function:
-    """casadi.Function pose (6) -> outputs by name, through Python; derivatives as the outputs give them. NaN for a pose
-    that is not finite.
-
-    size: numbers of the input, for more than a pose.
-    """
+    """casadi.Function pose (6), or `size` numbers, -> outputs by name, through Python, with derivatives; NaN where a
+    number is not finite."""
     vector = ca.Sparsity.dense(size, 1)
 
     def evaluated(arg: Sequence[Any], which: int) -> list[Array]:

@@ -1,8 +1,7 @@
 """Triangle meshes of real joints: read, checked and cleaned, in mm and in the library's axes.
 
 `geometry.mesh_formats` reads files. Errors say what was got, expected, and the remedy. Degenerate and repeated
-triangles are dropped and counted. Signed distances need joined triangles, manifold and consistently oriented, the
-outside out and pieces apart.
+triangles are dropped and counted. Signed distances need joined, manifold, outwards triangles and pieces apart.
 """
 
 from collections.abc import Sequence
@@ -81,8 +80,7 @@ def load_mesh(
 
 
 def file_digest(path: Path) -> str:
-    """SHA-256 of a mesh file; raises FileNotFoundError, saying how a scene finds its meshes, and ValueError for a file
-    larger than any mesh's."""
+    """SHA-256 of a mesh file; raises FileNotFoundError, and ValueError for a file larger than any mesh's."""
     if not path.is_file():
         raise FileNotFoundError(
             f"mesh file {path} does not exist: a scene's mesh paths are absolute or relative to the scene file"
@@ -235,8 +233,7 @@ def check_apart(
 ) -> None:
     """No piece lies in the solid of another near the contact boxes (without boxes: anywhere). There the nearest surface
     would lie inside the body, and distances from it would have the wrong sign. An outward ray from such a triangle
-    leaves the other piece. Triangles deeper than ``deep_mm`` do not change distances, and areas below ``least_mm2`` are
-    folds of a scan."""
+    leaves the other piece. Those deeper than ``deep_mm`` change no distance; below ``least_mm2`` lie folds."""
     if mesh.pieces.max() == 0:
         return
     out, middles = mesh.normals, mesh.corners_mm.mean(axis=1)

@@ -185,8 +185,7 @@ def _of_vtk(content: bytes) -> tuple[Array, np.ndarray]:
 
 
 def _of_vtp(content: bytes) -> tuple[Array, np.ndarray]:
-    """As in OpenSim's geometry folders: `Points`, `Polys` in ASCII, inline or appended (plain, zlib). Source: VTK file
-    formats, XML formats."""
+    """`Points`, `Polys` in ASCII, inline or appended (plain, zlib). Source: VTK file formats, XML formats."""
     content, mark, tail = content.partition(b"<AppendedData")
     kind, _, data = tail.partition(b"_")
     if b"<!DOCTYPE" in content or b"\0" in content:  # entities can expand without end; UTF-16 would hide them

@@ -5,8 +5,7 @@ per cent of the force at 0.1 mm overlap. Each triangle is therefore replaced by 
 (Vlachos et al. 2001), a cubic through its corners and normal to the corners' normals, whose error falls with the
 fourth power of the edge. The normals must be as good as that: they come from a quadric fitted to the vertices within
 two edges of each vertex (an osculating jet, Cazals and Pouget 2005), not from averages of facet normals. At a crease,
-such as the rim of a part, each side has normals of its own: one between them would bend long triangles of a flat wall
-by millimetres.
+such as a rim, each side has normals of its own: one between would bend long triangles of a flat wall by millimetres.
 """
 
 from functools import partial

@@ -81,8 +81,7 @@ def distance_gradients(surface: MovingSurface, points: Array) -> tuple[Array, Ar
 
 
 def round_body(surface: MovingSurface) -> tuple[Array, Array, float]:
-    """Axes (3,) that a ball's or a cylinder's distance depends on (1 or 0), its centre (3,) and radius [mm]; raises
-    ValueError for another body."""
+    """Axes (3,) that a ball's or a cylinder's distance depends on (1 or 0), centre (3,), radius [mm], or ValueError."""
     if surface.family == CYLINDER:
         return np.array([1.0, 1.0, 0.0]), np.zeros(3), float(surface.parameters[0])
     count, radius, centre_z, x, y, offset = surface.parameters[:6]

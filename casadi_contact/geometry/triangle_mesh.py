@@ -49,8 +49,7 @@ class TriangleMesh:
 
     @cached_property
     def joined_sides(self) -> tuple[np.ndarray, np.ndarray]:
-        """Pairs of sides that are one edge of just two triangles; side k·f + triangle runs from its corner k to the
-        next."""
+        """Pairs of sides that are one edge of just two triangles; side k·f + triangle begins at its corner k."""
         _, edge, count = distinct_edges(self.faces)
         order = np.argsort(edge, kind="stable")
         pairs = order[count[edge[order]] == 2]
@@ -113,8 +112,7 @@ class TriangleMesh:
         return TriangleMesh(self.name, self.vertices_mm[used], renumbered.reshape(-1, 3), self.dropped, slivers)
 
     def subdivided(self, longest_mm: float) -> TriangleMesh:
-        """The mesh with edges halved until none is longer, the longest of their triangles first: neighbours stay
-        joined."""
+        """The mesh with edges halved, the longest of their triangles first, until none is longer; joined still."""
         vertices, faces = self.vertices_mm, self.faces
         while True:
             edges, number, times = distinct_edges(faces)
@@ -144,8 +142,7 @@ def undirected_edges(faces: np.ndarray) -> np.ndarray:
 
 
 def distinct_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Each edge once (e, 2), rising; the number of that of every side (3f,), numbered as `directed_edges`; how many
-    sides each edge has (e,)."""
+    """Each edge once (e, 2), rising; the edge of every side (3f,) of `directed_edges`; sides of each edge (e,)."""
     size = int(faces.max(initial=0)) + 1  # one whole number for an edge sorts ten times as fast as two
     codes, edge, times = np.unique(undirected_edges(faces) @ [size, 1], return_inverse=True, return_counts=True)
     return np.stack([codes // size, codes % size], axis=1), edge.reshape(-1), times

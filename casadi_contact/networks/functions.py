@@ -121,8 +121,7 @@ def as_weights(weights: ArrayLike, count: int, loads: Sequence[str]) -> Array:
 
 
 def hessian_function(function: ca.Function) -> ca.Function:
-    """pose (6), weights (L) -> second derivatives (6 x 6) of Σ weights·loads, of a function pose (6) -> loads (L), as
-    nlpsol builds them."""
+    """pose (6), weights (L) -> second derivatives (6 x 6) of Σ weights·loads of a function pose (6) -> loads (L)."""
     pose, weights = ca.MX.sym("pose", 6), ca.MX.sym("weights", function.numel_out(0))
     hessian, _ = ca.hessian(ca.dot(weights, function(pose)), pose)
     return ca.Function("hessian", [pose, weights], [ca.densify(hessian)])

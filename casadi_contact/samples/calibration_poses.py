@@ -29,8 +29,7 @@ _MOST_DRAWN = 200  # poses for one that is kept: chance alone seldom presses
 def perturbed_poses(samples: Samples, count: int, *, seed: int = 12) -> Array:
     """Poses (count, 6) of the samples moved by up to 1 mm and 2° in every parameter.
 
-    Half of the moves are uniform, half normal with these deviations; each is multiplied by a number drawn evenly from 0
-    to 1.
+    Half of the moves are uniform, half normal with these deviations; each times a number drawn evenly from 0 to 1.
     """
     rng = np.random.default_rng(seed)
     poses = samples.poses[rng.integers(len(samples), size=count)]
@@ -45,8 +44,7 @@ def poses_in_range(
 
     In every other pose about two parameters of six, chosen by chance, are drawn from a range that is wider by half of
     itself on either side: the surrogate extrapolates there. near: mask (n,) of poses (n, 6) to keep; roots: their
-    root loads (n, P) on the surrogate. Two in three of the poses are in contact, with root loads of up to 1.2 times the
-    largest sampled ones.
+    root loads (n, P) on the surrogate. Two in three poses are in contact, up to 1.2 times the largest sampled roots.
     """
     known, rng = samples.poses[samples.role != TEST], np.random.default_rng(13)
     low, span = known.min(axis=0), np.ptp(known, axis=0)
@@ -116,8 +114,7 @@ def cycle_poses(surrogate: ContactModel, samples: Samples, count: int = 3) -> Ar
 def label_poses(
     model: WrenchModel, samples: Samples, poses: Array, executor: Executor | None = None, *, slow_s: float = 1e-3
 ) -> Samples:
-    """Poses (n, 6) with the loads of the samples' model, also where contact runs off its elements; validation and test
-    rows in turn.
+    """Poses (n, 6) with the loads of the samples' model, off its elements too; validation and test rows in turn.
 
     executor: workers, used where a pose of a model of the library takes more than slow_s. Loads are NaN where the model
     gives none, gaps everywhere: they take longer and are not needed.

@@ -34,8 +34,7 @@ class WrenchModel(Protocol):
 
 @dataclass(frozen=True)
 class Chunk:
-    """Static analyses of one domain: start poses (n, 6) with the pose inputs in place, target loads (n,) by name, role
-    (n,); lifted as in `Block`."""
+    """Static analyses of one domain: start poses (n, 6), target loads (n,) by name, role (n,); lifted as in `Block`."""
 
     domain: int
     lifted: int
@@ -184,8 +183,7 @@ def lift(model: ContactModel, poses: Array, gaps_mm: Array, newton_steps: int = 
 
 
 def edge_share(teacher: WrenchModel, poses: Array) -> Array:
-    """The largest share of a patch's load (n,) at the elements' edges: by the model's edge_share, else 1 where contact
-    is at_edge."""
+    """The largest share of a patch's load (n,) at edges: the model's edge_share, else 1 where contact is at_edge."""
     share = getattr(teacher, "edge_share", getattr(teacher, "at_edge", None))
     return np.zeros(len(poses)) if share is None else share(poses).max(axis=1).astype(float)
 

@@ -15,8 +15,7 @@ of contact: D4 and D6 are then left out (`left_out`).
 
 The plan `reach` (``[sampling.reach]``) follows no motion: the box of D3 to D7 has the given ranges, wide enough for
 every pose whose contact lies on the fixed surface (others are dropped where it runs off), and normal loads are drawn
-evenly in their roots √N, so that light and heavy contact are known alike. D5 lifts each patch by a gap of its own. D1
-and D2 are left out.
+evenly in their roots √N, for light and heavy contact alike. D5 lifts each patch by its own gap. D1, D2 are left out.
 """
 
 from __future__ import annotations

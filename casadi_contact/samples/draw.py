@@ -117,8 +117,7 @@ def draw_samples(
 def check_same_model(model: WrenchModel, samples: Samples, where: Path) -> None:
     """Raise ValueError where a user's model gives other loads than samples drawn from it.
 
-    It is evaluated at up to 10 samples with a load; each load may differ by its tolerance, or by 1 % of the largest
-    force (torque) of these, RMS.
+    At up to 10 samples with a load each may differ by its tolerance, or by 1 % of the largest force (torque), RMS.
     """
     loaded = np.flatnonzero((samples.wrenches != 0.0).any(axis=(1, 2)))
     before = samples.rows(loaded[evenly_spaced_indices(len(loaded), 10)] if len(loaded) else loaded)
@@ -180,8 +179,7 @@ def _draw(scene_toml: str, settings_json: str, models: ModelPair, chunk: Chunk) 
 
 
 def teacher_job(samples: Samples) -> Callable[[Array], Array]:
-    """Wrenches (n, patches, 6) of poses (n, 6) on the library's model that the samples come from, as a worker finds
-    them: it makes the model once."""
+    """Wrenches (n, patches, 6) of poses (n, 6) on the samples' model, as a worker finds them: it makes it once."""
     settings = json.dumps(settings_of(samples).to_table(), sort_keys=True)
     return partial(_evaluate, samples.scene.to_toml(), settings, MODELS[samples.provenance["models"]])
 

@@ -170,8 +170,7 @@ def reference_poses(
 
 
 def found_sensitive_pose(model: ContactModel, cycles: Sequence[Cycle]) -> tuple[str, ...]:
-    """The most sensitive pose parameters, one for each sensitive load of the scene, in pose order, at the most loaded
-    pose of the first cycle."""
+    """The most sensitive pose parameters, one for each sensitive load, at the first cycle's most loaded pose."""
     poses, _ = reference_poses(model, cycles[:1], frames=21)
     roots, _ = model.root_loads(poses[0])
     reference = poses[0][int(np.argmax((np.maximum(roots, 0.0) ** 2).sum(axis=1)))]

@@ -95,8 +95,7 @@ def motion_origin(
 
 @dataclass(frozen=True)
 class KeptMotion:
-    """A reference motion, the report of its estimation, the files that its cycles were read from (none for built-in
-    ones), and its `motion_origin`."""
+    """A reference motion, its report, the files of its cycles (none for built-in ones), and its `motion_origin`."""
 
     motion: ReferenceMotion
     report: str

@@ -1,5 +1,4 @@
-"""Samples of a contact model, their HDF5 file, and what surrogates take from them: the rows that are fitted, checked,
-and what the record says of them."""
+"""Samples of a contact model, their HDF5 file, and what surrogates take from them: rows to fit, and the record."""
 
 from __future__ import annotations
 
@@ -222,8 +221,7 @@ def finite(name: str, values: Array) -> Array:
 
 
 def samples_record(samples: Samples) -> dict[str, Any]:
-    """The record's ``drawn_from``, ``samples``, ``test_samples``, ``dropped`` and ranges of a surrogate trained on the
-    samples that are not held back."""
+    """The record's ``drawn_from``, ``samples``, ``test_samples``, ``dropped`` and ranges of a surrogate."""
     used = samples.select(role=(TRAIN, VALIDATION))
     names, drawn_from = samples.scene.load_names, samples.provenance.get("models")
     return {

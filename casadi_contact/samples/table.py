@@ -142,8 +142,7 @@ def check_no_pull(samples: Samples, where: str, *, share: float = 0.01) -> None:
 def check_gaps(samples: Samples, where: str, *, rounding_mm: float = 1e-6) -> None:
     """Raise ValueError, naming the first row, where a patch without load has a negative gap.
 
-    Load and gap may change sign at slightly different poses: as far as `overlaps_without_load` allows, in half of the
-    rows without load at most.
+    Load and gap may change sign at other poses: as `overlaps_without_load` allows, in half of the rows at most.
     """
     free = (samples.wrenches == 0.0).all(axis=2) & ~np.isnan(samples.gaps)
     negative = free & (samples.gaps < -rounding_mm)

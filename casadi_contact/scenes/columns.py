@@ -132,8 +132,7 @@ def write_columns(
 
 
 def check_reach(where: str, curves: Mapping[str, Array]) -> None:
-    """ValueError for angles beyond 200 degrees and lengths beyond 1 m among curves (n,) by name: they are in other
-    units."""
+    """ValueError for angles beyond 200 degrees and lengths beyond 1 m, in other units, among curves (n,) by name."""
     for name, curve in curves.items():
         most, cure = _MOST.get(quantity(name).kind, (np.inf, ""))
         if (reached := float(np.abs(curve).max())) > most:

@@ -77,8 +77,7 @@ class Cycle(OverTime):
         return {"Fy_med", "Fy_lat"} <= set(self.loads) and {"cop_ap", "cop_ml"} <= set(self.centres)
 
     def targets(self) -> dict[str, Array]:
-        """The measured loads, and the torques [N·mm] that a knee's centre of pressure stands for: Tx = -cop_ml·Fy,
-        Tz = cop_ap·Fy."""
+        """The measured loads, and torques [N·mm] of a knee's centre of pressure: Tx = -cop_ml·Fy, Tz = cop_ap·Fy."""
         if not self._of_knee:
             return {**self.loads}
         fy = self.loads["Fy_med"] + self.loads["Fy_lat"]
@@ -92,8 +91,7 @@ class Cycle(OverTime):
 def check_knee(name: str, values: Mapping[str, Array]) -> None:
     """Raise ValueError for forces that pull on a side, and for a centre of pressure in other units than mm, or on the
     other side of its forces. With m = (Fy_med - Fy_lat)/(Fy_med + Fy_lat), cop_ml is a + b·m, and b half the distance
-    of the condyles: of least squares over the frames with 5 % of the largest load, 6 mm at least. Where m hardly varies
-    nothing is known."""
+    of the condyles: of least squares over the frames with 5 % of the largest load, 6 mm at least, where m varies."""
     medial, lateral = values["Fy_med"], values["Fy_lat"]
     for side, force in (("Fy_med", medial), ("Fy_lat", lateral)):
         if force.max() > 0.0:
@@ -114,8 +112,7 @@ def check_knee(name: str, values: Mapping[str, Array]) -> None:
 
 
 def driving_loads(scene: Scene | None) -> tuple[str, ...]:
-    """The loads that a scene's cycles may contain: its own loads, the normal loads, and those of its [motion]; of a
-    knee's where there is no scene."""
+    """The loads that cycles of a scene (else of a knee) may contain: its own, the normal loads, those of [motion]."""
     if scene is None:
         return possible_loads(("med", "lat"))
     harmonics = scene.motion.get("harmonics")
@@ -130,8 +127,7 @@ def read_cycle(path: str | Path, scene: Scene | None = None) -> Cycle:
     `driving_loads` and centres of pressure (cop_x, cop_y, cop_z; cop_ap, cop_ml) that were measured. A column's name
     ends with its unit: rz_rad or rz_deg, tx_mm or tx_m, Fy_N or Fy_kN, Tx_Nmm or Tx_Nm. A file with flexion_rz_rad or
     rotation_ry_rad has all of `KNEE_COLUMNS`, and nothing else of it is read. Other columns are ignored. Raises
-    FileNotFoundError, and ValueError naming file, line and column, also for a column with a quantity's name without a
-    known unit."""
+    FileNotFoundError, and ValueError naming file, line and column, also for a quantity without a known unit."""
     path, loads = Path(path), driving_loads(scene)
     known, table = {*POSE_NAMES, *loads, *_CENTRES}, TextColumns.read(path, "cycle file")
     curves, header = {"time": table.numbers("time_s")}, table.header
@@ -179,8 +175,7 @@ def write_cycle(cycle: Cycle, path: str | Path) -> None:
 
 
 def scene_cycles(scene: Scene, *, frames: int = 101, seed: int = 2015) -> list[Cycle]:
-    """The reference motion of a scene's [motion], the same for a seed. Raises ValueError for a scene without one, and
-    for a bad value with its key."""
+    """The reference motion of a scene's [motion], the same for a seed. Raises ValueError without one, or for a key."""
     if not scene.motion:
         raise ValueError(f"scene {scene.name} has no [motion], expected it there or a cycle file")
     optional = ("cycles", "duration_s", "deviation")

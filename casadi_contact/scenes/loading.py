@@ -49,8 +49,7 @@ def ready_text(name: str) -> str:
 
 def completed(tables: Mapping[str, Any]) -> Mapping[str, Any]:
     """The tables of a scene with those of the ready-made scene that its key ``like`` names, if it has one. Tables are
-    combined key by key, except [tolerances]; if left out, those of the scene's loads are taken. Raises ValueError for
-    an unknown name."""
+    combined key by key, except [tolerances]; if left out, those of the scene's loads are taken."""
     if "like" not in tables:
         return tables
     name = tables["like"]

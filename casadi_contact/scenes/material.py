@@ -69,8 +69,7 @@ class Material(Layer):
     where both have the same K; else that is right to the first order in the strains.
 
     thickness_map: x (m,), z (n,) [mm] in the fixed body's frame and thicknesses (m, n) [mm] of its layer there, natural
-    cubic splines between (twice differentiable) and constant beyond; `thickness` is then the scale that parameters and
-    pictures refer to.
+    cubic splines between and constant beyond; `thickness` is then the scale that parameters and pictures refer to.
     """
 
     law: str = "linear"
@@ -148,8 +147,7 @@ class Friction:
 
     @classmethod
     def from_table(cls, table: object) -> Friction:
-        """From the scene's [friction], where static friction left out is the dynamic one; raises ValueError naming the
-        key at fault."""
+        """From the scene's [friction]; static friction left out is the dynamic one. ValueError names the key."""
         given = table_of("friction", table, FRICTION_NAMES, complete=False)
         values = {key: number(f"friction.{key}", value) for key, value in given.items()}
         for key, value in values.items():

@@ -104,8 +104,7 @@ def read_opensim_table(path: str | Path) -> Table:
 
 
 def _in_degrees(header: Mapping[str, str], lines: Iterable[str], ending: str) -> bool | None:
-    """What a header says of angles, as OpenSim understands it (Storage::parseHeaders); None where it says nothing, or
-    both, as its ForceReporter does."""
+    """What a header says of angles, as OpenSim reads it (Storage::parseHeaders); None: nothing, or both."""
     if (value := header.get("indegrees", "no").lower()) not in _DEGREES:
         raise ValueError(f"inDegrees is {value!r}, expected yes or no")
     said = {match[1].lower() == "deg" for line in lines if (match := _ANGLES.match(line))}
@@ -181,8 +180,7 @@ class ColumnMap:
         return self.sign * UNITS[kind][self.unit or own] * table.column(self.column)
 
     def values(self, curve: Array) -> Array:
-        """What a column (n,) in ``unit``, OpenSim's own if None, says of a curve in mm, rad, N or N·mm: `curve`'s
-        reverse."""
+        """The column (n,) in ``unit``, OpenSim's own if None, of a curve in mm, rad, N or N·mm: `curve`'s reverse."""
         kind = quantity(self.name).kind
         return np.asarray(self.sign * curve / UNITS[kind][self.unit or next(iter(UNITS[kind]))])
 
@@ -256,8 +254,7 @@ def femur_in_insert(coordinates: ArrayLike, side: str = "right") -> Array:
 
 
 def tibia_in_femur(poses: ArrayLike, side: str = "right") -> Array:
-    """Knee coordinates (n, 6) [mm, rad] of OpenSim from poses (n, 6) of the femur in the insert: the reverse of
-    `femur_in_insert`."""
+    """Knee coordinates (n, 6) [mm, rad] of OpenSim from poses (n, 6): the reverse of `femur_in_insert`."""
     poses = as_poses(poses)
     turns = Rotation.from_euler("XYZ", poses[:, 3:])
     rot, add, flex = (turns.as_euler("YXZ") * _TURN).T

@@ -77,6 +77,5 @@ def poses_from_curves(curves: Mapping[str, Array]) -> Array:
 
 
 def write_poses(time_s: Array, poses: Array, path: str | Path) -> None:
-    """Write poses (n, 6) and their times (n,) as a CSV file, time_s, tx_mm ... rz_rad, that `read_poses` reads back bit
-    by bit."""
+    """Write poses (n, 6) and times (n,) as a CSV file, time_s, tx_mm ... rz_rad; `read_poses` reads the same bits."""
     write_columns(path, {_TIME: time_s, **dict(zip(_COLUMNS, as_poses(poses).T, strict=True))})

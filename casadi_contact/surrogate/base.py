@@ -225,8 +225,7 @@ class Surrogate(SurrogateFunctions):
         return map_in_chunks(lambda block: confidence.expected_errors(block, self.confidence_roots(block)), poses)
 
     def example_pose(self) -> list[float]:
-        """A pose (6) inside the learned region, in contact if possible; without calibration the middle of the sampled
-        ranges, or zeros."""
+        """A pose (6) in the learned region, in contact if possible; uncalibrated, the ranges' middle, or zeros."""
         if self.confidence is None:
             ranges = self.record.get("pose_range", {})
             return [float(np.mean(ranges.get(name, 0.0))) for name in POSE_NAMES]

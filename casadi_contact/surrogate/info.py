@@ -1,5 +1,4 @@
-"""What a surrogate says about itself, and what it is fit for, by its errors on held-back samples and the rule of
-`verify`.
+"""What a surrogate says about itself, and what it is fit for, by errors on held-back samples and `verify`'s rule.
 
 The record is plain JSON data that travels in the surrogate's file. These keys are known here and printed as tables;
 all others are kept and printed as they are:

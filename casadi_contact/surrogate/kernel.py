@@ -1,5 +1,4 @@
-"""A surrogate in C: loads, root loads of its patches, validity and expected error (``confidence.h``); compiled, over
-arrays of poses on all cores.
+"""A surrogate in C: loads, root loads, validity and expected error, compiled, over arrays of poses on all cores.
 
 That is done from `BATCH_FROM` poses on, whatever the cache holds, so that the same call gives the same bits each time:
 NumPy takes 20 ms for that many, and compiling once some seconds.

@@ -29,8 +29,7 @@ def load_surrogate(name_or_path: str | Path, *, compiled: bool = True, **frictio
     compiled: False for arrays of poses in NumPy however many they are; else `BATCH_FROM` poses or more go through a C
     kernel on all cores, which the first such call compiles and says so.
 
-    friction: coefficients in place of those of its scene (`scenes.material.FRICTION_NAMES`), of which networks know
-    nothing: dynamic_friction=0.05.
+    friction: coefficients in place of its scene's (`scenes.material.FRICTION_NAMES`): dynamic_friction=0.05.
 
     A surrogate whose errors on held-back samples exceed the scene's tolerances (`fitness`) is loaded with a warning.
     Raises ValueError for an unknown name and for a foreign, newer or damaged file; FileNotFoundError for no file.

@@ -60,15 +60,13 @@ class TwoStageSurrogate(Surrogate):
 
     @staticmethod
     def fits(scene: Scene) -> bool:
-        """True where every patch is pressed along a negative force, which this structure's clamp is made for, and every
-        pose parameter is free."""
+        """True where patches are pressed along negative forces, as the clamp wants, and no pose parameter is bound."""
         directed = all(normal.component is not None and normal.sign < 0.0 for normal in scene.normal_loads)
         return directed and scene.pose_space.unconstrained
 
     @staticmethod
     def regressions(samples: Samples) -> list[Regression]:
-        """One regression per load on training and validation rows: raw loads, the samples' weights, the
-        scene's tolerance.
+        """One regression per load on training and validation rows: raw loads, the scene's tolerance.
 
         The second stage is trained on the samples' own sensitive loads. Raises ValueError for NaN or no samples.
         """

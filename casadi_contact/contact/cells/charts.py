@@ -110,8 +110,7 @@ def surface_at(lines: Lines, jet: Array, known: np.ndarray) -> Surface:
 
 
 def surface_of(c: Array, tangents: Array, second: Array, outwards: Array, known: np.ndarray) -> Surface:
-    """The surface through points c (m, 3) by their derivatives by u and v (m, 2, 3) and the second ones (m, 2, 2, 3);
-    outwards (m, 3) tells its side."""
+    """The surface through points c (m, 3) by first and second derivatives by u and v; outwards (m, 3): its side."""
     c_u, c_v = tangents[:, 0], tangents[:, 1]
     N = np.cross(c_v, c_u)
     slopes = np.cross(second[:, :, 1], c_u[:, None]) + np.cross(c_v[:, None], second[:, :, 0])

@@ -72,8 +72,7 @@ def cell_foundation(
     Over poses that press each patch from the scene's boundary load to 2.5 reference loads, and those given (n, 6),
     errors against an element grid of `CellChoice.elements` are 0.3 of what `Tolerance` allows, or all of it where
     that cannot be had; where the rim cuts contact, and where sharp edges of the moving mesh bear, their RMS is what it
-    allows, or as it comes where that cannot be had. Raises ValueError where nothing is good enough, and where no pose
-    presses the patches.
+    allows, or as it comes. Raises ValueError where nothing is good enough, and where no pose presses the patches.
     """
     choice = choice or CellChoice()
     truth, sizes_mm = _Truth(scene, choice, np.empty((0, 6)) if poses is None else poses), choice.sizes_of(scene)
@@ -200,8 +199,7 @@ class _Truth:
 
     Half of the poses within the rim are as drawn, half those of all drawn in which cells of middling size are most
     wrong: small fillets, which few poses touch, ask for the smallest cells. Some more sit as the start pose does. Poses
-    in which the grid is off from one of half as many elements a side by more than cells may be, as on sharp edges, tell
-    nothing: `unsure` is their share.
+    in which a grid of half as many elements a side differs by more than cells may tell nothing: `unsure`, their share.
     """
 
     def __init__(self, scene: Scene, choice: CellChoice, given: Array) -> None:

@@ -107,8 +107,7 @@ class Quadrature:
         return by_node, by_depth
 
     def facing(self, touch: Touch) -> tuple[Array, Array]:
-        """Depths (k, sub-points) that the largest is taken of, and their derivatives by the twist of the moving body
-        (k, sub-points, 6).
+        """Depths (k, sub-points) that the largest is taken of, and their derivatives by twist (k, sub-points, 6).
 
         Where depth is largest, inside the rims, the body's surface faces the fixed one, σ = 1. At nodes where σ is
         small, beside an edge of the body, the nearest surface is its side, of which -g/m makes depths and slopes that

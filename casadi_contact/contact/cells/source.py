@@ -4,8 +4,7 @@ The concavity M of a grid node q is the least with g(q) + ∇g(q)·δ - M|δ|²/
 surface or inside the body, within a reach. Where the left side exceeds the distance up to which cells are evaluated,
 nothing of the surface is there. Far tighter than a bound on second derivatives, which triangles make rough: only what
 lies between the node and the surface counts. The grid is continued beyond its edge as the field is, and farther away
-the clearance tells: within it lies nothing near the body. Both are taken from the field as it is, so that they hold too
-where an open mesh makes it jump.
+the clearance tells: within it lies nothing near the body. Both hold too where an open mesh makes the field jump.
 """
 
 import itertools

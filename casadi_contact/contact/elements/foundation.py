@@ -60,8 +60,7 @@ def _boxes(e: ElementGrid) -> Array:
 
 
 class PatchElements(NamedTuple):
-    """Elements, as numba's loops read an `ElementGrid`, the moving surface that faces them, and the law's number, K and
-    h (m,) under each."""
+    """An `ElementGrid` as numba's loops read it, the surface that faces it, and the law's number, K and h (m,)."""
 
     surface: MovingSurface
     elements: tuple[Array, Array, Array, np.ndarray, Array]
@@ -110,8 +109,7 @@ class ElasticFoundation(SlidingContact):
 
     @batched
     def wrenches(self, poses: Array, velocities: ArrayLike | None = None) -> Array:
-        """Wrench of each patch on the fixed body (n, patches, 6) [N, N·mm], for poses (n, 6); velocities: their rates,
-        see `SlidingContact`."""
+        """Wrench of each patch on the fixed body (n, patches, 6) [N, N·mm]; velocities: see `SlidingContact`."""
         if velocities is not None:
             return self.moving_wrenches(poses, checked_velocities(poses, velocities))
         return self._evaluate(self._patches, poses, derivatives=False)[0]
@@ -168,8 +166,7 @@ class ElasticFoundation(SlidingContact):
 
     @batched
     def edge_wrenches(self, poses: Array) -> Array:
-        """What of the patches' wrenches (n, patches, 6) elements carry that are outermost, or within 1 mm of those: as
-        much may lie beyond them."""
+        """What elements within 1 mm of the outermost carry (n, patches, 6): as much may lie beyond them."""
         return self._evaluate(self._edge_patches, poses, derivatives=False)[0]
 
     @batched
@@ -275,8 +272,7 @@ SHARP_SHARE = 0.1  # of a wheel with bare edges, with less of its load there for
 
 
 def share_at_sharp_edges(model: ElasticFoundation, poses: Array) -> Array:
-    """`share_of_force` (n,) nearer to a crease of the moving mesh than the nodes of its distance field lie from each
-    other.
+    """`share_of_force` (n,) nearer to a crease of the moving mesh than its distance field's spacing.
 
     There the field rounds the edge off (`geometry.distance_field`), for elements and cells alike. 0 for moving bodies
     without creases, as for those that are no meshes.

@@ -1,8 +1,7 @@
 """The elastic foundation's inner loops, compiled by numba and run over poses; other threads run meanwhile.
 
 An element at c with outward normal n meets the moving body if c lies inside it (g(c) < 0); its depth d is the
-distance from c along -n to the body's surface, found by Newton's method on g(c - d·n) = 0. Its load on the fixed
-body is -p(d)·A·(n, c × n).
+distance from c along -n to the body's surface, by Newton's method on g(c - d·n) = 0. Its load is -p(d)·A·(n, c × n).
 
 Points of a patch are stored coordinate after coordinate (order="F"), so that loops over them run in vectors.
 """
@@ -275,8 +274,7 @@ def _patch_gap(family, parameters, elements, R, t, slope):
 
 @njit(nogil=True)
 def wrench_many(family, parameters, elements, law, modulus, thickness, derivatives, rotations, translations):
-    """Wrenches (n, 6) and stiffnesses d wrench / d twist (n, 6, 6) of one patch for n poses; thickness (m,): under each
-    element."""
+    """Wrenches (n, 6) and stiffnesses d wrench / d twist (n, 6, 6) of one patch; thickness (m,): under each element."""
     count = len(translations)
     wrenches = np.empty((count, 6))
     stiffnesses = np.empty((count if derivatives else 0, 6, 6))

@@ -1,9 +1,7 @@
-"""The elastic foundation of smooth shapes by polar quadrature: as a contact model, as C (``c/polar.h``), and how many
-rays it needs.
+"""The elastic foundation of smooth shapes by polar quadrature: a contact model, its C, and how many rays it needs.
 
 That is the fewest whose errors, against many more rays, stay within the scene's tolerances. Rays integrate one contact
-area within the rim; more rays cannot reveal a second one. Element grids can: they check that the converged rays are
-right at all.
+area within the rim; more rays cannot reveal a second one. Element grids can: they check the converged rays.
 """
 
 from collections.abc import Iterator, Sequence
@@ -98,8 +96,7 @@ class PolarFoundation(CompiledFoundation):
 
     Contact is found in any pose that presses the moving arcs on the patch. Where the rim cuts the contact area
     (`at_edge`), loads are off by 0.1 to 0.4 % in the median and 1 to 2 % in the worst hundredth, against elements. The
-    rays serve one contact area, and a second one on the rim. The distance jumps on the body's back, beyond its last
-    arcs: contact may be missed there.
+    rays serve one contact area, and a second one on the rim. Contact may be missed on the body's back.
 
     rays: multiples of 4. Raises ValueError for another number, or a scene of another shape than `POLAR_SHAPES`.
     """
@@ -195,8 +192,7 @@ Truth = Sequence[tuple[Array, Array]]
 
 def fraction_in_disagreement(scene: Scene, pressed: Truth, choice: RayChoice) -> float:
     """The share of poses in which some load differs from that of elements by more than one pose may be wrong
-    (`convergence.Errors`) and twice what elements half as fine differ by; raises NotGoodEnoughError where it is larger
-    than the choice allows.
+    (`convergence.Errors`) and twice what elements half as fine differ by; NotGoodEnoughError beyond what is allowed.
     """
     nx, nz = choice.elements
     fine, half = (ElasticFoundation(scene, grid) for grid in ((nx, nz), (nx // 2, nz // 2)))

@@ -19,8 +19,7 @@ from casadi_contact.core.conventions import Array
 
 @dataclass(frozen=True)
 class Lines:
-    """Lines (n, m) from (u, v) along directions (n, m, 2) as far as the edge; a piece dr at a distance r stands for an
-    area (width + spread·r) dr.
+    """Lines (n, m) from (u, v) along directions (n, m, 2) to the edge; dr at r is an area (width + spread·r) dr.
 
     arc: the arc of the moving body whose torus a line is integrated on, also beyond the arc's ends.
     """

@@ -11,8 +11,7 @@ integral. The kernel in C (``c/polar.h``) follows the same formulas; each is the
 
 A body that fits its dish closely, turned or leant in it, bears on the rim as well as in the middle, or on two corners.
 Where it does, the distance g from the body falls towards the rim. Of some starts along both sides of the rim at which g
-does so, and is small, the one with the least g is followed to the least around. About a single contact area g rises
-towards the rim.
+does so, and is small, that of the least g is followed to the least around. About a single area g rises to the rim.
 """
 
 from dataclasses import dataclass

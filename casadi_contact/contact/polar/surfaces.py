@@ -82,8 +82,7 @@ class SmoothPatch:
     """One patch: its fixed surface (None: the plane y = 0), its rim and the moving arcs that face it.
 
     turn: rotation (3, 3) from the fixed body's axes to chart axes. z_0: chart's origin along z [mm].
-    arcs (k, 5): axis x, y; distance of the tube's centre from it; tangent x, y at the arc's end [mm]. tube_radius and
-    centre_z [mm] of the moving tube.
+    arcs (k, 5): axis x, y; the tube's distance from it; end tangent x, y [mm]. tube_radius, centre_z [mm] of the tube.
     """
 
     torus: Torus | None

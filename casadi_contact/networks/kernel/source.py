@@ -130,8 +130,7 @@ def _function(name: str, inputs: Sequence[Pattern], outputs: Sequence[Pattern], 
 
 
 def casadi_interface(functions: Mapping[str, Mapping[str, int]], kernel: Sequence[str] = ("loads", "roots")) -> str:
-    """For every name in functions C functions name, jac_name, adj1_name, jac_adj1_name and jac_jac_name, for poses (6 x
-    FRAMES).
+    """For every name in functions C functions name, jac_name, adj1_name, jac_adj1_name, jac_jac_name of 6 x FRAMES.
 
     functions: of each some of the kernel's two outputs, with their numbers of rows. jac_name gives the Jacobian's
     blocks, adj1_name the product of an adjoint with it, and jac_adj1_name, its Jacobian, the Hessian of a Lagrangian:

@@ -74,8 +74,7 @@ class LevenbergMarquardt:
         return State(self.parameters, self.damping, self._growth, self._iterations)
 
     def _precondition(self) -> Any | None:
-        """A Cholesky factor of JᵀJ from some rows, damped; rounding may ask for more damping. None where no damping
-        helps."""
+        """A Cholesky factor of JᵀJ from some rows, damped, more where rounding asks; None where none helps."""
         gram = self.mlp.drawn_gram([self._seed, self._iterations])
         self._iterations += 1
         self._unit = float(np.diagonal(gram).mean()) or 1.0
@@ -87,8 +86,7 @@ class LevenbergMarquardt:
             self.damping *= 10.0
 
     def _solve(self, factor: Any) -> tuple[Array, float]:
-        """x ≈ -(JᵀJ + λ·d·I)⁻¹·Jᵀr, and the reduction of ½Σr² that the linear model predicts; factor: of the
-        preconditioner."""
+        """x ≈ -(JᵀJ + λ·d·I)⁻¹·Jᵀr, and the predicted reduction of ½Σr²; factor: of the preconditioner."""
         shift, x = self.damping * self._unit, np.zeros(self.mlp.parameter_count)
         residual = -self._gradient
         z = scipy.linalg.cho_solve(factor, residual, check_finite=False)

@@ -15,8 +15,7 @@ matrix V_l without its bias column,
     J·v:   ȧ_0 = 0,   ż_l = V̇_l·ã_{l-1} + W_l·ȧ_{l-1},   ȧ_l = σ'(z_l) * ż_l,   (J·v)_k = w_k·ẏ_k
     Jᵀ·u:  δ_L = w * u,   δ_{l-1} = (W_lᵀ·δ_l) * σ'(z_{l-1}),   ∂/∂V_l = δ_l·ã_{l-1}ᵀ
 
-`Mlp.flop` counts the floating-point operations of all matrix products, two for each row and parameter: the cost of a
-fit, the same on any machine.
+`Mlp.flop` counts the operations of all matrix products, two for each row and parameter: the same on any machine.
 """
 
 from collections.abc import Iterator, Sequence

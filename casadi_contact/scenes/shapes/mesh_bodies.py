@@ -41,8 +41,7 @@ _NO_BOUND = [-np.inf, np.inf]
 
 def body_mesh(geometry: Geometry, body: str) -> TriangleMesh:
     """The mesh of the "moving" or the "fixed" body, in mm and the library's axes. Raises FileNotFoundError for a
-    missing file, ValueError for one that changed since the scene was loaded and for a geometry that names no such
-    mesh."""
+    missing file, ValueError for one that changed since the scene was loaded or that the geometry does not name."""
     return _mesh(_source(geometry, body))
 
 
@@ -98,8 +97,7 @@ def check_shells(geometry: Geometry, most_spacing: float = 0.4) -> None:
 @lru_cache(maxsize=8)
 def shell_thickness(mesh: TriangleMesh) -> float:
     """The way [mm] from its triangles straight through a body, the median; infinite where most rays do not come out of
-    it, as behind a single open surface. A shell with a hole, or of two sheets that nothing joins, is as thin as a
-    closed one."""
+    it, as behind a single open surface. A shell with a hole, or of two loose sheets, is as thin as a closed one."""
     return float(np.median(_through(mesh)[0]))
 
 
@@ -115,8 +113,7 @@ def outer_side(mesh: TriangleMesh, anchors_mm: Array) -> tuple[np.ndarray, float
 
 
 def _through(mesh: TriangleMesh, below_mm: float = 1e-3) -> tuple[Array, np.ndarray]:
-    """The thickness (f,) [mm] of the body below each triangle, infinite if a ray does not leave it, and the triangle
-    (f,) by which the ray leaves."""
+    """The thickness (f,) [mm] below each triangle, infinite if no ray leaves it, and the triangle it leaves by."""
     caster, inwards = RayCaster(mesh), -mesh.normals
     distance, face = caster.first_hits(mesh.corners_mm.mean(axis=1) + below_mm * inwards, inwards)
     return np.where(caster.leaves(inwards, face), distance, np.inf), face
@@ -190,8 +187,7 @@ _divided = lru_cache(maxsize=16)(TriangleMesh.subdivided)
 def patch_mesh(geometry: Geometry, patch: str, *, reaching: bool = False) -> TriangleMesh:
     """All triangles of the fixed mesh that reach into a patch's box, or those that belong to it by their centres,
     divided until no edge is longer than 3 mm or, of a small moving body, a twelfth of its size, since contact counts
-    at centres alone. Where the scene states `pressing` or `cup_centre`, or the patch `pressing`, only those that face
-    the moving body."""
+    at centres alone. Where scene or patch state `pressing`, or `cup_centre`, only those that face the moving body."""
     box = patch_box(geometry, patch)
     mesh = _boxed(body_mesh(geometry, "fixed"), tuple(box[0]), tuple(box[1]))
     if reaching:
@@ -204,8 +200,7 @@ def patch_mesh(geometry: Geometry, patch: str, *, reaching: bool = False) -> Tri
 def bare_mesh(geometry: Geometry, longest_mm: float, low: Array, high: Array, *, within: bool) -> TriangleMesh:
     """The triangles of the fixed mesh without elements that reach into the box [mm], divided until no edge is longer
     than `longest_mm`. within: those in the patches' boxes that are too steep for elements, or undercut; else those
-    outside of all boxes. If elements are the triangles themselves, a triangle counts as a whole, by its centre; on a
-    grid, by its parts."""
+    outside of all boxes. A triangle that is an element counts as a whole, by its centre; else by its parts."""
 
     def covered(mesh: TriangleMesh, points: Sequence[Array]) -> tuple[np.ndarray, np.ndarray]:
         """Whether a box holds all of some points (f, 3) of each triangle, and whether its patch's elements do."""

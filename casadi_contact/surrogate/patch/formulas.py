@@ -75,8 +75,7 @@ def _lines(lines: Iterable[str]) -> str:
 def _patch_functions(
     patch: PatchNetworks, row: int, selection: Array, reference_load: float
 ) -> tuple[Bundle, Bundle, str]:
-    """Root load network, ratios and functions of one patch, whose root load is the one at `row`; selection (L, 6) picks
-    its wrench components into loads."""
+    """Root load network (the one at `row`), ratios and functions of one patch; selection (L, 6) picks its loads."""
     picked = [(int(load), k, float(selection[load, k])) for k, load in np.argwhere(selection.T)]
     ratios, of_ratios = [], {}
     if any(k in patch.columns for _, k, _ in picked):

@@ -83,8 +83,7 @@ def with_all_inputs(network: Network, columns: Sequence[int], count: int = 6) ->
 
 
 def reflected(network: Network, columns: tuple[int, ...], components: Sequence[str | None]) -> Network:
-    """x -> ±network(S·x), for a network of these columns of a pose; the sign of each output is that of S for its wrench
-    component, 1 without."""
+    """x -> ±network(S·x), for a network of these columns of a pose; an output has S's sign of its component, else 1."""
     signs = REFLECTION[list(columns)]
     sign = np.array([1.0 if k is None else REFLECTION[WRENCH_NAMES.index(k)] for k in components])
     return replace(

@@ -135,12 +135,8 @@ def _check_space(poses: Array, scene: Scene) -> None:
 
 
 def _tolerances(scene: Scene, wrenches: Array) -> list[tuple[float, dict[int, float]]]:
-    """Of every patch, the tolerances of its root [N] and of each ratio [N or N·mm] by the component's index; wrenches
-    (n, patches, 6) tell its levers.
-
-    The sides of a symmetric joint share their networks, and so the closer of their tolerances. Raises ValueError for a
-    patch that nowhere is in contact.
-    """
+    """Of every patch, the tolerances of its root [N] and of each ratio [N or N·mm] by index; wrenches (n, patches, 6)
+    tell levers. Sides of a symmetric joint share networks, and so the closer tolerances. ValueError: no contact."""
     selection = scene.selection(scene.load_names)
     found = [_patch_tolerances(scene, selection, p, _levers(scene, wrenches, p)) for p in range(len(scene.patches))]
     if not scene.symmetric:
