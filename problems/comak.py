@@ -64,10 +64,8 @@ class Settings:
         root = opensim_root(path)
         texts = {element.tag: (element.text or "").strip() for tool in root for element in tool}  # not of its analyses
         try:
-            start, stop, step, cutoff = (
-                float(texts[key]) for key in ("start_time", "stop_time", "time_step", "lowpass_filter_frequency")
-            )
-            energy = float(texts.get("contact_energy_weight") or 0.0)
+            times = [float(texts[f"{key}_time"]) for key in ("start", "stop")] + [float(texts["time_step"])]
+            cutoff, energy = float(texts["lowpass_filter_frequency"]), float(texts.get("contact_energy_weight") or 0.0)
             weights = {
                 names_of(each.findtext("actuator"))[0]: float(next(each.iter("value")).text or "")
                 for each in root.iter()
@@ -77,7 +75,7 @@ class Settings:
         except (KeyError, ValueError, StopIteration) as error:
             raise ValueError(f"{path} lacks settings of COMAK, or has others than numbers: {error}") from None
         found = [each.findtext("coordinate") or "" for each in root.iter("COMAKSecondaryCoordinate")]
-        return cls(start, stop, step, cutoff, primary, names_of(" ".join(found)), weights, energy)
+        return cls(*times, cutoff, primary, names_of(" ".join(found)), weights, energy)
 
 
 def names_of(paths: str | None) -> tuple[str, ...]:
@@ -200,7 +198,8 @@ class Walk:
         own, rates = np.zeros((m + 2 * f, size)), np.zeros((m + 2 * f, size))
         own[:m, :m], own[m : m + f, m : m + f] = np.diag(self.strength), np.diag(1.0 / scale)
         rates[m + f :, m : m + f] = np.diag(1.0 / scale) / self.step_s
-        D = constant(sparse.kron(sparse.eye(n), own) + sparse.kron(sparse.eye(n) - sparse.eye(n, k=-1), rates))
+        steps = sparse.kron(sparse.eye(n), own) + sparse.kron(sparse.eye(n) - sparse.eye(n, k=-1), rates)
+        D = ca.DM(sparse.csc_matrix(steps))
         shapes = [(f, n), (f, 1), *(each.shape for each in self.motion.inputs(slice(0, n)))]
         ends = np.cumsum([0, *(rows * columns for rows, columns in shapes)]).tolist()
         X, P = ca.MX.sym("X", n * size), ca.MX.sym("P", ends[-1])
@@ -213,7 +212,7 @@ class Walk:
 
         rows = ca.DM(np.tile(10.0 / self.in_mm, n))  # forces count in 100 N, moments in 100 N at 25 mm
         square = np.tile(np.concatenate([self.weights, np.zeros(f), np.full(b, RESERVE_WEIGHT)]), n)
-        of_reserves = constant(sparse.kron(sparse.eye(n), np.hstack([np.zeros((b, m + f)), np.eye(b)])))
+        of_reserves = ca.DM(sparse.csc_matrix(sparse.kron(sparse.eye(n), np.hstack([np.zeros((b, m + f)), np.eye(b)]))))
         forces = ca.vec(self.balance.forces.map(n)(*inputs, *motion)) + ca.mtimes(of_reserves, X)
         J = ca.diagcat(*ca.horzsplit(self.balance.jacobian.map(n)(*inputs, *motion), m + 2 * f))
         J = ca.mtimes(ca.diag(rows), ca.mtimes(J, D) + of_reserves)
@@ -265,11 +264,6 @@ class Walk:
         return solve(0, start.activations, start.secondary, self.before)
 
 
-def constant(matrix: Any) -> ca.DM:
-    """A sparse matrix for CasADi."""
-    return ca.DM(sparse.csc_matrix(matrix))
-
-
 def replay(walk: Walk, assembly: Assembly, x: Array, force_n: Array) -> tuple[Array, Array]:
     """Forces (n, b) [N, N·m] left on the balanced coordinates, and those of contacts (n, contacts) [N], by the
     assembly's own function, from secondary coordinates (n, f) and muscles' forces (n, m)."""
@@ -293,14 +287,9 @@ def read_result(walk: Walk, folder: Path) -> tuple[Array, Array]:
 
 def measured(walk: Walk, found: Solution) -> dict[str, Any]:
     """Cost, energy, and what is left of the balance, of a solution; CPU time of a frame's derivatives."""
-    balance, ours, motion, n = (
-        walk.balance,
-        found.activations * walk.strength,
-        walk.motion.inputs(),
-        len(found.reserves),
-    )
-    left = replay(walk, walk.assembly, found.secondary, ours)[0]
-    at = [ours.T, found.secondary.T, np.diff(np.vstack([walk.before, found.secondary]), axis=0).T / walk.step_s]
+    balance, motion, ours, x = walk.balance, walk.motion.inputs(), found.activations * walk.strength, found.secondary
+    left, n = replay(walk, walk.assembly, x, ours)[0], len(x)
+    at = [ours.T, x.T, np.diff(np.vstack([walk.before, x]), axis=0).T / walk.step_s]
     spent = {}
     for call, more in ((balance.forces, []), (balance.jacobian, []), (balance.hessian, [np.ones_like(left.T)])):
         mapped, begun = call.map(n), time.process_time()
@@ -354,7 +343,8 @@ def main(
     """
     assembly, told, begun = cc.load_assembly(model), Settings.read(settings), time.process_time()
     walk = Walk(assembly, read_motion(assembly, told, coordinates, loads), told)
-    start, walks, rays = walk.frame_by_frame(), {"cells": walk}, cc.load_assembly(model, contact=ray_casting)
+    start, walks = walk.frame_by_frame(), {"cells": walk}
+    rays = cc.load_assembly(model, contact=ray_casting) if against or networks else assembly
     if networks:
         known = {surrogate.scene.name: surrogate for surrogate in map(cc.load_surrogate, networks)}
         learned = cc.load_assembly(model, contact=lambda scene: known.get(scene.name))
@@ -377,17 +367,15 @@ def main(
     for key, value in summary.items():
         print(f"{key}: {value}")
     write_summary(out / "summary.json", summary)
-    strongest = sorted(assembly.muscle_names, key=lambda muscle: -curves["cells"][f"{muscle} [N]"].max())[:6]
-    names = [f"{name} [N]" for name in (*assembly.contact_names, *strongest)]
-    draw(out / "comak.png", walk.motion.time_s, curves, names, 2)
+    strongest = sorted(assembly.muscle_names, key=lambda muscle: -curves["cells"][muscle].max())[:6]
+    draw(out / "comak.png", walk.motion.time_s, curves, [*assembly.contact_names, *strongest], 2, "force [N]")
     print(f"results in {out}")
     raise SystemExit(0 if solved else 3)
 
 
 def named(assembly: Assembly, contact_n: Array, muscles_n: Array) -> dict[str, Array]:
     """Forces (n, contacts) and (n, m) by what they are of."""
-    names = [f"{name} [N]" for name in (*assembly.contact_names, *assembly.muscle_names)]
-    return dict(zip(names, (*contact_n.T, *muscles_n.T), strict=True))
+    return dict(zip((*assembly.contact_names, *assembly.muscle_names), (*contact_n.T, *muscles_n.T), strict=True))
 
 
 def write(out: Path, walk: Walk, found: Solution, forces: Mapping[str, Array]) -> None:
@@ -399,7 +387,7 @@ def write(out: Path, walk: Walk, found: Solution, forces: Mapping[str, Array]) -
     for name, curves in (("activation", found.activations), ("force", found.activations * walk.strength)):
         columns = {f"/forceset/{muscle}": curve for muscle, curve in zip(muscles, curves.T, strict=True)}
         write_table(Table(name, {TIME: time_s, **columns}), out / f"{name}.sto")
-    contacts = {f"{name}_N": forces[f"{name} [N]"] for name in walk.assembly.contact_names}
+    contacts = {f"{name}_N": forces[name] for name in walk.assembly.contact_names}
     write_columns(out / "contact.csv", {"time_s": time_s, **contacts}, digits=9)
 
 
@@ -410,7 +398,9 @@ def write_values(path: Path, assembly: Assembly, time_s: Array, q: Array) -> Non
     write_table(Table("values", {TIME: time_s, **values}, in_degrees=True), path)
 
 
-def draw(path: Path, time_s: Array, curves: Mapping[str, Mapping[str, Array]], names: list[str], rows: int) -> None:
+def draw(
+    path: Path, time_s: Array, curves: Mapping[str, Mapping[str, Array]], names: list[str], rows: int, label: str = ""
+) -> None:
     """Named curves (n,) over time, each by several methods."""
     page = new_page(13.0, 3.0 * rows)
     axes = page.subplots(rows, -(-len(names) // rows), squeeze=False).ravel()
@@ -418,7 +408,7 @@ def draw(path: Path, time_s: Array, curves: Mapping[str, Mapping[str, Array]], n
     for method, of in curves.items():
         for axis, name in zip(axes, names, strict=False):
             axis.plot(time_s, of[name], label=method, **looks.get(method, TARGET))
-            axis.set_title(name, fontsize=9)
+            axis.set(title=name, ylabel=label)
     axes[0].legend()
     frame(axes, "time [s]")
     save_page(page, path)

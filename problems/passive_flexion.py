@@ -91,6 +91,7 @@ def main(
     settled = left <= 0.1
     print(f"{int(settled.sum())} of {len(left)} frames settled, up to {left.max():.2g} N left")
     ours = quantities(assembly, found, secondary)
+    names = [name for name in ours if not name.startswith("ligament")]
     summary: dict[str, Any] = {"frames": len(left), "settled": int(settled.sum()), "left_n": float(left.max())}
     theirs = None
     if against is not None:
@@ -107,7 +108,7 @@ def main(
         off = {name: float(np.sqrt(np.mean((curve - theirs[name]) ** 2))) for name, curve in ours.items()}
         peaks = {name: float(np.abs(theirs[name]).max()) for name in off}
         summary |= {"RMS difference": off, "their peak": peaks}
-        for name in (name for name in off if not name.startswith("ligament")):
+        for name in names:
             print(f"{name}: RMS difference {off[name]:.3f}, their peak {peaks[name]:.2f}")
         ligaments = [off[name] for name in off if name.startswith("ligament")]
         print(f"ligaments: RMS difference {np.mean(ligaments):.2f} N in the mean, {max(ligaments):.2f} N at most")
@@ -115,7 +116,6 @@ def main(
     write_columns(out / "passive_flexion.csv", {"time_s": time_s, **ours, "settled": settled.astype(int)}, digits=9)
     write_values(out / "values.sto", assembly, time_s, found)
     write_summary(out / "summary.json", summary)
-    names = [name for name in ours if not name.startswith("ligament")]
     draw(out / "passive_flexion.png", time_s, ({"JAM": theirs} if theirs else {}) | {"here": ours}, names, 3)
     print(f"results in {out}")
     raise SystemExit(0 if settled.all() else 3)

@@ -111,7 +111,7 @@ class FrameBalance:
         second = ca.Function("bent", [x, q, mu], [ca.hessian(ca.dot(mu, poses), x)[0]])
         P, total = ca.MX.sym("poses", poses.numel()), ca.MX(0)
         for i, contact in enumerate(assembly.contacts):
-            presses = np.array(contact.model.scene.tables["geometry"]["pressing"])
+            presses = np.array(contact.model.scene.tables["geometry"].get("pressing", [0.0, -1.0, 0.0]))
             for node, weight in zip(*np.polynomial.legendre.leggauss(6), strict=True):
                 away = np.append(-1.25 * (node + 1.0) * presses, np.zeros(3))
                 force = assembly._wrench(contact, P[6 * i : 6 * i + 6] + ca.DM(away), ca.MX(6, 1))[:3]
