@@ -64,7 +64,7 @@ class Settings:
         root = opensim_root(path)
         texts = {element.tag: (element.text or "").strip() for tool in root for element in tool}  # not of its analyses
         try:
-            times = [float(texts[f"{key}_time"]) for key in ("start", "stop")] + [float(texts["time_step"])]
+            start, stop, step = (float(texts[key]) for key in ("start_time", "stop_time", "time_step"))
             cutoff, energy = float(texts["lowpass_filter_frequency"]), float(texts.get("contact_energy_weight") or 0.0)
             weights = {
                 names_of(each.findtext("actuator"))[0]: float(next(each.iter("value")).text or "")
@@ -75,7 +75,7 @@ class Settings:
         except (KeyError, ValueError, StopIteration) as error:
             raise ValueError(f"{path} lacks settings of COMAK, or has others than numbers: {error}") from None
         found = [each.findtext("coordinate") or "" for each in root.iter("COMAKSecondaryCoordinate")]
-        return cls(*times, cutoff, primary, names_of(" ".join(found)), weights, energy)
+        return cls(start, stop, step, cutoff, primary, names_of(" ".join(found)), weights, energy)
 
 
 def names_of(paths: str | None) -> tuple[str, ...]:
