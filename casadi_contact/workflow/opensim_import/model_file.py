@@ -11,17 +11,14 @@ from itertools import combinations
 from pathlib import Path
 
 from casadi_contact.core.files.reading import MIB, checked_size, existing_file, finite_number
+from casadi_contact.geometry.mesh_formats import FORMATS
 from casadi_contact.scenes.material import Layer
 
 MOST_MODEL = 64 * MIB
 SURFACES = ("Smith2018ContactMesh", "ContactMesh", "ContactSphere", "ContactHalfSpace")
 JAM, ELASTIC = "Smith2018ArticularContactForce", "ElasticFoundationForce"
-HERTZ = "force grows with depth to the power 1.5, that of an elastic layer with its square"
-LOST = {
-    "HuntCrossleyForce": HERTZ,
-    "SmoothSphereHalfSpaceForce": HERTZ,
-    "ExponentialContactForce": "no surface",
-}
+HERTZ = "whose force grows with depth to the power 1.5, that of an elastic layer with its square"
+HERTZIAN = ("HuntCrossleyForce", "SmoothSphereHalfSpaceForce")
 SPRINGS_MM = 10.0  # of a layer with ν = 0 that is as stiff as given springs
 
 
@@ -109,44 +106,31 @@ def read_model(path: str | Path) -> ModelFile:
         unmapped += [f"{element.get('name')}: {name}, which is no mesh, sphere or half-space" for name in others]
     for parent in list(root.iter()):
         for element in list(parent):
-            if element.tag.startswith("Smith2018") or element.tag in (*SURFACES, ELASTIC, *LOST):
+            if element.tag.startswith("Smith2018") or element.tag in (*SURFACES, ELASTIC, *HERTZIAN):
                 parent.remove(element)
                 if element.tag not in (*SURFACES, JAM, ELASTIC):
-                    why = LOST.get(element.tag)
-                    name = f"{element.get('name', 'without a name')}: {element.tag}"
-                    unmapped.append(f"{name}, whose {why}" if why else name)
+                    why = f", {HERTZ}" if element.tag in HERTZIAN else ""
+                    unmapped.append(f"{element.get('name', 'without a name')}: {element.tag}{why}")
     return ModelFile(surfaces, tuple(contacts), tuple(unmapped), ET.tostring(root, encoding="unicode"))
 
 
 def find_mesh(name: str, folders: list[Path]) -> Path:
     """The mesh file that a model names, in one of some folders (its usual subfolder Geometry too): by its whole name,
-    else by a file of another format, else by one whose name ends that of the model's, or begins or ends with the same
-    words. Raises FileNotFoundError naming --geometry."""
+    else by a file of another format, else by one whose words, two or more, end the model's name. Raises
+    FileNotFoundError naming --geometry."""
     wanted = Path(name.replace("\\", "/"))
     searched = [place for folder in folders for place in (folder, folder / "Geometry")]
     for file in (folder / each for folder in searched for each in (wanted, wanted.name)):
         if file.is_file():
             return file
-    for fits in (_same, _ends_alike):
-        for folder in searched:
-            found = [file for file in sorted(folder.glob("*")) if file.suffix.lower() in _MESHES and fits(file, wanted)]
-            if found:
-                return found[0]
+    files = [file for folder in searched for file in sorted(folder.glob("*")) if file.suffix.lower() in FORMATS]
+    words = [re.split(r"[^a-z0-9]+", path.stem.lower()) for path in (wanted, *files)]
+    for fewest in (len(words[0]), 2):  # femur_cartilage.obj for lenhart2015-R-femur-cartilage.stl
+        for file, own in zip(files, words[1:], strict=True):
+            if len(own) >= fewest and words[0][-len(own) :] == own:
+                return file
     where = ", ".join(map(str, searched))
     raise FileNotFoundError(f"mesh {name} is not in {where}: name the folder that holds it with --geometry")
-
-
-_MESHES = (".stl", ".obj", ".ply", ".vtp", ".vtk", ".off")
-
-
-def _same(file: Path, wanted: Path) -> bool:
-    return file.stem.lower() == wanted.stem.lower()
-
-
-def _ends_alike(file: Path, wanted: Path) -> bool:
-    """femur_cartilage.obj for lenhart2015-R-femur-cartilage.stl: all words of the file end the model's name."""
-    words, all_words = (re.split(r"[^a-z0-9]+", path.stem.lower()) for path in (file, wanted))
-    return len(words) > 1 and all_words[-len(words) :] == words
 
 
 def _text(element: ET.Element, key: str, default: str) -> str:
