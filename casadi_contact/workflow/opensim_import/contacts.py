@@ -125,13 +125,15 @@ def write_scene(path: Path, contact: ContactForce, casting: Body, target: Body, 
         if file is not None
     }
     assert casting.mesh is not None
-    way, thickness = rotation(pose[3:])[:, 1], shell_thickness(casting.mesh)  # the ground presses upwards
+    way, thickness = rotation(pose[3:])[:, 1], {"moving": THIN_MM}  # the ground presses upwards
     if target.mesh is not None:
-        way, thickness = pressing(casting.mesh, target.mesh, pose), min(thickness, shell_thickness(target.mesh))
+        way, thickness = pressing(casting.mesh, target.mesh, pose), {"moving": shell_thickness(target.mesh)}
+    thickness["fixed"] = shell_thickness(casting.mesh)
     geometry |= {"units": "m", "elements": "grid", "pressing": [round(float(v), 3) + 0.0 for v in way]}
     geometry |= {"start_pose": pose.tolist(), "patches": {"all": {}}}
-    if thickness <= THIN_MM:
-        geometry |= {"shell": "whole", "spacing": min(SPACING_MM, math.floor(400.0 * thickness) / 1000.0)}
+    geometry["spacing"] = {b: min(SPACING_MM, math.floor(400.0 * min(h, THIN_MM)) / 1e3) for b, h in thickness.items()}
+    if thickness["moving"] < THIN_MM:
+        geometry["shell"] = "whole"
     tables = {
         "format": 1,
         "name": path.stem,
