@@ -114,9 +114,8 @@ def solve(assembly: cc.Assembly, cycle: AssemblyCycle, tolerance_n: float = 1e-4
     tolerance_n: what may be left along a coordinate, moments over 25 mm."""
     count, names = len(cycle), assembly.coordinates
     if set(cycle.muscles) != set(assembly.muscle_names):
-        raise ValueError(
-            f"got forces of {', '.join(cycle.muscles) or 'nothing'}, expected of {', '.join(assembly.muscle_names)}"
-        )
+        got, expected = ", ".join(cycle.muscles) or "nothing", ", ".join(assembly.muscle_names)
+        raise ValueError(f"got forces of {got}, expected of {expected}")
     scale = np.array([c.scale for c in assembly.coordinate_table.values()])
     q, solved, measured = np.tile(assembly.default, (count, 1)), np.ones(count, dtype=bool), list(cycle.coordinates)
     q[:, assembly.rows(measured)] = np.reshape([*cycle.coordinates.values()], (-1, count)).T

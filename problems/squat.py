@@ -78,10 +78,8 @@ class Body:
     @property
     def segments(self) -> tuple[Array, Array, Array, Array]:
         """Masses [kg], lengths [m], places of the centres of mass [m], moments of inertia about these [kg·m²]."""
-        mass, size = (
-            self.mass_kg * np.array([0.0465, 0.100, 0.5 * 0.678]),
-            self.height_m * np.array([0.246, 0.245, 0.288]),
-        )
+        mass = self.mass_kg * np.array([0.0465, 0.100, 0.5 * 0.678])
+        size = self.height_m * np.array([0.246, 0.245, 0.288])
         return mass, size, size * np.array([0.567, 0.567, 0.626]), mass * (size * np.array([0.302, 0.323, 0.496])) ** 2
 
 
@@ -209,10 +207,8 @@ def trade_off(squat: Squat, weights: Iterable[float]) -> dict[float, Array]:
     """x of the squat for each weight w. The cost has many local optima and every squat is feasible at every weight:
     each weight begins at the cheapest of those found from heavier weights and from the start."""
     options = {"detect_simple_bounds": True}
-    far, near = (
-        ca.nlpsol("squat", "ipopt", squat.nlp, ipopt_options(tolerance=1e-6, mu_init=barrier) | options)
-        for barrier in (1e-2, 1e-4)
-    )
+    ways = (ipopt_options(tolerance=1e-6, mu_init=barrier) | options for barrier in (1e-2, 1e-4))
+    far, near = (ca.nlpsol("squat", "ipopt", squat.nlp, way) for way in ways)
     cost = ca.Function("cost", [squat.nlp["x"], squat.nlp["p"]], [squat.nlp["f"]])
 
     def solve(solver: ca.Function, weight: float, x: Array) -> Array:

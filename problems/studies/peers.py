@@ -63,9 +63,8 @@ class Peer:
             x = local_poses(poses, patch.anchor_mm)[:, self._free]
             normal = self.scene.reference_load * np.maximum(self.fits[root_name(patch.name)].predict(x), 0.0) ** 2
             columns, own = self._shares(p)
-            ratios = (
-                self.fits[ratios_name(patch.name)].predict(x) if columns.any() else np.zeros((len(x), columns.shape[1]))
-            )
+            none = np.zeros((len(x), columns.shape[1]))
+            ratios = self.fits[ratios_name(patch.name)].predict(x) if columns.any() else none
             loads += normal * (ratios @ columns.T + own)
         return loads
 
@@ -92,9 +91,8 @@ class Peer:
             x, (columns, own) = local[self._free], self._shares(p)
             s = self.fits[root_name(patch.name)].expression(x)  # type: ignore[misc]
             ratios = self.fits[ratios_name(patch.name)].expression(x) if columns.any() else ca.MX(columns.shape[1], 1)  # type: ignore[misc]
-            found.append(
-                self.scene.reference_load * ca.fmax(s, 0) ** 2 * (ca.mtimes(ca.DM(columns), ratios) + ca.DM(own))
-            )
+            normal = self.scene.reference_load * ca.fmax(s, 0) ** 2
+            found.append(normal * (ca.mtimes(ca.DM(columns), ratios) + ca.DM(own)))
         return ca.Function("peer", [pose], [sum(found[1:], found[0])])
 
 

@@ -29,9 +29,8 @@ class Fit:
 
 def standardised(learn: Callable[[Array, Array, Array], Fit], x: Array, y: Array, w: Array) -> Fit:
     """Learn from inputs and outputs of mean 0 and deviation 1; w (n,): weights of the rows. A constant stays 0."""
-    (x_mean, x_size), (y_mean, y_size) = (
-        (a.mean(axis=0), np.where(np.ptp(a, axis=0), a.std(axis=0), 1.0)) for a in (x, y)
-    )
+    x_mean, x_size = x.mean(axis=0), np.where(np.ptp(x, axis=0), x.std(axis=0), 1.0)
+    y_mean, y_size = y.mean(axis=0), np.where(np.ptp(y, axis=0), y.std(axis=0), 1.0)
     inner = learn((x - x_mean) / x_size, (y - y_mean) / y_size, w / w.mean())
 
     def predict(rows: Array) -> Array:

@@ -137,10 +137,8 @@ def ball_on_plane(folder: Path, levels: tuple[int, ...]) -> None:
     share = RUBBING["dynamic_friction"] + RUBBING["viscous_friction"] * float(np.linalg.norm(SLIDING))
 
     def errors(wrenches: Array, exact: Array) -> Array:
-        normal, dragged = (
-            np.abs(wrenches[:, 1]) / exact - 1.0,
-            np.hypot(wrenches[:, 0], wrenches[:, 2]) / exact / share - 1.0,
-        )
+        normal = np.abs(wrenches[:, 1]) / exact - 1.0
+        dragged = np.hypot(wrenches[:, 0], wrenches[:, 2]) / exact / share - 1.0
         return np.sqrt(np.mean([normal**2, dragged**2], axis=1))
 
     print("ball on a plane, sliding: RMS error of N and of friction; time")

@@ -29,9 +29,7 @@ class Memory {
 class Model {
   constructor(exports, memory, name, loads, patches) {
     Object.assign(this, { exports, memory, name, count: loads, patches });
-    this.pose = memory.place(6);
-    this.values = memory.place(Math.max(loads, patches));
-    this.slopes = memory.place(6 * Math.max(loads, patches));
+    [this.pose, this.values, this.slopes] = [6, Math.max(loads, patches), 6 * Math.max(loads, patches)].map((n) => memory.place(n));
   }
 
   call(what, pose, ...offsets) {

@@ -56,10 +56,8 @@ class Page {
     else byId("scene").parentElement.append(trouble("The bodies are not drawn: got no WebGL 2, expected a browser that allows it; the numbers hold all the same, and another browser, or hardware acceleration in this one's settings, draws them."));
     this.map = new PressureMap(byId("map"), content, surfaces);
     this.sections = ["up", "right"].map((across) => new Section(byId(`section-${across}`), content, across, surfaces, behind, moving));
-    const curves = content.sensitive.map((name) => {
-      const k = content.loads.findIndex((load) => load.name === name);
-      return { name, values: this.frameLoads.map((row) => row[k]) };
-    });
+    const valuesOf = (name) => this.frameLoads.map((row) => row[models.contact.names.indexOf(name)]);
+    const curves = content.sensitive.map((name) => ({ name, values: valuesOf(name) }));
     this.timeline = new Timeline(content, curves, (frame) => this.at(frame));
     this.saving();
     window.addEventListener("resize", () => this.draw());

@@ -1,7 +1,5 @@
 /** What is taken away from the page: tables of the cycle, and Python. */
 
-const MM_PER_M = 1000;
-
 /** Poses and loads of the cycle, in the library's units: the poses are what cc's read_poses reads. */
 export function csvOf(content, loads) {
   const names = ["time_s", ...content.pose.map(({ name }) => name), ...content.loads.map(({ column }) => column)];
@@ -11,7 +9,7 @@ export function csvOf(content, loads) {
 
 /** Poses and loads as OpenSim has them: m, rad, N, N·m. */
 export function stoOf(content, loads) {
-  const unit = ({ unit: of }) => (of === "mm" || of === "N·mm" ? MM_PER_M : 1);
+  const unit = ({ unit: of }) => (of === "mm" || of === "N·mm" ? 1000 : 1);
   const columns = [...content.pose, ...content.loads];
   const rows = content.cycle.poses.map((pose, frame) =>
     [content.cycle.time[frame], ...[...pose, ...loads[frame]].map((value, k) => value / unit(columns[k]))].join("\t"),

@@ -33,8 +33,7 @@ export class Bodies {
     this.program = twgl.createProgramInfo(gl, [vertexShader(content.colours.length), FRAGMENT]);
     this.colours = content.colours.flat();
     this.fixed = fixed.map((surface) => this.buffers(surface, new Float32Array(surface.points.length / 3)));
-    this.behind = this.buffers(behind);
-    this.moving = this.buffers(moving);
+    [this.behind, this.moving] = [behind, moving].map((body) => this.buffers(body));
     Object.assign(this, { target: content.view.target, distance: content.view.distance });
     const [x, y, z] = content.view.eye;
     [this.yaw, this.pitch] = [Math.atan2(x, z), Math.asin(Math.min(Math.max(y, -0.99), 0.99))];
@@ -43,9 +42,8 @@ export class Bodies {
 
   /** pressures: of a surface that is coloured by them. */
   buffers({ points, normals, corners }, pressures) {
-    const pressure = pressures
-      ? { numComponents: 1, data: pressures, drawType: this.gl.DYNAMIC_DRAW }
-      : { numComponents: 1, value: [0] };
+    const values = pressures ? { data: pressures, drawType: this.gl.DYNAMIC_DRAW } : { value: [0] };
+    const pressure = { numComponents: 1, ...values };
     return twgl.createBufferInfoFromArrays(this.gl, { position: points, normal: normals, pressure, indices: corners });
   }
 
@@ -82,7 +80,6 @@ export class Bodies {
     sharpened(gl.canvas);
     const { width, height } = gl.canvas;
     gl.viewport(0, 0, width, height);
-    gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.enable(gl.DEPTH_TEST);
     gl.enable(gl.CULL_FACE); // what faces away lies behind what does not

@@ -45,9 +45,7 @@ export function settle(model, content, start, free, target) {
   const space = poseSpace(content.space);
   const reduced = (J) => J.map(space.along).map((row) => free.map((k, i) => row[k] * scales[i]));
   let pose = space.onto(Array.from(start));
-  let now = residuals(model, content, pose, target);
-  let fraction = 1;
-  let steps = 0;
+  let [now, fraction, steps] = [residuals(model, content, pose, target), 1, 0];
   for (; steps < MOST_STEPS && now.misfit > TOLERANCE_N; steps++) {
     const J = reduced(now.J);
     const step = leastSquares(J, now.r.map((part) => -part));
@@ -59,12 +57,9 @@ export function settle(model, content, start, free, target) {
     const next = residuals(model, content, trial, target);
     // Natural monotonicity: the step that is left, by the old Jacobian, must shrink.
     const left = Math.max(...leastSquares(J, next.r).map(Math.abs));
-    if (left <= (1 - 0.25 * reach) * length) {
-      [pose, now] = [trial, next];
-      fraction = Math.min(1, 2 * fraction);
-    } else {
-      fraction = 0.35 * reach;
-    }
+    const better = left <= (1 - 0.25 * reach) * length;
+    if (better) [pose, now] = [trial, next];
+    fraction = better ? Math.min(1, 2 * fraction) : 0.35 * reach;
     if (!(fraction > 1e-6) || length < 1e-12) break;
   }
   return { pose, converged: now.misfit <= TOLERANCE_N, steps, misfit: now.misfit };

@@ -10,10 +10,8 @@ export class Timeline {
   /** curves: [{name, values}] over the frames; moved(frame) when the scrubber moves. */
   constructor(content, curves, moved) {
     Object.assign(this, { content, curves, moved, frame: 0, playing: null });
-    this.canvas = document.getElementById("curves");
-    this.cursor = document.getElementById("cursor");
-    this.scrubber = document.getElementById("frame");
-    this.button = document.getElementById("play");
+    const parts = ["curves", "cursor", "frame", "play"].map((id) => document.getElementById(id));
+    [this.canvas, this.cursor, this.scrubber, this.button] = parts;
     this.count = content.cycle.poses.length;
     this.scrubber.max = this.count - 1;
     document.getElementById("cycle").hidden = this.count < 2;
@@ -57,8 +55,7 @@ export class Timeline {
     context.strokeStyle = LINE;
     line(context, [[LEFT, y(0)], [width - RIGHT, y(0)]]);
     this.curves.forEach(({ values: of }, k) => {
-      context.strokeStyle = COLOURS[k % COLOURS.length];
-      context.lineWidth = 1.5;
+      Object.assign(context, { strokeStyle: COLOURS[k % COLOURS.length], lineWidth: 1.5 });
       line(context, of.map((value, frame) => [x(frame), y(value)]));
     });
   }

@@ -60,8 +60,7 @@ export class PressureMap {
   }
 
   trail(context, place, trail) {
-    context.strokeStyle = ACCENT;
-    context.lineWidth = 1.2;
+    Object.assign(context, { strokeStyle: ACCENT, lineWidth: 1.2 });
     for (const points of trail) {
       context.beginPath();
       let drawing = false;
@@ -76,8 +75,7 @@ export class PressureMap {
 
   /** Colours with their pressures [MPa]. */
   scale(context, width, height, largest) {
-    const x = width - 46;
-    const tall = height - 60;
+    const [x, tall] = [width - 46, height - 60];
     for (let y = 0; y < tall; y++) {
       context.fillStyle = this.colours[Math.round((1 - y / tall) * (this.colours.length - 1))];
       context.fillRect(x, 30 + y, SCALE_WIDTH, 1.5);

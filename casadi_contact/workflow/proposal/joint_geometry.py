@@ -183,10 +183,8 @@ def _valleys(at: Array, weight: Array, surface: Array, bin_mm: float, share: flo
     low, high = at[weight > 0.0].min(), at[weight > 0.0].max()
     edges = np.arange(low, max(high, low + bin_mm) + bin_mm, bin_mm)
     middles = 0.5 * (edges[1:] + edges[:-1])
-    near, whole = (
-        ndimage.gaussian_filter1d(np.histogram(at, edges, weights=w)[0], SETTINGS.smooth_bins)
-        for w in (weight, surface)
-    )
+    profiles = [np.histogram(at, edges, weights=each)[0] for each in (weight, surface)]
+    near, whole = ndimage.gaussian_filter1d(profiles, SETTINGS.smooth_bins)
     profile = near / np.maximum(whole, 0.1 * whole.max())
     cuts, depth, start = list[float](), 1.0, 0
     for k in range(1, len(profile) - 1):

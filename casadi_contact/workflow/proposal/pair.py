@@ -169,10 +169,8 @@ def _check_moving_outside(pair: Pair, placement: ContactPlacement, most_gain: fl
     other = _as_placed(turned) or _after_drop(turned)
     if other is None:
         return
-    area, turned_area = (
-        float(pair.areas_mm2 @ of.near(np.eye(3), at.translation_mm, pair.scale * REACH_MM))
-        for of, at in ((pair, placement), (turned, other))
-    )
+    both, reach_mm = ((pair, placement), (turned, other)), pair.scale * REACH_MM
+    area, turned_area = (float(pair.areas_mm2 @ of.near(np.eye(3), at.translation_mm, reach_mm)) for of, at in both)
     if turned_area > most_gain * area:
         areas = f"{turned_area:.3g} mm² with its inside out, {area:.3g} mm² as it is"
         raise ValueError(f"the moving surface {moving.name} touches {areas}: turn its triangles round")
