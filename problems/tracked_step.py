@@ -205,7 +205,7 @@ def main(
             axis.plot(done.time_s, done.wrench[:, k], label=name, **style)
             axis.set(xlabel="time [s]", ylabel=label)
         for joint, dashes, moment in zip(("ankle", "knee", "hip"), ("-", "--", ":"), done.moments.T, strict=True):
-            axes[2].plot(done.time_s, 1e-3 * moment, **style | {"label": f"{joint}, {name}", "linestyle": dashes})
+            axes[2].plot(done.time_s, 1e-3 * moment, **style | {"label": f"{joint}, {name}", "ls": dashes})
     axes[2].set(xlabel="time [s]", ylabel="moments [N·m]")
     for axis in axes[[0, 2]]:
         axis.legend()
