@@ -62,8 +62,7 @@ def trace_gap(
     """Travel (count,) [mm] of bodies until their gap is below touch_mm, and (count,) whether it gets there.
 
     gap_at(rows (k,), travel (k,)) gives the gaps (k,) of those rows. Each step is a share of the gap, so that it does
-    not pass the surface (sphere tracing). A gap that is only estimated from far away may lead too deep: half of the
-    way since the last free pose is then taken back.
+    not pass the surface (sphere tracing). Where an estimated gap led too deep, half of the last way is taken back.
     """
     travel, since_free = np.zeros(count), np.zeros(count)
     touching, moving = np.zeros(count, dtype=bool), np.arange(count)
@@ -86,8 +85,7 @@ def first_crossing(
 ) -> Array:
     """Travel (count,) at which a condition begins to hold, to step/2^bisections; reach where it does not by then.
 
-    Marches outwards in equal steps, then bisects. holds(rows (k,), travel (k,)) says whether it holds (k,). What holds
-    for less than a step may be missed.
+    Marches outwards in equal steps, then bisects; less than a step may be missed. holds(rows (k,), travel (k,)): (k,).
     """
     far, searching = np.zeros(count), np.arange(count)
     while len(searching):
@@ -124,8 +122,7 @@ def press_until(
 
 
 def touching_start(model: ContactModel) -> Array:
-    """The first touch (6,) from the scene's start pose; that pose itself for a model without gaps, and for a scene
-    whose patches have no loading direction."""
+    """The first touch (6,) from the scene's start pose; that pose itself without gaps or loading direction."""
     start = model.scene.pose_space.project(model.scene.start_pose)
     directed = model.scene.normal_loads[0].direction is not None
     return advance_to_contact(model, start[None], {})[0] if directed and model.has_gaps else start

@@ -44,8 +44,7 @@ class CallableModel(WrenchLoads):
 
     @batched
     def wrenches(self, poses: Array) -> Array:
-        """Wrench of each patch (n, patches, 6), NaN where the user's function gives infinity, with which no difference
-        can be taken; raises ValueError if it returns another shape."""
+        """Wrench of each patch (n, patches, 6), NaN for the function's infinities; ValueError for another shape."""
         wrenches = self._call_user_function("wrenches", self._wrenches, poses, (len(self.patch_names), 6))
         return np.where(np.isfinite(wrenches), wrenches, np.nan)
 

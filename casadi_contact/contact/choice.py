@@ -68,8 +68,7 @@ def _code_digest() -> str:
 
 
 class _Kind(NamedTuple):
-    """A kind of foundation: how the one that meets a scene's tolerances is chosen; its class; its size from the record
-    of a choice; sizes from coarse to fine for a scene."""
+    """A kind of foundation: how it is chosen, its class, its size from a choice's record, sizes from coarse to fine."""
 
     chosen: Callable[..., CompiledFoundation]
     made: Callable[..., CompiledFoundation]

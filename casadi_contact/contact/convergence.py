@@ -42,8 +42,7 @@ class Errors:
 
     @property
     def ratio(self) -> float:
-        """The largest ratio of an error to what is allowed, as `Tolerance.ratio`, but a single error may grow in
-        proportion to the force above the reference load."""
+        """As `Tolerance.ratio`, but a single error may grow in proportion to the force above the reference load."""
         return float(self._of_loads.max())
 
     @property
@@ -104,7 +103,6 @@ def not_good_enough(model: CompiledFoundation | str, errors: Errors) -> NotGoodE
 
 
 def remedy(scene: Scene) -> str:
-    """What to do where no model of a scene is good enough. A damaged mesh makes every model wrong, finer ones too, and
-    a moving body's sharp rim is finer than any cell."""
+    """What to do where no model is good enough: a damaged mesh, or a sharp moving rim, makes every model wrong."""
     look = "look first whether the meshes are damaged or sharp-edged where they touch (casadi-contact show), then "
     return f"{look if scene.shape == 'mesh' else ''}relax the scene's tolerances, or take cc.ElasticFoundation"

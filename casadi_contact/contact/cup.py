@@ -36,8 +36,7 @@ CUP_SHAPE = "ball_in_cup"
 
 @dataclass(frozen=True)
 class Cup:
-    """Radii [mm], centre (3,) [mm] and unit vector (3,) to the deepest point; half_angle [rad] from there to the rim.
-    The ball's centre is the origin of the moving body."""
+    """Radii [mm], centre (3,) [mm], unit vector (3,) to the deepest point, half_angle [rad] from there to the rim."""
 
     ball_radius: float
     radius: float

@@ -1,5 +1,4 @@
-"""What the loads of a contact model tell of it: mistakes, at a few loaded poses, before hours of sampling, and which
-pose changes change them most [EF15 §2.1].
+"""What loads tell of a contact model: mistakes, at a few poses, and which pose changes change them most [EF15 §2.1].
 
 Contact without friction stores its energy: U(q) with -∂U/∂q = (F, Q), where F is the force of a patch and, for its
 torque T about the fixed body's origin, Q = Eᵀ(T - t × F), E the map of `angular_velocity_map`. So

@@ -42,8 +42,7 @@ class RayCastFoundation(CallableModel):
         return f"RayCastFoundation({self.scene.name}, {sum(len(p[2]) for p in self._patches)} triangles)"
 
     def summary(self, poses: Array) -> PressureSummary:
-        """Areas, pressures, centres of pressure and penetrations of each patch at poses (n, 6); the mean counts each
-        triangle in contact once, whatever its area, as JAM's does."""
+        """Areas, pressures, centres of pressure, penetrations; the mean is over triangles of any area, as JAM's."""
         poses = as_poses(poses)
         pressed = (
             (n, p, self._patches[p][0], self._patches[p][2], depths, pressures(*self._patches[p][3], depths))

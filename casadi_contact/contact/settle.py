@@ -234,8 +234,7 @@ def settle(
 def _newton_with_restarts(
     equations: Equilibrium, start: Array, tolerance: float, max_iterations: int, progress: Progress | None
 ) -> tuple[Array, Array, np.ndarray, np.ndarray]:
-    """What `_newton` gives; a body that stalls without contact, between the walls of a cup or beside it, begins again
-    from where it presses on its way along the target force."""
+    """What `_newton` gives; a body that stalls without contact begins again from where the target force presses it."""
     poses, misfit, iterations, stalled = _newton(equations, start, tolerance, max_iterations, progress)
     for number in range(3):
         missing = stalled & equations.misses_a_force(misfit) & (equations.in_newtons(misfit) > tolerance)
@@ -286,8 +285,7 @@ def _newton(
 def _trust_region(
     equations: Equilibrium, row: int, poses: Array, misfit: Array, tolerance: float, max_iterations: int
 ) -> int:
-    """Improve one row of poses and misfit in place; evaluations taken. From where it stands, then from places up to 0.3
-    mm around it, until one carries the loads."""
+    """Improve one row of poses and misfit in place, from there, then up to 0.3 mm around; evaluations taken."""
     size, rows, start = len(equations.free), np.array([row]), poses[[row]]
     options = {"xtol": 1e-9, "ftol": 1e-9, "gtol": None, "max_nfev": max_iterations}
 

@@ -40,8 +40,7 @@ _KEPT: list[ca.Callback] = []  # CasADi does not keep the Python side of a callb
 
 
 def contact_callback(name: str, outputs: Sequence[Output], size: int = 6) -> ca.Function:
-    """casadi.Function pose (6), or `size` numbers, -> outputs by name, through Python, with derivatives; NaN where a
-    number is not finite."""
+    """casadi.Function pose (6), or `size` numbers, -> outputs by name, through Python; NaN for what is not finite."""
     vector = ca.Sparsity.dense(size, 1)
 
     def evaluated(arg: Sequence[Any], which: int) -> list[Array]:
@@ -226,8 +225,7 @@ PARAMETERS = ("youngs_modulus", "poissons_ratio", "thickness", *PLACEMENT)
 
 
 def check_parameters(parameters: Iterable[str], material: Material, *, moving: bool = False) -> tuple[str, ...]:
-    """The parameters (E [MPa], ν, h [mm], placement [mm, rad]; coefficients of friction of loads that depend on the
-    velocity) asked for.
+    """The parameters asked for: E [MPa], ν, h [mm], placement [mm, rad]; if moving, coefficients of friction.
 
     Raises ValueError for an unknown or repeated one, and for a thickness that is no factor of the loads.
     """

@@ -1,5 +1,4 @@
-"""Vertices and triangles of mesh files: STL, OBJ, PLY, OFF and VTK's (.vtp, .vtk). What is not whole is refused:
-trimesh and meshio leave out damaged faces without a word."""
+"""Vertices and triangles of STL, OBJ, PLY, OFF, VTP and VTK files. What is not whole is refused, unlike by trimesh."""
 
 import base64
 import re
@@ -34,8 +33,7 @@ def read_triangles(path: Path) -> tuple[Array, np.ndarray]:
 
 
 def _of_stl(content: bytes) -> tuple[Array, np.ndarray]:
-    """Binary where the count of triangles fits the size (text there would be a count beyond any file's) and less than a
-    triangle follows; otherwise text, 21 words a facet."""
+    """Binary where the count of triangles fits the size, less than a triangle more; else text, 21 words a facet."""
     count = int.from_bytes(content[80:84], "little")
     if 0 < 50 * count <= len(content) - 84 < 50 * (count + 1):
         facets = np.frombuffer(content, [("corners", "<f4", 12), ("attribute", "<u2")], count, 84)
@@ -54,8 +52,7 @@ def _of_stl(content: bytes) -> tuple[Array, np.ndarray]:
 
 
 def _of_obj(content: bytes) -> tuple[Array, np.ndarray]:
-    """Indices begin at 1; those below 0 count back from the face, so that -1 is the last vertex before it, and not the
-    file's last as trimesh has it (Wavefront OBJ)."""
+    """Indices begin at 1; those below 0 count back from the face: -1 is the last vertex before it (Wavefront OBJ)."""
     vertices: list[list[float]] = []
     corners: list[int] = []
     ends = []
@@ -222,8 +219,7 @@ def _vtk_array(root: ElementTree.Element, array: ElementTree.Element | None, app
 
 
 def _decode(text: bytes, raw: bool, header: np.dtype, compressed: bool) -> bytes:
-    """Bytes of an array: (size, data), or zlib blocks behind (count, size, last size, compressed sizes ...). In base64
-    such a header may have padding of its own."""
+    """Bytes of an array: (size, data), or zlib blocks behind (count, size, last size, sizes ...), perhaps padded."""
 
     def part(at: int, size: int) -> bytes:
         return text[at : at + size] if raw else base64.b64decode(text[at : at + 4 * -(-size // 3)])[:size]

@@ -1,5 +1,4 @@
-"""A triangle mesh in mm: its triangles, edges, parts and creases (edges at which the surface has two
-normals, one to each side), and exact rays against it."""
+"""A triangle mesh in mm: its triangles, edges, parts and creases (edges with two normals), and exact rays."""
 
 from __future__ import annotations
 
@@ -199,8 +198,7 @@ class RayCaster:
 
 def split_at_creases(mesh: TriangleMesh) -> TriangleMesh:
     """The same triangles, none of which shares a vertex with one that lies across a crease. Around each vertex,
-    triangles that are joined by edges which are no creases keep it in common; every other group of them gets a copy of
-    it. An edge of more than two triangles joins none."""
+    triangles joined by edges that are no creases keep it; other groups get a copy. An edge of three joins none."""
     count, (first, second) = len(mesh.faces), mesh.joined_sides
     smooth = ~_are_creases(mesh, first, second)
     first, second = first[smooth], second[smooth]

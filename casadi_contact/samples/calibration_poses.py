@@ -66,8 +66,7 @@ def poses_in_range(
 
 
 def self_settled_poses(surrogate: ContactModel, samples: Samples, count: int) -> Array:
-    """Poses (m, 6), m <= count, at which the static solver, run on the surrogate from starts drawn evenly over the
-    sampled range, balances normal loads of training samples.
+    """Poses (m, 6), m <= count, at which the static solver, from even starts, balances training loads on the surrogate.
 
     Each patch (all together, where they share one sensitive pose parameter) has its normal load from another sample; in
     a quarter of the poses the loads are multiplied by u³ with u drawn evenly from 0 to 1, because every contact begins

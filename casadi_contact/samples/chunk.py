@@ -58,8 +58,7 @@ class DrawnChunk:
 
 
 def plan_chunks(scene: Scene, motion: ReferenceMotion, settings: SamplingSettings) -> list[Chunk]:
-    """The whole sampling plan, cut into chunks of at most `chunk_size` static analyses; ValueError for a plan that
-    cannot be drawn, before any of it is."""
+    """The sampling plan in chunks of at most `chunk_size` static analyses; ValueError for one that cannot be drawn."""
     chunks = []
     point = motion.point
     for block in plan_domains(motion.envelopes, scene.controllable_normal_loads, scene.boundary_load, settings):
@@ -151,8 +150,7 @@ def _lifted(model: ContactModel, poses: Array, chunk: Chunk, settings: SamplingS
 
 
 def lift(model: ContactModel, poses: Array, gaps_mm: Array, newton_steps: int = 8) -> Array:
-    """Move poses (n, 6) at the contact boundary along the sensitive pose parameters until each patch is gaps_mm (n, P)
-    away; one whose gap is NaN keeps its normal load.
+    """Move poses (n, 6) along the sensitive pose parameters until patches are gaps_mm (n, P) away; NaN keeps the load.
 
     Newton's method on the root loads, -c·gap out of contact; of a model without gaps they go on there as they rise at
     the boundary. Steps are of least squares, in mm and rad. Returns poses (n, 6), NaN where the model gives no finite

@@ -60,8 +60,7 @@ class Envelopes:
 
     @property
     def assumed_widths(self) -> dict[str, float]:
-        """Assumed widths [mm, rad, N or N·mm] of inputs with the same curve in all cycles, see above; 0 where
-        all loads of the kind are zero."""
+        """Assumed widths of inputs with the same curve in all cycles, see above; 0 where all loads are zero."""
         ranges, kinds = self.upper.max(axis=0) - self.lower.min(axis=0), [quantity(name).kind for name in self.names]
         largest = np.maximum(np.abs(self.lower), np.abs(self.upper)).max(axis=0)
         found = {}

@@ -74,8 +74,7 @@ def draw_samples(
 ) -> Samples:
     """Draw the whole sampling plan into the HDF5 file `path`, or finish it where an earlier run was killed.
 
-    executor: processes on all cores if left out; models: makes the two contact models in each worker, an importable
-    function; progress(done, all) is called after every chunk.
+    executor: processes on all cores if left out; models: an importable function that makes the two contact models.
 
     Samples that do not settle, that pull, or that touch where they should be lifted off are dropped and counted with
     the reason in provenance["dropped"]; domains that the plan leaves out stand in provenance["left_out"]. Raises

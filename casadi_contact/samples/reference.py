@@ -180,8 +180,7 @@ def found_sensitive_pose(model: ContactModel, cycles: Sequence[Cycle]) -> tuple[
 
 
 def _on_frames(cycles: Sequence[Cycle], frames: int) -> dict[str, Array]:
-    """Targets and measured pose parameters (cycles, frames) by name, linear in the percentage of each cycle; ValueError
-    for no cycles, and for such that have different ones."""
+    """Targets and measured pose parameters (cycles, frames) by name; ValueError for no cycles, or unlike ones."""
     if not cycles:
         raise ValueError("no cycles given, expected at least one for the reference motion")
     curves: dict[str, list[Array]] = {name: [] for name in {**cycles[0].pose, **cycles[0].targets()}}

@@ -41,9 +41,8 @@ class Samples:
     """Poses and what the contact model says there (one row per sample).
 
     poses (n, 6) [mm, rad]; wrenches (n, patches, 6) on the fixed body [N, N·mm] and gaps (n, patches) [mm], gaps NaN
-    where the model knows none; domain (n,) 1..7 for D1..D7; role
-    (n,) TRAIN, VALIDATION or TEST; provenance says what made them (settings, versions, plan digest, number of dropped
-    samples by reason); dropped holds the poses of these.
+    where the model knows none; domain (n,) 1..7; role (n,) TRAIN, VALIDATION or TEST; provenance says what made them
+    (settings, versions, plan digest, number of dropped samples by reason); dropped holds the poses of these.
     """
 
     scene: Scene

@@ -146,11 +146,9 @@ class SamplingSettings:
 
     @classmethod
     def from_scene(cls, scene: Scene, **overrides: Any) -> SamplingSettings:
-        """The paper's settings (`ALONE_COUNTS` with one patch), then the scene's grids and ``[sampling]`` table, then
-        keyword overrides.
+        """The paper's settings (`ALONE_COUNTS` with one patch), the scene's grids and ``[sampling]``, overrides.
 
-        A ``counts``, ``fixed_offsets`` or ``d3_minimum_widths`` table replaces single entries. Raises ValueError naming
-        an unknown key or a bad value.
+        A ``counts``, ``fixed_offsets`` or ``d3_minimum_widths`` table replaces single entries. ValueError names a key.
         """
         grids = {"settle_grid": "settle", "teacher_grid": "teacher"}
         values: dict[str, Any] = {key: scene.grids[grid] for key, grid in grids.items() if grid in scene.grids}

@@ -72,8 +72,7 @@ def read_sample_table(path: str | Path, scene: Scene) -> Samples:
 
 
 def _split(poses: Array) -> np.ndarray:
-    """Roles (n,) of poses (n, 6) drawn at random, at least one pose of each; repeated poses have the same role, or
-    networks would be judged by what they learned."""
+    """Roles (n,) of poses (n, 6) drawn at random, at least one pose of each; repeated poses have the same role."""
     distinct, pose_of_row = np.unique(poses, axis=0, return_inverse=True)
     order = np.random.default_rng(0).permutation(len(distinct))
     held_back = max(1, round(_HELD_BACK * len(distinct)))

@@ -70,8 +70,7 @@ class NormalLoad:
 
 
 def normal_loads(names: Sequence[str], patch_names: Sequence[str]) -> tuple[NormalLoad, ...]:
-    """The normal load of each patch from its text, in patch order. Raises ValueError for text that is no such load, and
-    unless there is one for each patch."""
+    """The normal load of each patch, in patch order. ValueError for text that is none, and unless each has one."""
     if len(names) == 1 and len(patch_names) > 1 and names[0].lstrip("+-") in (*FORCE_NAMES, "F"):
         names = [f"{names[0]}_{patch}" for patch in patch_names]
     by_patch = {load.patch: load for load in (_normal_load(name, patch_names) for name in names)}
@@ -157,8 +156,7 @@ _ANATOMICAL = {"cop_ap": "cop_x", "cop_ml": "cop_z"}  # of a joint that is press
 
 @dataclass(frozen=True)
 class CentreOfPressure:
-    """One coordinate, along axis 0 (x), 1 or 2: sign·T/F [mm] of the total force F and torque T by these names.
-    pressing: the sign of F where the body is pressed."""
+    """The coordinate along axis 0 (x), 1 or 2: sign·T/F [mm] of total force F and torque T; pressing: F's sign then."""
 
     axis: int
     force: str

@@ -65,7 +65,6 @@ def has_gait(scene: Scene) -> bool:
 
 
 def reference_motion_cycles(scene: Scene, cycle_files: Sequence[Path]) -> list[Cycle]:
-    """The cycles in the files, or the built-in ones: the scene's own [motion], for a knee without one its walking.
-    Raises ValueError as the readers do."""
+    """The cycles in the files, or the built-in ones: the scene's own [motion], for a knee without one its walking."""
     built_in = reference_cycles if has_gait(scene) else partial(scene_cycles, scene)
     return [read_cycle(path, scene) for path in cycle_files] or built_in()

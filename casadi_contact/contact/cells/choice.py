@@ -129,8 +129,7 @@ class PressingPoses:
         return self._pressed(model, patch, turn, (1 - straight) * lean, straight * shift, target)
 
     def seated(self, model: ElasticFoundation, patch: int, loads_n: tuple[float, float]) -> Array:
-        """Poses (m, 6), m <= `seats`, that press one patch as the scene's start pose does: brought straight down with
-        forces from the least to the largest of loads_n [N].
+        """Poses (m, 6), m <= `seats`, that press one patch as the start pose does, with forces between loads_n [N].
 
         Half of them are not turned, half are turned from end to end of the scene's motion about its main axis. In an
         embracing patch a body that is shifted or turned otherwise hangs on the walls.

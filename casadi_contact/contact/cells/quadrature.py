@@ -8,8 +8,7 @@ functions; the pressure of each is p(ψ(d)) with ψ the smoothed max(d, 0) (`bas
 bilinearly among the corners, whose (N, c × N) make the wrench.
 
 A patch whose pressures sum up to less than nothing, at the very brink of contact where ψ dips, carries nothing: its
-wrench is multiplied by a smooth step of ∫p dA from 0 to ``fade_n``. The kernel in C (``c/cells.h``) follows the same
-formulas; each is the other's check.
+wrench is multiplied by a smooth step of ∫p dA from 0 to ``fade_n``. The C (``c/cells.h``) has the same formulas.
 """
 
 from __future__ import annotations

@@ -47,8 +47,7 @@ class _Tangents:
     spare: float = 0.004  # [1/mm], for points between nodes
 
     def reach_mm(self, largest_mm: float, spacing_mm: float) -> float:
-        """How far from their nodes tangents have to be good: for blocks that reach so far from their middles, which lie
-        between the nodes. The cost grows with its third power."""
+        """How far from their nodes tangents have to be good, for blocks that reach so far; the cost is its cube."""
         return float(min(self.longest_reach_mm, largest_mm + np.sqrt(0.75) * self.stride * spacing_mm))
 
 

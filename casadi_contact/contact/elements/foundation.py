@@ -255,8 +255,7 @@ def pressed_elements(model: ElasticFoundation, pose: Array) -> tuple[Array, Arra
 
 
 def share_of_force(model: ElasticFoundation, poses: Array, chosen: Callable[[Array], np.ndarray]) -> Array:
-    """Share (n,) of the pressing force Σ p·A, over all patches, on elements that are chosen by where they lie in the
-    moving body's frame (m, 3) [mm]; 0 out of contact."""
+    """Share (n,) of the force Σ p·A on elements chosen by their places (m, 3) in the moving frame; 0 out of contact."""
     pressed, share = [pressed_elements(model, pose) for pose in poses], np.zeros(len(poses))
     at = np.repeat(np.arange(len(poses)), [len(force) for _, force in pressed])
     if not len(at):
@@ -274,8 +273,7 @@ SHARP_SHARE = 0.1  # of a wheel with bare edges, with less of its load there for
 def share_at_sharp_edges(model: ElasticFoundation, poses: Array) -> Array:
     """`share_of_force` (n,) nearer to a crease of the moving mesh than its distance field's spacing.
 
-    There the field rounds the edge off (`geometry.distance_field`), for elements and cells alike. 0 for moving bodies
-    without creases, as for those that are no meshes.
+    There the field rounds the edge off, for elements and cells alike. 0 for moving bodies without creases.
     """
     poses, geometry = as_poses(poses), model.scene.geometry
     if model.scene.shape != "mesh" or not len(creases(mesh := body_mesh(geometry, "moving"))[0]):

@@ -1,5 +1,4 @@
-"""The lines in the chart along which polar quadrature integrates: rays from the peak of a contact area to its edge,
-and across the caps that the moving body's next arcs change.
+"""The lines of polar quadrature: rays from a contact area's peak to its edge, and across caps of the body's next arcs.
 
 Arcs meet with a common tangent and different curvatures. Rays that cross their junction would feel it at angles that no
 rule of equal steps meets. So the torus of the peak's arc is integrated as if it went on; in the cap beyond each

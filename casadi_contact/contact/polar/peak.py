@@ -2,8 +2,7 @@
 
 The nearest point is the minimum of the distance g over the patch, by Newton's method with a trust region (Nocedal and
 Wright, Numerical Optimization, Alg. 4.1) in coordinates that make the rim a box: each step minimises the quadratic
-model of g within box and trust region, by coordinates in turn. Of a strongly tilted body g may have several minima: a
-few starts are spread over the patch.
+model of g within box and trust region, by coordinates in turn. A few starts are spread over the patch.
 """
 
 from dataclasses import dataclass

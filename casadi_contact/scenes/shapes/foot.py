@@ -96,8 +96,7 @@ def sole_surface(geometry: Geometry) -> Callable[[Array, Array], tuple[Array, Ar
 
 
 def _half_width(g: Geometry, share: Array) -> tuple[Array, Array, Array]:
-    """Half of the width at shares (m,) of the length, and two derivatives: a smooth step from heel to ball, and less
-    towards both ends, 0.6 of it there."""
+    """Half of the width at shares (m,) of the length, two derivatives: a smooth step, 0.6 of it at both ends."""
     x = np.clip(share / WIDEST, 0.0, 1.0)
     step, slope, bend = (
         x**3 * (10.0 - 15.0 * x + 6.0 * x * x),

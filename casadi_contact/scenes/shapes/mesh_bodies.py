@@ -102,8 +102,7 @@ def shell_thickness(mesh: TriangleMesh) -> float:
 
 
 def outer_side(mesh: TriangleMesh, anchors_mm: Array) -> tuple[np.ndarray, float]:
-    """Which triangles (f,) of a shell face away from the nearest of the anchors (patches, 3), and over which share of
-    their area these are both sides of the shell, as of a saddle."""
+    """Triangles (f,) of a shell that face away from the nearest anchor (patches, 3); share of area with both sides."""
     centres = mesh.corners_mm.mean(axis=1)
     away = centres - anchors_mm[np.linalg.norm(centres[:, None] - anchors_mm, axis=2).argmin(axis=1)]
     outer = np.einsum("nk,nk->n", away, mesh.area_vectors_mm2) > 0.0
@@ -127,8 +126,7 @@ def patch_box(geometry: Geometry, patch: str) -> tuple[Array, Array]:
 
 
 def patch_view(geometry: Geometry, patch: str) -> tuple[list[float], list[float] | None]:
-    """How a patch is seen: where to the moving body presses (3,), and, unless the patch states `pressing` itself, the
-    scene's `cup_centre` (3,) [mm], if it has one."""
+    """Where to the moving body presses (3,), and, unless the patch states it itself, a `cup_centre` (3,) [mm]."""
     scene = geometry.get("pressing", DOWN)
     own = geometry["patches"][patch].get("pressing")
     return (list(scene), geometry.get("cup_centre")) if own is None else (own, None)
@@ -339,8 +337,7 @@ def cut_cells(
 
 
 def _along(cells: Cells, axis: int, rows: tuple[np.ndarray, ...]) -> Array:
-    """Steps (n, 3) [mm] of the grid along an axis at cells by their rows: to or from the neighbour there, or, of a cell
-    that has none, the mean one between all cells."""
+    """Steps (n, 3) [mm] of the grid along an axis at cells by their rows; the mean one where there is no neighbour."""
     centres, _, areas = cells
     both = (np.delete(areas, 0, axis) > 0.0) & (np.delete(areas, -1, axis) > 0.0)
     steps = np.where(both[..., None], np.diff(centres, axis=axis), 0.0)
