@@ -38,8 +38,8 @@
 
 #define WIDTH 8 /* every padded layer is a multiple of this */
 
-/* Networks of one shape are evaluated side by side, a step of each in turn: no step waits for the one before it. */
-#define SIDE 4 /* at most */
+/* Networks of one shape are evaluated in pairs, a step of each in turn: no step waits for the one before it. */
+#define SIDE 2
 #define EACH UNROLL for (int p = 0; p < n; p++)
 
 /* Offset of a pose from the middle of the learned range; so far out that no square overflows, all is flat. */
@@ -221,19 +221,10 @@ INLINE Vector decay(Vector x) {
   const Vector zero = {0}, y = -smaller_vector(x, zero + 700.0), shifted = y * 1.4426950408889634 + 6755399441055744.0;
   const Vector n = shifted - 6755399441055744.0;
   const Vector r = (y - n * 0.693147180369123816490) - n * 1.90821492927058770002e-10;
-  Vector p = r * (1.0 / 479001600.0) + 1.0 / 39916800.0, power;
+  const double factorials[] = {1, 1, 2, 6, 24, 120, 720, 5040, 40320, 362880, 3628800, 39916800, 479001600};
+  Vector p = zero + 1.0 / factorials[12], power;
   Bits bits;
-  p = p * r + 1.0 / 3628800.0;
-  p = p * r + 1.0 / 362880.0;
-  p = p * r + 1.0 / 40320.0;
-  p = p * r + 1.0 / 5040.0;
-  p = p * r + 1.0 / 720.0;
-  p = p * r + 1.0 / 120.0;
-  p = p * r + 1.0 / 24.0;
-  p = p * r + 1.0 / 6.0;
-  p = p * r + 0.5;
-  p = p * r + 1.0;
-  p = p * r + 1.0;
+  UNROLL for (int k = 11; k >= 0; k--) p = p * r + 1.0 / factorials[k];
   memcpy(&bits, &shifted, sizeof bits);
   bits = (bits + 1023) << 52;
   memcpy(&power, &bits, sizeof power);
