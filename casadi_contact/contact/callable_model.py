@@ -113,8 +113,7 @@ class CallableModel(WrenchLoads):
     def _carries_load(
         self, poses: Array, patches: np.ndarray, along: Array, which: np.ndarray, way: Array
     ) -> np.ndarray:
-        """Whether each patch (n,) by number carries load once the body of its pose (n, 6) went a way (k,) [mm] along a
-        direction (n, 3): of those which (k,) are asked for."""
+        """Whether patches (n,) by number, of rows which (k,), carry load after a way (k,) [mm] along directions."""
         moved, patch = poses[which], patches[which]
         moved[:, :3] += way[:, None] * along[which]
         wrenches, at = self.wrenches(moved), (np.arange(len(which)), patch)

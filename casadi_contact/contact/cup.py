@@ -184,8 +184,7 @@ def _points(cup: Cup, cos_tilt: Array, sin_tilt: Array, edge: Array, points: int
 
 
 def nearest_direction(cup: Cup, cap: Cap) -> Array:
-    """Unit vectors (n, 3) from the cup's centre to its point nearest to the ball: along b or, beyond the rim, to the
-    rim on the side of b; of a ball in the cup's centre, the pole."""
+    """Unit vectors (n, 3) to the cup's nearest point: along b (the pole where b is 0), or to the rim on b's side."""
     flat = cap.b - np.outer(cap.b @ cup.pole, cup.pole)
     size = np.linalg.norm(flat, axis=1, keepdims=True)
     flat = np.where(size > cup.least_mm, flat / np.maximum(size, cup.least_mm), any_across(cup))

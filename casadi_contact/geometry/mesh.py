@@ -251,8 +251,7 @@ def check_apart(
 
 
 def _near(corners_mm: Array, contact: Sequence[Box] | None, margin_mm: float = 3.0) -> np.ndarray:
-    """Mask (n,) of edges or triangles, by their corners (n, k, 3), within a margin of a contact box; all without boxes.
-    Normals in a box are fitted to vertices up to two edges away."""
+    """Mask (n,) of edges or triangles, by corners (n, k, 3), within a margin of a contact box; all without boxes."""
     near = np.full(len(corners_mm), contact is None)
     for low, high in contact or ():
         reaches = (corners_mm.max(axis=1) >= np.subtract(low, margin_mm)) & (

@@ -24,8 +24,7 @@ FORCE_NAMES = WRENCH_NAMES[:3]
 
 @dataclass(frozen=True)
 class NormalLoad:
-    """N = sign·component of a patch's wrench, or the magnitude of its force where component is None. loads: the named
-    loads that N is made of, one with a direction, three without."""
+    """N = sign·component of a patch's wrench, or its force's magnitude (None); loads: those that N is made of."""
 
     patch: str
     component: str | None

@@ -36,8 +36,7 @@ class Tolerance:
 
     @classmethod
     def of_kinds(cls, force_n: float | None, torque_nmm: float | None) -> Tolerance:
-        """One tolerance for all forces [N], named "force", and one for all torques [N·mm], named "torque"; None: any.
-        Raises ValueError for one that is not finite and above 0."""
+        """Tolerances of all forces [N], "force", and all torques [N·mm], "torque", finite, above 0; None: any."""
         given = {FORCE: force_n, TORQUE: torque_nmm}
         allowed = {kind.name: value for kind, value in given.items() if value is not None}
         for kind, value in given.items():

@@ -32,8 +32,7 @@ from casadi_contact.scenes.shapes.shape import Geometry
 
 @dataclass(frozen=True)
 class Surface:
-    """Of m points: c (m, 3), unit normal n outwards (m, 3) and their derivatives by u and v (m, 2, 3); known (m,) is
-    False where the surface was continued beyond its rim."""
+    """Of m points: c (m, 3), outward normal n (m, 3), derivatives by u, v (m, 2, 3); known (m,): not beyond a rim."""
 
     c: Array
     n: Array
@@ -153,8 +152,7 @@ def _components(on: np.ndarray, joined: Sequence[np.ndarray], fewest: int) -> np
 
 
 def density(convex: Array, blunt: float = 0.08, densest: float = 3.3) -> Array:
-    """How many times as many cells there are as on the flat, by the surface's curvature [1/mm], convex above zero: 1 up
-    to the curvature `blunt`, never more than `densest`."""
+    """How many times as many cells as on the flat, by convex curvature [1/mm]: 1 up to `blunt`, `densest` at most."""
     return np.clip(np.sqrt(np.maximum(convex, 0.0) / blunt), 1.0, densest)
 
 

@@ -143,8 +143,7 @@ class PressingPoses:
     def _pressed(
         self, model: ElasticFoundation, patch: int, turn: Array, lean: Array, shift: Array, target: Array
     ) -> Array:
-        """Poses (m, 6) of bodies turned, leaning and shifted (n, 3), as shares of what `pressed` allows, that press
-        the patch with about the forces target (n,) [N]."""
+        """Poses (m, 6) of bodies turned, leaning, shifted (n, 3), in shares, that press with about target (n,) [N]."""
         elements = model.scene.elements(model.grid)[patch]
         points, up = elements.centres_mm, elements.areas_mm2 @ elements.normals
         up /= np.linalg.norm(up)

@@ -242,8 +242,7 @@ def _truth(model: PolarFoundation, range_n: tuple[float, float], count: int) -> 
 
 
 def _for_elements(patch: SmoothPatch, poses: Array, wrench: Array, count: int) -> tuple[Array, Array]:
-    """Up to so many poses, and their wrenches, to be compared with elements, without those in which the body's back
-    meets the patch, which polar quadrature does not cover."""
+    """Up to so many poses and wrenches to compare with elements; none in which the body's back meets the patch."""
     few = evenly_spaced_indices(len(poses), count)
     R, t = patch.turn @ rotation(poses[few, 3:]), poses[few, :3] @ patch.turn.T
     local = peak(patch, R, t).local

@@ -91,8 +91,7 @@ def table_of(
 
 
 def plain_values(key: str, value: object, depth: int = 0) -> None:
-    """Refuse what no scene holds at any depth: numbers that are not finite or immense, text with control characters,
-    tables nested beyond all need, dates."""
+    """Refuse what no scene holds at any depth: infinite or immense numbers, control characters, deep tables, dates."""
     if depth > _DEEPEST:
         raise ValueError(f"scene: {key} is nested {depth} deep, expected at most {_DEEPEST}")
     if isinstance(value, Mapping):

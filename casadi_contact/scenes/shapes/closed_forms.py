@@ -76,8 +76,7 @@ def _frame(pole: Array) -> tuple[Array, Array, Array]:
 
 
 class ButtonInGroove(Shape):
-    """A patellofemoral joint: a button in an elastic groove, which is revolved about the fixed z axis and open towards
-    -x, with the facets med (z > 0) and lat.
+    """A patellofemoral joint: a button in an elastic groove, revolved about z, open to -x, facets med (z > 0), lat.
 
     Each facet is an arc of ``facet_radius`` in the plane through the z axis; ``facet_offset`` to the side of the
     middle it lies ``groove_radius`` from the axis and slopes by ``facet_angle_deg``. Its elements reach

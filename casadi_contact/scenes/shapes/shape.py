@@ -89,8 +89,7 @@ class Shape(ABC):
         return [grid_elements(*cells) for cells in self.cells(geometry, grid)]
 
     def thickness_at(self, geometry: Geometry, points_mm: Array, normals: Array) -> Array | None:
-        """Thickness (n,) [mm] of the fixed body's layer under points (n, 3) of its surface with outward unit normals
-        (n, 3); None where the scene's [material] tells it."""
+        """Thickness (n,) [mm] of the fixed layer under points with normals (n, 3); None where [material] tells it."""
         return None
 
     def locate_files(self, geometry: Geometry, folder: Path) -> Geometry:
