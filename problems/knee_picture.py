@@ -4,8 +4,8 @@ pressure, by rays from their triangles, and ligaments in those of their tension.
 Polygons are drawn from far to near, so that near ones hide what lies behind.
 """
 
-import re
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from casadi_contact.scenes.shapes.mesh_bodies import body_mesh, patch_mesh
 from casadi_contact.workflow.opensim_import.importing import states_of
 
 _SIDES = ((-0.75, -0.25, -0.6), (0.75, -0.25, 0.6))  # looked along: from before and behind in an OpenSim model
-_PRESSURE, _BARE, _TENSIONS, _SLACK = "YlOrRd", (0.87, 0.88, 0.9), ("#9ECAE1", "#2171B5", "#08306B"), (0.6, 0.6, 0.6)
+_PRESSURE, _BARE, _TENSIONS = "YlOrRd", (0.87, 0.88, 0.9), ((0.0, "0.6"), (0.01, "#9ECAE1"), (1.0, "#08306B"))
 _PIECES, _NEARER_MM, _WIDTH_MM = 24, 2.0, 1.4  # of a bundle, and how much nearer it counts than it is
 _MARGIN_MM = 12.0, 30.0  # about surfaces, alone or with lines
 _LEAST_N = 5.0  # of bundles named alike, for their name to be written
@@ -37,10 +37,11 @@ def main(model: Path, motion: Path, at: float | None = None, out: Path = Path("r
     """
     assembly, table = cc.load_assembly(model, contact=ray_casting), read_opensim_table(motion)
     q, time_s = states_of(assembly, table), table.columns[TIME]
-    wrenches = np.asarray(assembly.function(["contact_wrenches"]).map(len(q))(q.T, 0.0, 0.0, 0.0))
-    force = np.linalg.norm(wrenches.reshape(6, len(q), -1)[:3], axis=0)
-    pressed = (force / np.maximum(force.max(axis=0), 1e-9)).sum(axis=1)
-    frame = int(pressed.argmax() if at is None else np.abs(time_s - at).argmin())
+    frame = int(np.abs(time_s - (at or 0.0)).argmin())
+    if at is None:
+        wrenches = np.asarray(assembly.function(["contact_wrenches"]).map(len(q))(q.T, 0.0, 0.0, 0.0))
+        force = np.linalg.norm(wrenches.reshape(6, len(q), -1)[:3], axis=0)
+        frame = int((force / np.maximum(force.max(axis=0), 1e-9)).sum(axis=1).argmax())
     out.parent.mkdir(parents=True, exist_ok=True)
     draw_assembly(assembly, q[frame], out)
     print(f"frame {frame}, {time_s[frame]:g} s, in {out}")
@@ -55,8 +56,8 @@ def draw_assembly(assembly: Assembly, q: Array, path: str | Path) -> None:
 
     function = assembly.function(["contact_poses", "ligament_tensions"])
     poses, tensions = (part.full() for part in function(q, 0.0, 0.0, 0.0))
-    models = [ray_casting(contact.model.scene) for contact in assembly.contacts]
-    maps = [model.pressure_maps(pose) for model, pose in zip(models, poses.T, strict=True)]
+    scenes = [contact.model.scene for contact in assembly.contacts]
+    maps = [ray_casting(scene).pressure_maps(pose) for scene, pose in zip(scenes, poses.T, strict=True)]
     of_pressure = Normalize(0.0, max(float(each.pressures_mpa.max()) for of in maps for each in of))
     of_tension = Normalize(0.0, max(1.0, float(tensions.max(initial=0.0))))
     of_lines, place = LinearSegmentedColormap.from_list("tension", _TENSIONS), _places(assembly, q)
@@ -79,13 +80,12 @@ def draw_assembly(assembly: Assembly, q: Array, path: str | Path) -> None:
     ]
     for i, along in enumerate(_SIDES):
         axis, view = figure.add_subplot(grid[0, i * most : (i + 1) * most]), View.along(np.array(along))
-        lines = []
-        for points, tension in zip(bundles, tensions[:, 0], strict=True):
-            taut = tension > 0.1
-            colour = of_lines(of_tension(tension))[:3] if taut else _SLACK
-            lines.append(_line(points, _WIDTH_MM if taut else 0.4 * _WIDTH_MM, colour, view))
+        lines = [
+            _line(points, _WIDTH_MM * (1.0 if tension > 0.1 else 0.4), of_lines(of_tension(tension))[:3], view)
+            for points, tension in zip(bundles, tensions[:, 0], strict=True)
+        ]
         _draw(axis, [_shaded(surface, view) for surface in (*fixed, *moving.values())], lines, view)
-        _name_bundles(axis, assembly, bundles, tensions[:, 0], view)
+        _name_bundles(axis, assembly.ligament_names, bundles, tensions[:, 0], view)
     for i, (contact, surface, pressed) in enumerate(zip(assembly.contacts, fixed, maps, strict=True)):
         axis = figure.add_subplot(grid[1, 2 * i : 2 * i + 2])
         loads = np.concatenate([each.pressures_mpa for each in pressed]) + 1e-6
@@ -164,22 +164,20 @@ def _draw(axis: Any, surfaces: list[Painted], lines: list[Painted], view: View) 
     axis.set_axis_off()
 
 
-def _name_bundles(axis: Any, assembly: Assembly, bundles: list[Array], tensions: Array, view: View) -> None:
+def _name_bundles(axis: Any, names: Sequence[str], bundles: list[Array], tensions: Array, view: View) -> None:
     """Names of taut bundles without their numbers, with their tension together, left and right of the picture."""
-    groups: dict[str, list[int]] = {}
-    for i, name in enumerate(assembly.ligament_names):
-        groups.setdefault(re.sub(r"\d+$", "", name), []).append(i)
     top, named = axis.get_ylim()[1], []
-    for name, own in groups.items():
+    for name, group in itertools.groupby(range(len(names)), key=lambda i: names[i].rstrip("0123456789")):
+        own = list(group)
         if (force := tensions[own].sum()) >= _LEAST_N:
-            x, y, _ = np.mean([_seen(bundles[i][-2:].mean(axis=0), view) for i in own], axis=0)
+            x, y, _ = np.mean([_seen(np.array([0.2, 0.8]) @ bundles[i][-2:], view) for i in own], axis=0)
             named.append((x, min(y, top), f"{name} {force:.0f} N"))
     halves = np.array_split(np.argsort([x for x, *_ in named]), 2)
+    arrow, look = {"arrowstyle": "-", "lw": 0.6, "color": "0.4"}, {"textcoords": "axes fraction", "fontsize": 9}
     for half, edge, align in zip(halves, (-0.02, 1.02), ("right", "left"), strict=True):
         for number, i in enumerate(sorted(half, key=lambda i: named[i][1]), start=1):
-            place, look = (edge, number / (len(half) + 1)), {"arrowstyle": "-", "lw": 0.6, "color": "0.4"}
-            text, options = named[i][2], {"textcoords": "axes fraction", "ha": align, "fontsize": 9}
-            axis.annotate(text, named[i][:2], place, arrowprops=look, **options)
+            place = edge, number / (len(half) + 1)
+            axis.annotate(named[i][2], named[i][:2], place, ha=align, arrowprops=arrow, **look)
 
 
 if __name__ == "__main__":
