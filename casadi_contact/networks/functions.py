@@ -38,8 +38,7 @@ class ContactFunctions(ABC):
         raise ValueError(f"{self!r} takes no parameters, expected a foundation (cc.foundation)")
 
     def _moving(self, name: str, loads: Sequence[str], compiled: bool, parameters: Iterable[str]) -> ca.Function:
-        """casadi.Function pose (6), velocity (6), and parameters (m) where there are any -> loads; ValueError for a
-        model whose loads do not depend on velocities."""
+        """casadi.Function pose (6), velocity (6), parameters (m) if any -> loads; ValueError where none depends."""
         raise ValueError(f"{self!r} takes no velocity, expected an elastic foundation (cc.foundation)")
 
     def _made(

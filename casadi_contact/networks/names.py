@@ -73,8 +73,7 @@ def check_unused(name: str, source: str, *, suffixes: Iterable[str] = ("",)) -> 
 
 
 def name_of_batch(name: str, batch: int) -> str:
-    """The name of a function of several poses at once: code that CasADi generates calls a function by its name alone,
-    and must not find that of one pose under it."""
+    """The name of a function of several poses: code that CasADi generates must not find that of one pose under it."""
     return name if batch == 1 else f"{name}_of_frames"
 
 

@@ -21,8 +21,7 @@ from casadi_contact.networks.activations import activation_of
 
 @dataclass(frozen=True)
 class Network:
-    """Weights of one network with k inputs and m outputs: weights[l] has shape (n_l, n_{l-1}), biases[l] shape (n_l,);
-    output_scale: a number, or one for each output (m,)."""
+    """A network with k inputs and m outputs: weights[l] (n_l, n_{l-1}), biases[l] (n_l,), output_scale () or (m,)."""
 
     input_shift: Array
     input_scale: Array
@@ -131,8 +130,7 @@ class Regression:
         return replace(self, **columns, false_load=false_load, domain=domain)
 
     def weighted(self, by_domain: Mapping[int, float]) -> Regression:
-        """The regression with the residuals of these domains multiplied, all scaled to a mean square factor of 1;
-        raises ValueError for rows of no domain."""
+        """With the residuals of these domains multiplied, all scaled to a mean square factor of 1."""
         if not by_domain:
             return self
         if self.domain is None:

@@ -86,8 +86,7 @@ def _check_units(samples: Samples, where: str) -> None:
     """Raise ValueError for samples in other units, with other signs, or about another origin.
 
     Angles are at most 3.5 rad; some translation varies by 0.05 mm at least; the largest normal load is at least 1 % of
-    the scene's reference load; forces act within 200 mm of the patch's anchor (median distance of the line of action,
-    |T - p×F|/|F| with the anchor at p). where: the file's name.
+    the scene's reference load; forces act within 200 mm of the anchor p (median of |T - p×F|/|F|). where: the file.
     """
     scene, poses = samples.scene, samples.poses
     largest = np.abs(poses[:, 3:]).max(axis=0)

@@ -50,8 +50,7 @@ class Confidence:
     """Numbers of the formulas above, for P patches and the L loads of the surrogate's load_names.
 
     whitening W (6, 6) [1/mm, 1/rad]; centres (K, 6), bandwidth h, sharpness and edge of the distance; columns (k,) of
-    the pose that the network takes before the root loads; network of k + P inputs and 1 + L outputs; growth (L,)
-    [N, N·mm].
+    the pose, before root loads; network of k + P inputs and 1 + L outputs; growth (L,) [N, N·mm].
     """
 
     whitening: Array

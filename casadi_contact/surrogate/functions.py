@@ -152,8 +152,7 @@ class SurrogateFunctions(SymbolicContact):
         return None
 
     def _export_name(self) -> str:
-        """Name of a ready-made surrogate: knee_contact; else with a digest of scene, structure and networks,
-        so that two models never share a name."""
+        """Name of a ready-made surrogate: knee_contact; else with a digest of scene, structure and networks."""
         if self.ready_name:
             return c_name(f"{self.ready_name} contact")
         digest = hashlib.sha256(f"{self.structure} {self.scene.digest}".encode())

@@ -1,7 +1,6 @@
 """What a surrogate says about itself, and what it is fit for, by errors on held-back samples and `verify`'s rule.
 
-The record is plain JSON data that travels in the surrogate's file. These keys are known here and printed as tables;
-all others are kept and printed as they are:
+The record is plain JSON in the surrogate's file. These keys are printed as tables, all others as they are:
 
     samples          {"D1": 21600, ...}                             samples trained on, per domain
     drawn_from       "finite-elements"                              the contact model of the samples (`samples.models`)

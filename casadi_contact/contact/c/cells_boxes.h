@@ -19,8 +19,7 @@ typedef struct {
   float r[3][3], from[3];
 } Place;
 
-/* The boxes' middles in axes of the body, from the nodes of the tangents' grid nearest to them, and the square of how far
- * they are from these within that grid */
+/* The boxes' middles from the nearest nodes of the tangents' grid, body axes; squares of these ways within the grid */
 typedef struct {
   Eight away[3], square_within;
   int nodes[BOXES];

@@ -89,8 +89,7 @@ INLINE void finish_depth(const Frame *frame, Depth *at) {
   }
 }
 
-/* A second evaluation at BLOCK nodes, with derivatives of the distance up to an order (1: values alone). overlap: -g
- * found at the nodes themselves. */
+/* A second evaluation at BLOCK nodes, with derivatives of g up to an order (1: none). overlap: -g at the nodes. */
 INLINE void depth_at(const Node *nodes, const int *ids, Lanes overlap, const double *pose, const Frame *frame, int order,
                      Depth *at) {
   Lanes c[3];

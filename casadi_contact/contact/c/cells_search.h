@@ -18,8 +18,7 @@ typedef struct {
   int block_count;
 } Patch;
 
-/* Loads of a patch, not yet faded, as those of `Node` (force, moment, area), and their derivatives by twist in the axes
- * of the moving body */
+/* Loads of a patch, not yet faded, as of `Node` (force, moment, area), and derivatives by twist in body axes */
 #define PARTS (8 / BLOCK)
 typedef struct {
   double loads[8];
@@ -80,8 +79,7 @@ INLINE void fill_up(int *ids, int count) {
   for (int k = count; k % BLOCK; k++) ids[k] = ids[count - 1];
 }
 
-/* Slots of a cell's corners, new ones for those that were not seen this turn; how many slots are then taken. Without
- * branches, which would be guessed wrong. */
+/* Slots of a cell's corners, new ones for those not seen this turn; how many are then taken. Without branches. */
 INLINE int take_slots(Scratch *s, const Cell *cell, int taken, int slots[4]) {
   const unsigned turn = s->turn;
   for (int k = 0; k < 4; k++) {
@@ -93,8 +91,7 @@ INLINE int take_slots(Scratch *s, const Cell *cell, int taken, int slots[4]) {
   return taken;
 }
 
-/* Which boxes may touch, of those chosen or of all. What each loop waits for is asked for by the one before: processors
- * look ahead no farther than a few boxes. */
+/* Which boxes may touch, of those chosen or of all. Each loop asks for what the next one waits for. */
 FUNCTION void test_boxes(const Boxes *boxes, const int *chosen, int count, const double *pose, const Frame *frame,
                             Scratch *s) {
   const Place place = place_of(pose, frame);

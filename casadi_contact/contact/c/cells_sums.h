@@ -163,8 +163,7 @@ INLINE void forces_of(const Scratch *s, int first, Lanes force[8]) {
   for (int k = 0; k < 8; k++) force[k] = pick(there > 0.0, -force[k], all(0.0));
 }
 
-/* Derivatives by the motion, not yet faded: of the loads, or of weighted ones with second derivatives, those by twist in
- * the axes of the moving body */
+/* Derivatives by the motion, not yet faded: of loads, or of weighted ones with second derivatives, in body axes */
 FUNCTION void rub_sums(const Patch *p, const Frame *frame, const Scratch *s, const double *weights, PatchLoads *out) {
   Lanes local[LOCALS][LOCALS] = {{{0.0}}}, gradient[LOCALS] = {{0.0}}, mixed[6][LOCALS] = {{{0.0}}};
   KEEP_LOOP for (int k = 0; k < s->nodes; k += BLOCK) {

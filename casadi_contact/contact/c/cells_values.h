@@ -85,8 +85,7 @@ INLINE void corner_values(const Scratch *s, const int *chosen, Lanes v[12], Lane
   }
 }
 
-/* Bounds of the interpolated depth: a cubic lies within the hull of its Bezier points, the corners' values and a third
- * of their slopes further in. */
+/* Bounds of the interpolated depth: the hull of Bezier points, corners' values and a third of their slopes on. */
 INLINE void hull_of(const Lanes v[12], Lanes *lowest, Lanes *highest) {
   for (int c = 0; c < 4; c++) {
     const Lanes along_u = (c < 2 ? 1.0 : -1.0) / 3.0 * v[3 * c + 1];
@@ -140,8 +139,7 @@ FUNCTION void keep_cells(Scratch *s) {
   s->near = kept, s->again_count = again_count;
 }
 
-/* Choose of the near cells those whose interpolated depth can exceed -WIDTH; those in which it exceeds WIDTH everywhere
- * come first, `full` of them. */
+/* Choose of the near cells those whose depth can exceed -WIDTH; first the `full` ones that exceed WIDTH everywhere. */
 FUNCTION void sort_cells(const Patch *p, Scratch *s) {
   int cells = 0, full = 0;
   KEEP_LOOP for (int k = 0; k < s->near; k += BLOCK) {

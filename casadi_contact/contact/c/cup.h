@@ -77,8 +77,7 @@ INLINE Moments moments_of(Lanes x, Lanes arc, int order) {
   return m;
 }
 
-/* Sums over the points, in the frame of b: area, pressure and its derivatives, force, its derivatives, and the second
- * derivatives of pull . force. */
+/* Sums over the points, in the frame of b: area, pressure, force, derivatives, second ones of pull . force. */
 typedef struct {
   Lanes area, push, rate[2], force[2], slope[3][3], curvature[3][3];
 } Sums;

@@ -1,5 +1,4 @@
-/* patch_loads from the model's loads_of_patch: one function for each order, not inlined, so that compiling is quick and
- * patches share them. */
+/* patch_loads from the model's loads_of_patch: one function for each order, not inlined, which patches share. */
 #define LOADS_OF_ORDER(name, order)                                                                                 \
   FUNCTION void name(int patch, const double *pose, const Frame *frame, int with_gap, const double *weights,       \
                      PatchLoads *out) {                                                                            \

@@ -48,8 +48,7 @@ INLINE void add_row_of_motion(const double *by_motion, double slopes[VARIABLES][
   }
 }
 
-/* + second derivatives by x that come with the motion, of one patch's weighted loads; gradient . motion = g v + omega .
- * (h - t x g) */
+/* + second derivatives by x that come with the motion; gradient . motion = g v + omega . (h - t x g) */
 INLINE void bend_by_motion(const double *x, const Frame *frame, const PatchLoads *of, double h[VARIABLES][VARIABLES]) {
   double slopes[VARIABLES][LOCALS], mixed[VARIABLES][LOCALS] = {{0.0}}, by[6][3], lever[3], turned[3];
   motion_slopes(x, frame, slopes);

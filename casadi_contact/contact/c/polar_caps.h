@@ -83,8 +83,7 @@ INLINE void chord_ends_of(const Surfaces *s, const Place *p, const Chord *c, dou
   }
 }
 
-/* A fan of rays over the chord, a right angle where `form` makes the spot a circle: its start, and half the chord and
- * the direction across it there. */
+/* A fan of rays over the chord, a right angle in a circle of `form`: start, half the chord, direction across it. */
 typedef struct {
   double u, v, half[2], across[2], size;
 } Fan;

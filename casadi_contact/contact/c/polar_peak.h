@@ -93,8 +93,7 @@ INLINE Spot highest(const Surfaces *s, const Place *p, Spot spot, int what) {
   return spot;
 }
 
-/* The point of the patch nearest to the body, from the lowest of a point and the starts; where the body lies nearly as
- * flat as the patch, from each row of starts. */
+/* The point nearest to the body, from the lowest of a point and the starts; of a flat body, from each row of starts. */
 FUNCTION Spot nearest_to(const Surfaces *s, const Place *p, double u, double v) {
   Spot best = spot_at(s, p, u, v, AT_START);
   double low[2], high[2], least[STARTS], along[STARTS], across[STARTS], gauss;

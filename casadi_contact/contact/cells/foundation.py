@@ -77,8 +77,7 @@ def cell_patches(
     """The scene's patches in cells of this size; charts: its `patch_charts`, if at hand; fade_share: of the scene's
     boundary load, ∫p dA below which loads fade out.
 
-    Where the thickness h varies, p = K·d/h is K·d/h0 times h0/h, which the nodes' areas take on. Raises ValueError for
-    another law than the linear one there.
+    Where the thickness h varies, p = K·d/h is K·d/h0 times h0/h, which the nodes' areas take on (linear law alone).
     """
     law = law_of(scene.material)
     if scene.varies and scene.material.law != "linear":

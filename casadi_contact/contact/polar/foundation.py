@@ -217,8 +217,7 @@ def fraction_in_disagreement(scene: Scene, pressed: Truth, choice: RayChoice) ->
 
 def polar_foundation(scene: Scene, *, compiled: bool = True, choice: RayChoice | None = None) -> PolarFoundation:
     """The fewest rays that agree with converged ones within the scene's tolerances (`convergence.cheapest`), over poses
-    that press each patch anywhere within its rim. In some of them the converged ones have to agree with elements
-    (`fraction_in_disagreement`, "elements_apart" in the record)."""
+    anywhere within the rim; these agree with elements (`fraction_in_disagreement`, "elements_apart" in the record)."""
     choice = choice or RayChoice()
     converged = PolarFoundation(scene, Rays(*choice.converged), compiled=False)
     truth = _truth(converged, forces_tried(scene), choice.poses)

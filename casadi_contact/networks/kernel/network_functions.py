@@ -117,8 +117,7 @@ def _indented(lines: Sequence[str]) -> list[str]:
 
 
 def _side_by_side(shape: Shape, what: str, comment: str, outputs: Sequence[str], body: Sequence[str]) -> list[str]:
-    """SHAPE_whats for networks p with weights, inputs and outputs of their own, each statement for one after the other;
-    SHAPE_what for one of them, SHAPE_what_2 for two."""
+    """SHAPE_whats for networks p, each statement for one after the other; SHAPE_what for one, SHAPE_what_2 for two."""
     name = f"{shape.symbol}_{what}"
     several = ", ".join(["const double *const *w", "const double *const *x", *(f"double *const *{y}" for y in outputs)])
     one = ", ".join(["const double *w", "const double *x", *(f"double *{y}" for y in outputs)])

@@ -1,5 +1,4 @@
-"""A kernel's C: what a surrogate's structure gives, put together into one file without dependencies; with the functions
-by which casadi.external finds it and its derivatives."""
+"""A kernel's C in one file without dependencies, with what casadi.external finds it and its derivatives by."""
 
 from __future__ import annotations
 

@@ -3,8 +3,7 @@
     N = N0·max(s, 0)²,  dN = 2·N0·max(s, 0)·ds,  d²N = 2·N0·([s > 0]·dsᵀds + max(s, 0)·d²s)
     W_k = N·ρ_k,        dW_k = ρ_k·dN + N·dρ_k,  d²W_k = ρ_k·d²N + dNᵀdρ_k + dρ_kᵀdN + N·d²ρ_k
 
-in the local pose x = (t + R·a, rx, ry, rz) of a patch with anchor a. Values and gradients are continuous at liftoff,
-and every order is exactly zero outside contact.
+in the local pose x = (t + R·a, rx, ry, rz) of a patch with anchor a; every order is exactly zero outside contact.
 """
 
 from collections.abc import Iterable, Sequence

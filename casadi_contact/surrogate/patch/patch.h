@@ -1,8 +1,7 @@
 /* max(s, 0)^2 of a root load s: N = n0 times this. */
 INLINE double pressed_square(double s) { return s > 0.0 ? s * s : 0.0; }
 
-/* total += d2/dpose2 of N phi + root_weight s, from derivatives of s and phi in the local pose; d2s and d2_phi hold the
- * lower triangle. */
+/* total += d2/dpose2 of N phi + root_weight s, from local derivatives; d2s and d2_phi hold the lower triangle. */
 INLINE void patch_hessian_in_pose(const Frame *frame, const Local *local, double n0, double s, const double *ds,
                                   double root_weight, const double *d2s, double phi, const double *d_phi,
                                   const double *d2_phi, double *total) {

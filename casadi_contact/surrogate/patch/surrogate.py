@@ -52,8 +52,7 @@ class PatchSurrogate(Surrogate):
 
     @classmethod
     def network_inputs(cls, scene: Scene) -> dict[str, int]:
-        """Root loads, and ratios where the scene's loads need any, of every patch; inputs are the free columns of the
-        local pose (6 where none is locked)."""
+        """Root loads of every patch, and ratios that loads need; inputs are the free columns of the local pose."""
         names = [*(root_name(patch.name) for patch in scene.patches), *ratio_outputs(scene)]
         return dict.fromkeys(names, len(scene.pose_space.free))
 
@@ -72,8 +71,7 @@ class PatchSurrogate(Surrogate):
 
     @classmethod
     def twins(cls, scene: Scene) -> dict[str, str]:
-        """Networks of the second patch of a symmetric joint: mirror images of those of the first. None where the scene
-        needs other ratios of the second patch than of the first."""
+        """Networks of a symmetric joint's second patch: mirror images of the first's, where it needs the same."""
         if not scene.symmetric:
             return {}
         first, second = (patch.name for patch in scene.patches)
@@ -133,8 +131,7 @@ class PatchSurrogate(Surrogate):
 
     @batched
     def wrenches(self, poses: Array) -> Array:
-        """Wrench of every patch, (n, P, 6), or (P, 6) for a pose (6,); raises ValueError for a scene whose loads need
-        less of it, which so was not learned."""
+        """Wrench of every patch, (n, P, 6), or (P, 6) for a pose (6,); ValueError where not all was learned."""
         for patch in self.patches:
             unknown = [k for c, k in enumerate(WRENCH_NAMES) if c not in patch.columns and not patch.own[c]]
             if unknown:
@@ -146,8 +143,7 @@ class PatchSurrogate(Surrogate):
     def _part(self, poses: Array, p: int, used: np.ndarray, *, derivative: bool) -> tuple[Array, Array, Array, Array]:
         """Root load s (n,) of patch p and its wrench W (n, 6), as s, ds/dpose (n, 6), W, dW/dpose (n, 6, 6).
 
-        used (6,): the wrench components that are needed; all ratios are zero where it needs none of them. Derivatives
-        are (0, 6) and (0, 6, 6) if not asked for.
+        used (6,): the wrench components that are needed. Derivatives are (0, 6) and (0, 6, 6) if not asked for.
         """
         patch, space, n0 = self.patches[p], self._space, self.scene.reference_load
         on_space = poses if space is None else space.project(poses)

@@ -1,5 +1,4 @@
-/* The interface of casadi.external for FRAMES poses (one, but where it is defined before) of VARIABLES numbers. Sparsity patterns are filled in
- * when they are asked for. */
+/* The interface of casadi.external for FRAMES poses of VARIABLES numbers; sparsity patterns are filled in when asked for. */
 #include <stdlib.h>
 #define casadi_int long long int
 #ifndef FRAMES
