@@ -243,6 +243,8 @@ class ElasticFoundation(SlidingContact):
 
 def _of_shares(loop: Callable[[Array, Array], tuple[Array, ...]], rotations: Array, translations: Array) -> Any:
     """A tuple of arrays with a row for each pose, by a loop over shares of the poses."""
+    if len(rotations) < 16:  # no work for two threads
+        return loop(rotations, translations)
     found = in_shares(len(rotations), lambda p: loop(rotations[p], translations[p]), rows_of_a_thread=8, multiple=1)
     return found[0] if len(found) == 1 else tuple(map(np.concatenate, zip(*found, strict=True)))
 
