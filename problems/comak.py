@@ -173,6 +173,8 @@ class Walk:
         self.free, self.step_s = self.balance.free, float(np.diff(motion.time_s).mean())
         self.strength = np.array([muscle.max_force_n for muscle in assembly.muscles])
         volume = 1e-3 * self.strength * [muscle.optimal_fibre_mm for muscle in assembly.muscles] / STRESS_MPA  # cm³
+        if unknown := sorted(set(settings.weights) - set(assembly.muscle_names)):
+            print(f"weights of {', '.join(unknown)} are passed over: the model has no such muscles")
         self.weights = volume * [settings.weights.get(name, 1.0) for name in assembly.muscle_names]
         self.before = self._rest() if before is None else before
         self.in_mm = np.array([assembly.coordinate_table[name].in_mm for name in self.balanced])

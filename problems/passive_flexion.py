@@ -70,6 +70,8 @@ def main(
     at first, where JAM's start at the model's default. Exit status 3: some frames do not settle.
     """
     assembly, root = cc.load_assembly(model), opensim_root(settings)
+    if forces is None and (inputs := (root.findtext(".//actuator_input_file") or "").strip()):
+        raise ValueError(f"{settings} names {inputs}, which is not read: expected muscles' forces by --forces FILE")
     secondary = list(names_of(root.findtext(".//unconstrained_coordinates")))
     table = read_opensim_table(prescribed)
     table = replace(table, in_degrees=table.in_degrees is not False)
