@@ -8,30 +8,25 @@ import numpy as np
 
 from casadi_contact.core.conventions import Array
 
-SCHEMES = ("radau", "legendre")
-
 
 @dataclass(frozen=True)
 class Collocation:
-    """Equal intervals over a duration [s], each with `degree` Radau or Legendre points. Raises ValueError for others.
+    """Equal intervals over a duration [s], each with `degree` Radau points; ValueError for less than 2, or above 9.
 
     Nodes are (n, intervals + 1), points (n, intervals·degree) CasADi matrices, in the order of time."""
 
     intervals: int
     degree: int
     duration_s: float
-    scheme: str = "radau"
 
     def __post_init__(self) -> None:
-        if self.scheme not in SCHEMES:
-            raise ValueError(f"scheme is {self.scheme!r}, expected one of {', '.join(SCHEMES)}")
         if self.intervals < 2 or not 1 <= self.degree <= 9:
             raise ValueError(f"intervals {self.intervals}, degree {self.degree}: expected >= 2, and 1 to 9")
 
     @cached_property
     def _coefficients(self) -> tuple[Array, Array, Array]:
         """Derivatives at the points (degree + 1, degree), end values (degree + 1), quadrature weights (degree)."""
-        C, D, B = ca.collocation_coeff(ca.collocation_points(self.degree, self.scheme))
+        C, D, B = ca.collocation_coeff(ca.collocation_points(self.degree, "radau"))
         return np.asarray(C), np.asarray(D).ravel(), np.asarray(B).ravel()
 
     @property
@@ -42,7 +37,7 @@ class Collocation:
     @property
     def times_s(self) -> Array:
         """Times of the points (intervals·degree,)."""
-        taus = np.asarray(ca.collocation_points(self.degree, self.scheme))
+        taus = np.asarray(ca.collocation_points(self.degree, "radau"))
         return np.asarray((np.arange(self.intervals)[:, None] + taus) * self.step_s).ravel()
 
     @property

@@ -62,11 +62,6 @@ def walking(share: Any, load_scale: float) -> tuple[Any, Any, Any, Any]:
     return flexion, load_scale * axial, load_scale * ap, load_scale * ie
 
 
-def constant(flexion_deg: float, axial_n: float, ap_n: float = 0.0, ie_nmm: float = 0.0) -> Any:
-    """Waveforms of a knee held at one flexion under constant loads."""
-    return lambda share, load_scale: tuple(0.0 * share + value for value in (flexion_deg, axial_n, ap_n, ie_nmm))
-
-
 @dataclass(frozen=True)
 class KneeSimulator:
     """CasADi functions. pose, contact: (q, t) -> pose (6), (x, t) -> wrench on the insert (6); rate: (x, t) -> ẋ (10);
@@ -149,33 +144,22 @@ def simulate(
     simulator: KneeSimulator, start: Array, *, cycles: float = 1.0, frames: int = 101, tolerance: float = 1e-6
 ) -> Motion:
     """Integrate from a state (10,) with CVODES; tolerance: relative and absolute [mm, rad, mm/s, rad/s]."""
-    time_s = np.linspace(0.0, cycles * simulator.rig.period_s, frames)
-    states, work, steps, seconds = integrated(simulator.rate, simulator.powers, start, time_s, tolerance)
-    poses = np.asarray(simulator.pose.map(frames)(states[:, :5].T, time_s[None])).T
-    wrenches = np.asarray(simulator.contact.map(frames)(states.T, time_s[None])).T
-    return Motion(time_s, states, poses, wrenches, work, steps, seconds)
-
-
-def integrated(
-    rate: ca.Function, powers: ca.Function, start: Array, time_s: Array, tolerance: float
-) -> tuple[Array, Array, int, float]:
-    """By CVODES with the exact Jacobian: states (n, s) and work (n, w) since the start at times (n,), from rate and
-    powers, functions of state and time; steps and seconds."""
-    x, t = ca.MX.sym("x", len(start)), ca.MX.sym("t")
-    dae = {"x": x, "t": t, "ode": rate(x, t), "quad": powers(x, t)}
+    x, t, time_s = ca.MX.sym("x", 10), ca.MX.sym("t"), np.linspace(0.0, cycles * simulator.rig.period_s, frames)
+    dae = {"x": x, "t": t, "ode": simulator.rate(x, t), "quad": simulator.powers(x, t)}
     options = {"abstol": tolerance, "reltol": tolerance, "max_num_steps": 100_000}
     integrate = ca.integrator("motion", "cvodes", dae, float(time_s[0]), time_s[1:].tolist(), options)
     began = time.perf_counter()
     answer = integrate(x0=start)
     seconds = time.perf_counter() - began
-    states, work = (np.asarray(answer[key]).T for key in ("xf", "qf"))
-    states, work = np.vstack([start, states]), np.vstack([np.zeros(work.shape[1]), work])
-    return states, work, int(integrate.stats()["nsteps"]), seconds
+    states, work = (np.vstack([s, np.asarray(answer[key]).T]) for s, key in ((start, "xf"), (np.zeros(3), "qf")))
+    poses = np.asarray(simulator.pose.map(frames)(states[:, :5].T, time_s[None])).T
+    wrenches = np.asarray(simulator.contact.map(frames)(states.T, time_s[None])).T
+    return Motion(time_s, states, poses, wrenches, work, int(integrate.stats()["nsteps"]), seconds)
 
 
-def rubbing(friction: float, transition_velocity: float = 2.0) -> dict[str, Any]:
+def rubbing(friction: float) -> dict[str, Any]:
     """What a coefficient of friction replaces in a scene; nothing for none. Knees slide at some 10 mm/s."""
-    return {"dynamic_friction": friction, "transition_velocity": transition_velocity} if friction else {}
+    return {"dynamic_friction": friction, "transition_velocity": 2.0} if friction else {}
 
 
 def main(

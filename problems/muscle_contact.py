@@ -7,6 +7,7 @@ over all frames of the walk at once, with Hill muscles and both sides closed
 compared with.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -50,7 +51,7 @@ def main(
     maps: columns of the rotations file, such as knee_angle_r=-rz:deg. margin_mm: both sides stay closed though the load
     passes so far beside. all_six: balance all six coordinates, tx and tz being free too. Exit status 3: some frames are
     not solved by muscles and contact alone; 4: all are, but the elements differ in some."""
-    walk = walk_of(rotations, inverse_dynamics, muscles, parameters, maps)
+    walk = walk_of((rotations, inverse_dynamics, muscles, parameters), maps)
     settings = MuscleSettings(exponent=exponent, margin_mm=margin_mm)
     if all_six:
         settings = replace(settings, balanced=tuple(COORDINATES), free=("tx", "ty", "tz", "rx"))
@@ -96,21 +97,14 @@ def main(
     raise SystemExit(verdict.exit_code)
 
 
-def walk_of(
-    rotations: Path | None,
-    inverse_dynamics: Path | None,
-    muscles: Path | None,
-    parameters: Path | None,
-    maps: list[str] | None = None,
-) -> MuscleWalk:
-    """The walk of all four files, the built-in one for none; ValueError for some of them."""
-    files = (rotations, inverse_dynamics, muscles, parameters)
-    if rotations and inverse_dynamics and muscles and parameters:
-        columns = [ColumnMap.parse(text) for text in maps or ()] or ROTATION_MAPS
-        return read_walk(rotations, inverse_dynamics, muscles, parameters, columns)
-    if any(files):
+def walk_of(files: Sequence[Path | None], maps: Sequence[str] | None = None) -> MuscleWalk:
+    """The walk of rotations, inverse dynamics, muscles and parameters, the built-in one for none of them."""
+    given = [path for path in files if path is not None]
+    if not given:
+        return example_walk()
+    if len(given) < len(files):
         raise ValueError("got some of rotations, inverse dynamics, muscles and parameters, expected all four or none")
-    return example_walk()
+    return read_walk(*given, [ColumnMap.parse(text) for text in maps or ()] or ROTATION_MAPS)
 
 
 def measured_compression(path: Path, walk: MuscleWalk) -> Array:

@@ -12,7 +12,7 @@ from casadi_contact.workflow.benchmark.front_file import Front, Point, read_fron
 
 BEGIN = "<!-- numbers: written by python -m problems.studies.pages -->"
 END = "<!-- end of numbers -->"
-FRONT = "python -m problems.studies.shipped_front"
+FRONT = "casadi-contact speed knee --out results/front"  # a folder where nothing was built
 _PACKAGES = ("casadi_contact", "casadi", "numpy", "scipy", "numba", "torch")
 
 
@@ -25,7 +25,7 @@ def headline(data: Path) -> str:
     scene = load_scene("knee")
     shipped = shipped_front(scene)
     if shipped is None:
-        raise ValueError(f"no front of knee is shipped: run {FRONT} first")
+        raise ValueError(f"no front of knee is shipped: put that of {FRONT} into workflow/benchmark/ready")
     front, grid = shipped[1], f"EF {grid_text(scene.grids['fine'])}"
     (knee,) = (point for point in front.models if point.name == "knee")
     others = [read_front(path) for path in sorted((data / "machines").glob("*.csv"))]
@@ -141,12 +141,11 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[str]], *, texts: Seque
 
 def machine(record: Mapping[str, Any]) -> str:
     """Processor, instruction set, system and versions, as a sentence."""
-    instructions = record.get("instruction_set", "instruction set not recorded")
     flags = f", kernels compiled with `{record['kernel_flags']}`" if "kernel_flags" in record else ""
     versions = ", ".join(f"{name} {record[name]}" for name in _PACKAGES if name in record)
     return (
-        f"Measured on: {record['processor']} ({instructions}{flags}), {record['cores']} cores, {record['system']}; "
-        f"Python {record['python']}, {versions}."
+        f"Measured on: {record['processor']} ({record['instruction_set']}{flags}), {record['cores']} cores, "
+        f"{record['system']}; Python {record['python']}, {versions}."
     )
 
 

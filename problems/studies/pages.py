@@ -1,14 +1,12 @@
 """Write the pages of results from result files: ``python -m problems.studies.pages``.
 
-The folder of result files holds, as far as measured: speed_accuracy.csv (``python -m
-problems.studies.shipped_front``), chart-SCENE.csv (``.peers`` or ``casadi-contact speed``), solve_time.csv and
-stability.json (``python -m problems.studies.solve_time`` and ``.stability``), and summaries of the problems
-in pose_estimation/ and muscle_contact/. Every number of a page stands in one of these files, or in the
-records of the shipped surrogates. paper.json holds the numbers of [EF15]; the page beside them, ../paper.md, is
-written by hand but for its numbers, as the README is.
+The folder of result files holds, as far as measured: speed_accuracy.csv of the knee (``casadi-contact speed``),
+chart-SCENE.csv (``python -m problems.studies.peers`` or ``casadi-contact speed``), what other studies write, and
+summaries of the problems in pose_estimation/ and muscle_contact/. Every number of a page stands in one of these files,
+or in the records of the shipped surrogates. paper.json holds the numbers of [EF15]; the page beside them, ../paper.md,
+is written by hand but for its numbers, as the README is.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -105,7 +103,7 @@ def _chart_section(path: Path) -> list[str]:
     older = "polynomial" in names and "; roots" not in names
     intro = (
         f"{len(front.models)} models, {header['walking_poses']} unseen poses, against {header['reference']}, on "
-        f"{header['processor']} ({header.get('instruction_set', 'instruction set not recorded')}): `{command}`."
+        f"{header['processor']} ({header['instruction_set']}): `{command}`."
         + " Its peers are older ones: fitted to loads alone, timed as calls through Python."
         * older
     )
@@ -115,19 +113,14 @@ def _chart_section(path: Path) -> list[str]:
 
 def _best(points: Sequence[Point]) -> list[Point]:
     """Models that no other one beats in both time and force error, and of every family the most accurate one."""
-    timed = [point for point in points if point.value is not None and "CasADi MX" not in point.name]
-    accurate: dict[str, Point] = {}
-    for point in timed:
-        best = accurate.setdefault(point.family, point)
-        accurate[point.family] = min(best, point, key=lambda p: p.force_rms_n)
-
-    def us(point: Point) -> float:
-        return math.inf if point.value is None else point.value.median_us
-
-    def beaten(point: Point) -> bool:
-        return any(us(other) < us(point) and other.force_rms_n <= point.force_rms_n for other in timed)
-
-    return [point for point in timed if point in accurate.values() or not beaten(point)]
+    timed = [(p.value.median_us, p) for p in points if p.value is not None and "CasADi MX" not in p.name]
+    accurate = {p.family: p for _, p in sorted(timed, key=lambda each: (-each[1].force_rms_n, -each[0]))}
+    return [
+        point
+        for us, point in timed
+        if point is accurate[point.family]
+        or not any(less < us and other.force_rms_n <= point.force_rms_n for less, other in timed)
+    ]
 
 
 def _front_table(points: Sequence[Point]) -> str:
@@ -198,44 +191,38 @@ def _optimisers_section(path: Path) -> list[str]:
 
 
 def _pose_section(summaries: Sequence[Mapping[str, Any]]) -> list[str]:
-    first, rows = summaries[0], []
-    for summary in summaries:
-        row = [summary["cycle"], f"{summary['solved']} of {summary['frames']}", str(summary["ipopt_iterations"])]
-        rows.append([*row, f"{summary['seconds']:.2f}", _of_sides(summary["elements_off"])])
-    columns = [
-        *("cycle", "frames solved", "IPOPT iterations", "time [s]"),
-        f"{first['elements']} − foundation, medial, lateral [N]",
-    ]
     intro = (
         f"[`python -m problems.pose_estimation`](../problems.md#pose-estimation) on the foundation of "
-        f"`{first['scene']}`. Forces are re-evaluated on elements (EF) at the solved poses: RMS (largest). og1_loads "
-        "to og4_loads are the measured cycles that the built-in walking derives from, no part of the repository."
+        f"`{summaries[0]['scene']}`. Forces are re-evaluated on elements (EF) at the solved poses: RMS (largest). "
+        "og1_loads to og4_loads are the measured cycles that the built-in walking derives from, no part of the "
+        "repository."
     )
-    return ["## Pose estimation", intro, machine(first["machine"]), table(columns, rows)]
+    return ["## Pose estimation", intro, *_solved_cycles(summaries, "cycle", {})]
 
 
 def _muscle_section(summaries: Sequence[Mapping[str, Any]]) -> list[str]:
-    first, rows = summaries[0], []
-    for summary in summaries:
-        off = summary["predicted_minus_measured"]
-        measured = [f"{number(off[s]['rms'])} ({off[s]['mean']:+.0f})" for s in SIDES]
-        row = [summary["walk"], f"{summary['solved']} of {summary['frames']}", str(summary["ipopt_iterations"])]
-        rows.append([*row, f"{summary['seconds']:.2f}", *measured, _of_sides(summary["elements_off"])])
-    columns = [
-        *("cycle", "frames solved", "IPOPT iterations", "time [s]"),
-        *("medial RMS error (mean) [N]", "lateral RMS error (mean) [N]"),
-        f"{first['elements']} − foundation, medial, lateral [N]",
-    ]
+    off = [[summary["predicted_minus_measured"][side] for summary in summaries] for side in SIDES]
+    measured = [[f"{number(each['rms'])} ({each['mean']:+.0f})" for each in of_side] for of_side in off]
+    columns = dict(zip(("medial RMS error (mean) [N]", "lateral RMS error (mean) [N]"), measured, strict=True))
     intro = (
         "Contact forces predicted by [`python -m problems.muscle_contact`](../problems.md#muscle-and-contact-forces) "
         "against those that the implant measured, which enter nowhere. Last column: elements (EF) at the solved poses."
     )
-    return ["## Muscle and contact forces", intro, machine(first["machine"]), table(columns, rows)]
+    return ["## Muscle and contact forces", intro, *_solved_cycles(summaries, "walk", columns)]
 
 
-def _of_sides(off: Mapping[str, Any]) -> str:
-    """RMS and largest difference of both sides."""
-    return ", ".join(f"{off[side][0]:.2f} ({off[side][1]:.1f})" for side in SIDES)
+def _solved_cycles(
+    summaries: Sequence[Mapping[str, Any]], name: str, columns: Mapping[str, Sequence[str]]
+) -> tuple[str, str]:
+    """The machine, and a table of cycles by a name, with further columns and RMS and largest difference of elements."""
+    rows = []
+    for k, found in enumerate(summaries):
+        off = ", ".join(f"{rms:.2f} ({largest:.1f})" for rms, largest in (found["elements_off"][s] for s in SIDES))
+        row = [found[name], f"{found['solved']} of {found['frames']}", str(found["ipopt_iterations"])]
+        rows.append([*row, f"{found['seconds']:.2f}", *(cells[k] for cells in columns.values()), off])
+    of_elements = f"{summaries[0]['elements']} − foundation, medial, lateral [N]"
+    heads = ["cycle", "frames solved", "IPOPT iterations", "time [s]", *columns, of_elements]
+    return machine(summaries[0]["machine"]), table(heads, rows)
 
 
 def _stability_section(content: Mapping[str, Any]) -> list[str]:

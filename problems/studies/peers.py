@@ -1,13 +1,12 @@
 """Peers: what one might use instead of these surrogates, fitted on the same samples and timed in the same run.
 
-Run ``python -m problems.studies.peers all --preset quick`` after a build of every scene. Each regressor of `regressors`
+Run ``python -m problems.studies.peers knee --preset quick`` after a build of the scene. Each regressor of `regressors`
 learns loads as they are, and the targets of our own networks ("roots": signed root loads and ratios of the local pose
 of a patch); from all samples, and from those near the motion (D1). Those with a formula are timed as C that CasADi
 generates of it, in single calls as networks are; all others as one batch of poses, their cheapest form. A predicted
 force that would pull is clamped to zero, as the paper does [EF15 §3.5].
 """
 
-import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
@@ -38,7 +37,6 @@ from problems.studies.regressors import METHODS, Fit, b_spline, learned
 
 LOADS, ROOTS, SPLINE = "loads", "roots", "B-spline"
 NODES = 16_000  # of a grid for B-splines at most, as many as samples: 5 along each of 6 axes
-CHARTED = ("glenohumeral", "hip", "knee", "patellofemoral", "problems/scenes/natural_knee.toml")
 
 
 class Peer:
@@ -171,7 +169,7 @@ def regressor_candidates(family: str, samples: Samples, names: Sequence[str]) ->
                 count = int((~rows.validation & ((np.asarray(rows.domain) == 1) | (not near))).sum())
                 try:
                     peer = Peer(samples.scene, names, fitted(method, regressions, near=near))
-                except (ValueError, np.linalg.LinAlgError) as error:
+                except (ValueError, np.linalg.LinAlgError, MemoryError) as error:
                     yield Candidate(Point(name, family, failure=" ".join(str(error).split())))
                     continue
                 yield _candidate(name, family, peer, count, time.process_time() - began)
@@ -206,42 +204,25 @@ def peer_candidates(samples: Samples, names: Sequence[str] | None = None) -> Ite
     failure's text. Raises ValueError for unknown loads."""
     names = check_loads(samples.scene.load_names, names)
     for family in (*METHODS, SPLINE):
-        if family == SPLINE:
-            candidates = spline_candidates(samples, names)
-        else:
-            candidates = regressor_candidates(family, samples, names)
-        while True:
-            try:
-                with one_thread():
-                    candidate = next(candidates)
-            except StopIteration:
-                break
-            except Exception as error:  # a peer is someone else's method: whatever stops it is its entry in the table
-                failure = " ".join(str(error).split()) or type(error).__name__
-                yield Candidate(Point(family, family, failure=failure))
-                break
-            yield candidate
+        made = spline_candidates(samples, names) if family == SPLINE else regressor_candidates(family, samples, names)
+        try:
+            with one_thread():
+                candidates = list(made)
+        except Exception as error:  # a peer is someone else's method: whatever stops it is its entry in the table
+            failure = " ".join(str(error).split()) or type(error).__name__
+            candidates = [Candidate(Point(family, family, failure=failure))]
+        yield from candidates
 
 
 def run(
-    scene: Annotated[str, typer.Argument(help="ready scene, the path of a .toml, or all: every charted one")] = "knee",
+    scene: Annotated[str, typer.Argument(help="ready scene, or the path of a .toml")] = "knee",
     preset: Annotated[str, typer.Option(help="that of the build")] = DEFAULT_PRESET,
     out: Annotated[Path | None, typer.Option(help="the build's folder, if it has one of its own")] = None,
-    charts: Annotated[Path | None, typer.Option(help="copy chart-SCENE.csv there, unless it is newer")] = None,
 ) -> None:
     """Measure the peers beside all else on the chart of a build, and draw it."""
-    for each in CHARTED if scene == "all" else (scene,):
-        folder = out / Path(each).stem if out is not None and scene == "all" else out
-        project = Project.open(each, preset, folder)
-        kept = None if charts is None else charts / f"chart-{Path(each).stem}.csv"
-        table = project.folder / "speed_accuracy.csv"
-        if kept is not None and table.is_file() and kept.is_file() and kept.read_bytes() == table.read_bytes():
-            continue  # an earlier run came as far
-        with progress_bars(PlainConsole()) as update:
-            paths = chart(project, peers=peer_candidates, update=update)
-        if kept is not None:
-            shutil.copyfile(table, kept)
-        print(*(f"written {path}" for path in paths), sep="\n")
+    with progress_bars(PlainConsole()) as update:
+        paths = chart(Project.open(scene, preset, out), peers=peer_candidates, update=update)
+    print(*(f"written {path}" for path in paths), sep="\n")
 
 
 if __name__ == "__main__":

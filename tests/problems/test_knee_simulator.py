@@ -41,8 +41,8 @@ def test_energy_is_accounted_for_and_poses_are_the_known_ones(simulator, motion)
 
 
 def test_at_rest_contact_and_springs_balance_the_loads(knee):
-    loads = (900.0, -80.0, -1500.0)
-    simulator = knee_simulator.build(knee, knee_simulator.constant(25.0, *loads))
+    held = (25.0, 900.0, -80.0, -1500.0)  # flexion, then loads
+    simulator = knee_simulator.build(knee, lambda share, _: tuple(0.0 * share + value for value in held))
     rest = knee_simulator.start_state(simulator)
     still = knee_simulator.simulate(simulator, rest, cycles=0.5, frames=3, tolerance=1e-8)
     np.testing.assert_allclose(still.states, np.tile(rest, (3, 1)), atol=1e-5)
