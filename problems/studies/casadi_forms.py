@@ -15,22 +15,24 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from casadi_contact.contact.symbolic import CallbackContact, SymbolicContact
+from casadi_contact.contact.symbolic import CallbackContact, SymbolicContact, _Called
 from casadi_contact.core.compiler import shared_library
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.files.writing import writable_folder, write_text
 from casadi_contact.core.machine import machine_record
 from casadi_contact.core.terminal import run_program
 from casadi_contact.core.workers import one_thread
+from casadi_contact.networks.activations import activation_of
 from casadi_contact.networks.functions import hessian_function
+from casadi_contact.networks.network import Network
 from casadi_contact.optimisation.ipopt import IpoptOutcome, least_squares_options
 from casadi_contact.optimisation.pose_estimation import PoseEstimation
 from casadi_contact.scenes.walking import reference_cycle
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.load import load_surrogate
+from casadi_contact.surrogate.patch.surrogate import PatchSurrogate
 from casadi_contact.workflow.benchmark.candidates import compare, time_single_calls
 from casadi_contact.workflow.project import Project, available_poses
-from problems.studies.torch_forms import pytorch
 
 OWN = "own kernel"
 SLOW = ("PyTorch callback",)
@@ -42,6 +44,94 @@ def graph(surrogate: Surrogate, name: str, loads: Sequence[str], *, scalars: boo
     roots, values = surrogate._expressions(pose, loads)
     function = ca.Function(name, [pose], [values, roots])
     return function.expand() if scalars else function
+
+
+def torch_formula(surrogate: Surrogate, loads: Sequence[str]) -> Callable[[Any], Any]:
+    """pose (6) -> loads and roots (L + P) in PyTorch, constants made once: the formulas of `two_stage` and `patch`."""
+    import torch
+
+    def constant(value: Any) -> Any:
+        return torch.tensor(np.array(value), dtype=torch.float64)
+
+    def network(net: Network) -> Callable[[Any], Any]:
+        shift, size, scale = constant(net.input_shift), constant(net.input_scale), constant(net.output_scale)
+        layers = [(constant(weight), constant(bias)) for weight, bias in zip(net.weights, net.biases, strict=True)]
+        activate = activation_of(net.activation).derivatives
+
+        def value(x: Any) -> Any:
+            a = (x - shift) / size
+            for weight, bias in layers[:-1]:
+                (a,) = activate(torch, weight @ a + bias, 0)
+            return scale * (layers[-1][0] @ a + layers[-1][1])
+
+        return value
+
+    def turned(anchor: Any, angles: Any) -> Any:
+        """Rx(rx)·Ry(ry)·Rz(rz)·a of an anchor a (3)."""
+        v = list(anchor)
+        for axis in (2, 1, 0):
+            c, s, i, j = torch.cos(angles[axis]), torch.sin(angles[axis]), (axis + 1) % 3, (axis + 2) % 3
+            v[i], v[j] = c * v[i] - s * v[j], s * v[i] + c * v[j]
+        return torch.stack(v)
+
+    scene = surrogate.scene
+    if isinstance(surrogate, PatchSurrogate):
+        picks = zip(surrogate.patches, scene.selection(loads).transpose(1, 0, 2), strict=True)
+        parts = [
+            [network(patch.root), network(patch.ratios)]
+            + [constant(each) for each in (patch.anchor_mm, pick[:, patch.columns], pick @ patch.own)]
+            for patch, pick in picks
+        ]
+
+        def patch(pose: Any) -> Any:
+            roots, found = [], []
+            for root, ratios, anchor, columns, own in parts:
+                x = torch.cat([pose[:3] + turned(anchor, pose[3:]), pose[3:]])
+                roots.append(root(x))
+                found.append(scene.reference_load * torch.relu(roots[-1]) ** 2 * (columns @ ratios(x) + own))
+            return torch.cat([sum(found), *roots])
+
+        return patch
+    first = {name: network(surrogate.networks[name]) for name in scene.sensitive_loads}
+    second = {name: network(surrogate.networks[name]) for name in loads if name not in first}
+    rounding = surrogate._rounding  # type: ignore[attr-defined]
+
+    def two_stage(pose: Any) -> Any:
+        raw = {name: value(pose) for name, value in first.items()}
+        forces = {name: -torch.relu(-value) for name, value in raw.items()}
+        u = torch.cat([pose, *forces.values()])
+        values = [forces[name] if name in forces else second[name](u) for name in loads]
+        shares = [-value / scene.reference_load for value in raw.values()]
+        return torch.cat([*values, *(n / (n * n + rounding) ** 0.25 for n in shares)])
+
+    return two_stage
+
+
+def pytorch(surrogate: Surrogate, name: str, loads: Sequence[str]) -> ca.Function:
+    """pose -> loads, roots by PyTorch, called back: values and both derivatives, those of ``torch.func``."""
+    import torch
+
+    value = torch_formula(surrogate, loads)
+    jacobian, rows = torch.func.jacrev(value), len(loads) + len(surrogate.patch_names)
+    orders = [value, jacobian, torch.func.jacrev(jacobian)]
+    # Inputs are the pose and, of a Jacobian, the outputs that it is of, which it does not need.
+    shapes = [ca.Sparsity.dense(6, 1), ca.Sparsity(rows, 1), ca.Sparsity(rows, 6)]
+
+    def called(name: str, order: int) -> ca.Function:
+        inputs = {f"i{k}": shape for k, shape in enumerate(shapes[: order + 1])}
+        outputs = {"o0": ca.Sparsity.dense(rows * 6 ** max(0, order - 1), 6 if order else 1)}
+        if order == 2:
+            outputs["o1"] = ca.Sparsity(6 * rows, rows)  # by those outputs
+
+        def evaluate(arg: Sequence[Any]) -> list[Any]:
+            found = orders[order](torch.from_numpy(np.array(arg[0]).ravel())).numpy()
+            return [found] if order < 2 else [found.transpose(1, 0, 2).reshape(-1, 6), ca.DM(6 * rows, rows)]
+
+        return _Called(name, inputs, outputs, evaluate, None if order == 2 else lambda name, _: called(name, order + 1))
+
+    pose = ca.MX.sym("pose", 6)
+    both = called(f"{name}_torch", 0)(pose)
+    return ca.Function(name, [pose], [both[: len(loads)], both[len(loads) :]])
 
 
 FORMS: dict[str, Callable[..., ca.Function]] = {

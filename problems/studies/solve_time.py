@@ -5,7 +5,7 @@ The error is that of the loads at the poses found, against a converged elastic f
 """
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,11 +16,11 @@ from rich.table import Table
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation, grid_text
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.contact.symbolic import SymbolicContact, symbolic
+from casadi_contact.contact.symbolic import symbolic
 from casadi_contact.core.files.writing import writable_folder
 from casadi_contact.core.terminal import PlainConsole, run_program
 from casadi_contact.core.workers import one_thread
-from casadi_contact.optimisation.pose_estimation import PoseEstimation
+from casadi_contact.optimisation.pose_estimation import PoseEstimation, PoseResult
 from casadi_contact.pictures.charts import draw_speed_accuracy, save
 from casadi_contact.samples.samples import load_errors
 from casadi_contact.scenes.cycle import Cycle
@@ -40,16 +40,19 @@ def measured_front(scene: Scene, cycle: Cycle, repeats: int = 3) -> Front:
 
     Models: the scene's coarse and fine elements (their Hessians are differences of the Jacobian), foundations from
     coarse to fine, and the surrogates that are shipped for the scene. One that leaves frames unsolved fails."""
-    grid = converged_elements(scene)
+    grid, grids = converged_elements(scene), (None, scene.grids["coarse"], scene.grids["fine"])
     truth = ElasticFoundation(scene, grid)
+    candidates = [each for each in untrained_candidates(scene) if getattr(each.model, "grid", None) in grids]
+    for name, surrogate in shipped_surrogates(scene).items():
+        candidates += surrogate_candidates(name, surrogate)
     points: dict[str, Point] = {}
     measurements: dict[str, Callable[[], float]] = {}
     with one_thread():
-        for candidate in _candidates(scene):
+        for candidate in candidates:
             name = candidate.point.name
             points[name] = _point(candidate, cycle, truth)
-            if candidate.model is not None and not points[name].failure:
-                measurements[name] = partial(_seconds_a_frame, _symbolic(candidate), cycle)
+            if not points[name].failure:
+                measurements[name] = partial(_seconds_a_frame, candidate, cycle)
         timings = compare(measurements, repeats)
     header = header_of(scene, f"EF {grid_text(grid)}", cycle=cycle.name, frames=str(len(cycle.time_s)))
     return Front(header, tuple(replace(point, value=timings.get(name)) for name, point in points.items()))
@@ -62,11 +65,8 @@ def draw(front: Front) -> Any:
     return draw_speed_accuracy(front, "whole solution of pose estimation, time a frame against error", measured)
 
 
-def _candidates(scene: Scene) -> Iterator[Candidate]:
-    grids = (None, scene.grids["coarse"], scene.grids["fine"])
-    yield from (each for each in untrained_candidates(scene) if getattr(each.model, "grid", None) in grids)
-    for name, surrogate in shipped_surrogates(scene).items():
-        yield from surrogate_candidates(name, surrogate)
+def _solve(candidate: Candidate, cycle: Cycle) -> PoseResult:
+    return PoseEstimation.of_cycle(symbolic(cast(ContactModel, candidate.model)), cycle).solve()
 
 
 def _point(candidate: Candidate, cycle: Cycle, truth: ElasticFoundation) -> Point:
@@ -74,7 +74,7 @@ def _point(candidate: Candidate, cycle: Cycle, truth: ElasticFoundation) -> Poin
     point = replace(candidate.point, training_seconds=0.0, parameters=0, remark="")
     if candidate.model is None:
         return point
-    result = PoseEstimation.of_cycle(_symbolic(candidate), cycle).solve()
+    result = _solve(candidate, cycle)
     solved = int(result.solved.sum())
     if solved < len(result.solved):
         return replace(point, failure=f"{solved} of {len(result.solved)} frames solved")
@@ -83,13 +83,9 @@ def _point(candidate: Candidate, cycle: Cycle, truth: ElasticFoundation) -> Poin
     return replace(point, load_rms=rms, remark=f"{result.ipopt.iterations} IPOPT iterations")
 
 
-def _symbolic(candidate: Candidate) -> SymbolicContact:
-    return symbolic(cast(ContactModel, candidate.model))
-
-
-def _seconds_a_frame(model: SymbolicContact, cycle: Cycle) -> float:
+def _seconds_a_frame(candidate: Candidate, cycle: Cycle) -> float:
     began = time.perf_counter()
-    PoseEstimation.of_cycle(model, cycle).solve()
+    _solve(candidate, cycle)
     return (time.perf_counter() - began) / len(cycle.time_s)
 
 

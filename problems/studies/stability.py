@@ -7,7 +7,7 @@ Methods are surrogates of a scene, its foundation, its elements, and two peers f
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,11 +17,11 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+from casadi_contact.contact.callable_model import CallableModel
 from casadi_contact.contact.choice import foundation
 from casadi_contact.contact.elements.foundation import ElasticFoundation
-from casadi_contact.contact.model import ContactModel, root_of_normal
 from casadi_contact.contact.settle import settle
-from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, Array, as_poses, pose_index
+from casadi_contact.core.conventions import POSE_IN_MM, POSE_NAMES, Array, pose_index
 from casadi_contact.core.files.writing import writable_folder, write_text
 from casadi_contact.core.machine import machine_record
 from casadi_contact.core.quantities import three_digits
@@ -68,21 +68,20 @@ class Bench:
     poses: Array
 
     @classmethod
-    def of(cls, scene_name: str, surrogates: Sequence[str] = (), *, peer_points: int = 400, frames: int = 101) -> Bench:
-        """Surrogates (the shipped ones of the scene, or names and paths), foundation, elements, and peers that are
-        fitted to peer_points poses about the motion."""
+    def of(cls, scene_name: str, surrogates: Sequence[str] = ()) -> Bench:
+        """Surrogates (the shipped ones of the scene, or names and paths), foundation, elements, and peers."""
         scene = load_scene(scene_name)
         learned = {name: load_surrogate(name) for name in surrogates} if surrogates else shipped_surrogates(scene)
         if not learned:
             raise ValueError(f"no surrogate of scene {scene.name} is shipped: name one by --surrogate")
         poses = built_in_motion(scene).poses.reshape(-1, 6)
         elements = ElasticFoundation(scene, scene.grids["fine"])
-        models = {**learned, FOUNDATION: foundation(scene), ELEMENTS: elements, **_peers(elements, poses, peer_points)}
-        chosen = poses[np.linspace(0, len(poses) - 1, min(frames, len(poses))).astype(int)]
+        models = {**learned, FOUNDATION: foundation(scene), ELEMENTS: elements, **_peers(elements, poses)}
+        chosen = poses[np.linspace(0, len(poses) - 1, min(101, len(poses))).astype(int)]
         return cls(scene, models, tuple(learned), ElasticFoundation(scene, scene.grids["teacher"]), chosen)
 
 
-def _peers(model: ElasticFoundation, poses: Array, count: int) -> dict[str, PeerModel]:
+def _peers(model: ElasticFoundation, poses: Array, count: int = 400) -> dict[str, CallableModel]:
     """Regressors fitted to poses moved by up to 1 mm (rotations over 25 mm), the sensitive parameters by a fifth."""
     rng, scene = np.random.default_rng(0), model.scene
     size = np.where(np.isin(POSE_NAMES, scene.sensitive_pose), 0.2, 1.0)
@@ -90,34 +89,21 @@ def _peers(model: ElasticFoundation, poses: Array, count: int) -> dict[str, Peer
     models = {}
     for family, settings in (("polynomial", "3"), ("Gaussian process", "2000 points")):
         fit = learned(METHODS[family][settings], drawn[:, list(scene.pose_space.free)], model(drawn), np.ones(count))
-        models[family] = PeerModel(Peer(scene, scene.load_names, {LOADS: fit}), scene)
+        models[family] = contact_model(Peer(scene, scene.load_names, {LOADS: fit}))
     return models
 
 
-class PeerModel(ContactModel):
-    """A fitted peer as a contact model: s = √(N/N0) where it predicts contact, 0 without a slope elsewhere; its
-    Jacobian is by central differences of 1e-4 mm (rotations over 25 mm)."""
-
-    def __init__(self, peer: Callable[[Array], Array], scene: Scene) -> None:
-        self._peer, self.scene = peer, scene
-        self.load_names, self.patch_names = scene.load_names, scene.patch_names
-
-    def __call__(self, poses: Array) -> Array:
-        """Named loads (n, L)."""
-        return np.asarray(self._peer(as_poses(poses)))
-
-    def jacobian(self, poses: Array) -> tuple[Array, Array]:
-        """Named loads (n, L) and their derivatives by the pose (n, L, 6)."""
-        at, steps = as_poses(poses), np.diag(1e-4 / POSE_IN_MM)
-        return self(at), np.stack([(self(at + s) - self(at - s)) / (2.0 * s.sum()) for s in steps], axis=-1)
-
-    def root_loads(self, poses: Array) -> tuple[Array, Array]:
-        """s (n, P) and ds/dpose (n, P, 6)."""
-        loads, slopes = self.jacobian(poses)
-        rates = np.zeros((len(loads), len(self.patch_names), 6))
-        for p, normal in enumerate(self.scene.normal_loads):
-            rates[:, p] = normal.gradient(_wrench(self, normal, loads), _wrench(self, normal, slopes))
-        return root_of_normal(normal_loads(self, loads), rates, self.scene.reference_load)
+def contact_model(peer: Peer) -> CallableModel:
+    """A fitted peer as a contact model: patches take equal shares of a load that is theirs together; s = √(N/N0) where
+    it predicts contact, 0 without a slope elsewhere."""
+    picked = peer.scene.selection(peer.load_names)
+    shares = picked / (picked**2).sum(axis=(1, 2), keepdims=True)
+    count = len(peer.scene.patch_names)
+    return CallableModel(
+        peer.scene,
+        lambda poses: np.einsum("lpk,nl->npk", shares, peer(poses)),
+        lambda poses: np.zeros((len(poses), count)),
+    )
 
 
 def _wrench(model: Any, normal: NormalLoad, loads: Array) -> Array:
