@@ -104,7 +104,9 @@ def walk_of(files: Sequence[Path | None], maps: Sequence[str] | None = None) -> 
         return example_walk()
     if len(given) < len(files):
         raise ValueError("got some of rotations, inverse dynamics, muscles and parameters, expected all four or none")
-    return read_walk(*given, [ColumnMap.parse(text) for text in maps or ()] or ROTATION_MAPS)
+    rotations, inverse_dynamics, muscles, parameters = given
+    columns = [ColumnMap.parse(text) for text in maps or ()] or ROTATION_MAPS
+    return read_walk(rotations, inverse_dynamics, muscles, parameters, columns)
 
 
 def measured_compression(path: Path, walk: MuscleWalk) -> Array:
