@@ -84,7 +84,6 @@ def first_crossing(
     holds: Callable[[np.ndarray, Array], np.ndarray], count: int, step: float, reach: float, bisections: int = 12
 ) -> Array:
     """Travel (count,) at which a condition begins to hold, to step/2^bisections; reach where it does not by then.
-
     Marches outwards in equal steps, then bisects; less than a step may be missed. holds(rows (k,), travel (k,)): (k,).
     """
     far, searching = np.zeros(count), np.arange(count)

@@ -127,7 +127,7 @@ def relax(
     after end_time [s] is reported, not raised. So is one on whose way the model's loads are not finite: it ends where
     they last were, or stays at its start. Needs as many targets as free parameters.
 
-    Slower than `settle` by far; both find the same equilibrium. Raises ValueError as it does; damping, end > 0.
+    Slower than `settle` by far, to the same equilibrium. Raises ValueError as it does, and unless damping, end > 0.
     """
     check_above_zero(tolerance=tolerance, damping=damping, end_time=end_time)
     poses = model.scene.pose_space.project(as_poses(poses).copy())

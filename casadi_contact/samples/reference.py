@@ -22,8 +22,7 @@ from casadi_contact.scenes.cycle import Cycle, driving_loads
 class ReferenceReport:
     """Convergence of each frame (cycles, frames), and why each failed.
 
-    Frames that did not converge are interpolated between neighbours that did. assumed: assumed widths of inputs with
-    the same curve in all cycles (see `domains`).
+    Others are interpolated between neighbours. assumed: widths of inputs alike in all cycles (see `domains`).
     """
 
     names: tuple[str, ...]
@@ -64,8 +63,7 @@ class ReferenceMotion:
     def starts(self, inputs: Array) -> Array:
         """Start poses (n, 6) for static analyses of inputs (n, inputs).
 
-        The free parameters are those of the reference pose nearest in the pose inputs, each measured in its range
-        over the reference motion.
+        The free parameters are those of the nearest reference pose, inputs in shares of their ranges.
         """
         columns = [self.point.inputs.index(name) for name in self.point.pose_inputs]
         curves = self.curves.reshape(-1, self.curves.shape[2])[:, columns]

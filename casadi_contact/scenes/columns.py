@@ -110,8 +110,7 @@ def write_columns(
     path: str | Path, columns: Mapping[str, Sequence[Any] | np.ndarray], *, digits: int | None = None
 ) -> None:
     """Write columns of one length as a CSV file with a header, whole or not at all. Floating-point numbers get so many
-    digits, or as many as `read_columns` needs to read them back bit by bit if left out; anything else its text. Raises
-    ValueError for columns of different lengths."""
+    digits, or as many as `read_columns` needs to read the same bits if left out; anything else its text."""
 
     def text(value: Any) -> str:
         if not isinstance(value, float | np.floating):

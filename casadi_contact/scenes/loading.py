@@ -13,8 +13,7 @@ from casadi_contact.scenes.shapes.shape import shape_named
 
 def load_scene(name_or_path: str | Path, /, **overrides: Any) -> Scene:
     """Load a ready-made scene by name, or a scene file by its path; keywords replace single parameters:
-    ``load_scene("sphere_on_plane", radius=25.0)``. Raises ValueError for an unknown name, an unknown key or a bad
-    value, FileNotFoundError for a missing file."""
+    ``load_scene("sphere_on_plane", radius=25.0)``. Raises ValueError, FileNotFoundError for a missing file."""
     text_name = str(name_or_path)
     text = toml_text(Path(name_or_path), "scene") if text_name.endswith(".toml") else ready_text(text_name)
     try:

@@ -150,8 +150,7 @@ _FORM = "expected COLUMN=NAME, COLUMN=-NAME or COLUMN=NAME:UNIT, such as knee_an
 
 @dataclass(frozen=True)
 class ColumnMap:
-    """A table's column that becomes the curve `name`: sign · value, in `unit`. unit None is the file's own: m, N, N·m,
-    and rad or degrees as inDegrees says."""
+    """A table's column that becomes the curve `name`: sign · value in `unit`; None: the file's own (m, N, N·m)."""
 
     column: str
     name: str

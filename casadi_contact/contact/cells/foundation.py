@@ -74,8 +74,7 @@ class CellFoundation(CompiledFoundation):
 def cell_patches(
     scene: Scene, cells: Cells, charts: Sequence[Chart] = (), *, fade_share: float = 0.2
 ) -> list[Quadrature]:
-    """The scene's patches in cells of this size; charts: its `patch_charts`, if at hand; fade_share: of the scene's
-    boundary load, ∫p dA below which loads fade out.
+    """The scene's patches in cells; charts: its `patch_charts`; fade_share: of the boundary load, where loads fade out.
 
     Where the thickness h varies, p = K·d/h is K·d/h0 times h0/h, which the nodes' areas take on (linear law alone).
     """

@@ -91,7 +91,7 @@ def fit(
     (workers are ended at once); a later call with the same regression and settings goes on from it (its budget too),
     or returns a finished fit at once. Higher limits than before continue a fit that those had ended.
 
-    Raises ValueError for what cannot be fitted (NaN, shapes), and for a checkpoint that is damaged or of other data.
+    Raises ValueError for what cannot be fitted, and for a checkpoint that is damaged or of other data.
     """
     settings = settings or TrainingSettings()
     check(regression)

@@ -137,8 +137,7 @@ def patch_kernel(
     space: PoseSpace | None,
     before: str = "",
 ) -> Kernel:
-    """Kernel of loads (selection (L, patches, 6) of wrenches) and of root loads; space: None where all pose parameters
-    are free; before: what the functions' names begin with."""
+    """Kernel of loads (selection (L, patches, 6)) and root loads; space: None if all is free; before: of names."""
     held, by_free = _held(space)
     made = [_patch_functions(patch, p, selection[:, p], reference_load) for p, patch in enumerate(patches)]
     roots, ratios, functions = zip(*made, strict=True)
