@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import POSE_NAMES, Array
 from casadi_contact.core.quantities import FORCE, LENGTH, TORQUE, quantity
@@ -55,7 +54,10 @@ def estimate(model: SymbolicContact, measured: Cycle, out: Path, smoothness: flo
     leaps = beside_leaps(result.poses, result.solved)[:, problem.contact.columns].any(axis=1)
     rows = {"without_load": ~problem.targets.loaded, "leaps": leaps}
     verdict = verify(model, result.poses, reference, result.solved, problem.targets.load_names, **rows)
-    on_elements = elements_say(problem, result, reference)
+    on_elements = np.full(result.errors.shape, np.nan)
+    if not isinstance(reference, str):
+        columns = [reference.load_names.index(name) for name in problem.targets.load_names]
+        on_elements = problem.targets.evaluate(reference(result.poses)[:, columns])
 
     print(verdict.line)
     print(f"{int(result.solved.sum())} of {problem.frames} frames solved; {result.ipopt}, {result.seconds:.2f} s")
@@ -84,14 +86,6 @@ def estimate(model: SymbolicContact, measured: Cycle, out: Path, smoothness: flo
     draw(out / "pose_estimation.png", problem, measured, result, on_elements)
     print(f"results in {out}")
     return verdict.exit_code
-
-
-def elements_say(problem: PoseEstimation, result: PoseResult, reference: ContactModel | str) -> Array:
-    """The targets' quantities (n, targets) on the reference contact model; NaN where there is none."""
-    if isinstance(reference, str):
-        return np.full(result.errors.shape, np.nan)
-    columns = [reference.load_names.index(name) for name in problem.targets.load_names]
-    return problem.targets.evaluate(reference(result.poses)[:, columns])
 
 
 def rms_and_max(errors: Array) -> tuple[float, float]:

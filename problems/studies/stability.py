@@ -28,7 +28,7 @@ from casadi_contact.core.quantities import three_digits
 from casadi_contact.core.terminal import PlainConsole, run_program
 from casadi_contact.optimisation.starts import pose_bounds
 from casadi_contact.scenes.loading import load_scene
-from casadi_contact.scenes.normal_load import NormalLoad
+from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.load import load_surrogate
@@ -94,29 +94,23 @@ def _peers(model: ElasticFoundation, poses: Array, count: int = 400) -> dict[str
 
 
 def contact_model(peer: Peer) -> CallableModel:
-    """A fitted peer as a contact model: patches take equal shares of a load that is theirs together; s = √(N/N0) where
-    it predicts contact, 0 without a slope elsewhere."""
-    picked = peer.scene.selection(peer.load_names)
-    shares = picked / (picked**2).sum(axis=(1, 2), keepdims=True)
-    count = len(peer.scene.patch_names)
+    """A fitted peer as a contact model: s = √(N/N0) where it predicts contact, 0 without a slope elsewhere."""
     return CallableModel(
         peer.scene,
-        lambda poses: np.einsum("lpk,nl->npk", shares, peer(poses)),
-        lambda poses: np.zeros((len(poses), count)),
+        lambda poses: patch_wrenches(peer, peer(poses)),
+        lambda poses: np.zeros((len(poses), len(peer.scene.patch_names))),
     )
 
 
-def _wrench(model: Any, normal: NormalLoad, loads: Array) -> Array:
-    """Named loads (n, L, ...) that a normal load is made of, in their places of a wrench (n, 6, ...) of zeros."""
-    wrench = np.zeros((len(loads), 6, *loads.shape[2:]))
-    columns = [model.load_names.index(name) for name in normal.loads]
-    wrench[:, slice(0, 3) if normal.index is None else [normal.index]] = loads[:, columns]
-    return wrench
+def patch_wrenches(model: Any, loads: Array) -> Array:
+    """Wrenches (n, patches, 6) that give a model's named loads (n, L): patches take equal shares of one together."""
+    picked = model.scene.selection(model.load_names)
+    return np.einsum("lpk,nl->npk", picked / (picked**2).sum(axis=(1, 2), keepdims=True), loads)
 
 
 def normal_loads(model: Any, loads: Array) -> Array:
     """Normal load (n, patches) of named loads (n, L), below zero where a patch pulls."""
-    return np.stack([normal.of(_wrench(model, normal, loads)) for normal in model.scene.normal_loads], axis=1)
+    return normal_forces(model.scene.normal_loads, patch_wrenches(model, loads))
 
 
 def lifted(model: ElasticFoundation, poses: Array, lift_mm: float, rng: np.random.Generator) -> Array:
