@@ -9,11 +9,7 @@ integrates by CVODES on the surrogate's functions. OpenSim integrates its own eq
 """
 
 import json
-import subprocess
-import sys
-import tempfile
 from dataclasses import asdict, dataclass
-from importlib.util import find_spec
 from pathlib import Path
 
 import casadi as ca
@@ -31,6 +27,7 @@ from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.page import SURROGATE, TARGET, new_page, save_page
 from casadi_contact.scenes.pose_file import write_poses
 from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.workflow.opensim_import.process import run_opensim
 
 
 @dataclass(frozen=True)
@@ -70,21 +67,13 @@ def by_casadi(surrogate: Surrogate, drop: Drop, tolerance: float = 1e-10) -> Arr
 
 def by_opensim(surrogate: Surrogate, drop: Drop) -> tuple[Array, str]:
     """Poses (points, 6) [mm, rad] by OpenSim in a process of its own, and its version."""
-    if find_spec("opensim") is None:
-        raise ImportError("the drop needs OpenSim: pip install casadi_contact[opensim]")
     model = surrogate.exported()
     source = c_source(model, "contact").replace('#include "contact.h"', header(model, "contact"))
     total = total_selection(surrogate.load_names, surrogate.patch_names).tolist()
     settings = {**asdict(drop), "times_s": drop.times_s.tolist(), "total": total}
     script = Path(__file__).with_name("opensim_force.py")
-    with tempfile.TemporaryDirectory() as folder:
-        given, result = Path(folder, "settings.json"), Path(folder, "poses.json")
-        given.write_text(json.dumps(settings), "utf-8")
-        command = [sys.executable, *map(str, (script, shared_library(source), given, result))]
-        ran = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder)
-        if ran.returncode:
-            raise RuntimeError(f"OpenSim's process failed: {(ran.stderr.strip().splitlines() or ['no reason'])[-1]}")
-        answer = json.loads(result.read_text("utf-8"))
+    said = run_opensim(str(script), str(shared_library(source)), json.dumps(settings))
+    answer = json.loads(said.splitlines()[-1])
     return np.array(answer["poses"]), answer["opensim"]
 
 

@@ -1,6 +1,6 @@
 """A drop by OpenSim's equations of motion, on an exported contact kernel (see `problems/opensim_drop.py`).
 
-    python opensim_force.py KERNEL SETTINGS RESULT
+    python opensim_force.py KERNEL SETTINGS        prints the poses; settings and poses are JSON
 
 A script without casadi_contact: the packages of OpenSim and CasADi must not share a process. OpenSim's lengths are m,
 the kernel's mm. The kernel's wrench acts on the fixed body about the fixed origin; a BodyActuator puts its opposite on
@@ -86,10 +86,9 @@ def simulate(library: Path, drop: Mapping[str, Any]) -> np.ndarray:
 
 
 def main() -> None:
-    """Read the settings, simulate, write the poses, all as JSON."""
-    library, settings, result = map(Path, sys.argv[1:])
-    poses = simulate(library, json.loads(settings.read_text("utf-8")))
-    result.write_text(json.dumps({"opensim": opensim.GetVersion(), "poses": poses.tolist()}), "utf-8")
+    """Simulate, and print the poses."""
+    poses = simulate(Path(sys.argv[1]), json.loads(sys.argv[2]))
+    print(json.dumps({"opensim": opensim.GetVersion(), "poses": poses.tolist()}))
 
 
 if __name__ == "__main__":

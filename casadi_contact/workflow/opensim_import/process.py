@@ -1,4 +1,4 @@
-"""The opensim wheel in its own process: ask it about a model file."""
+"""The opensim wheel, which must not share a process with casadi's, in its own: ask it about a model file."""
 
 import json
 import subprocess
@@ -17,22 +17,24 @@ from casadi_contact.core.files.containers import read_npz, write_npz
 WHEEL = Path(__file__).with_name("wheel.py")
 
 
-def _run(*arguments: str) -> None:
-    """Raises ImportError without the extra `opensim`, ValueError with its last line where the wheel refuses a model."""
+def run_opensim(*arguments: str) -> str:
+    """What Python prints for arguments, a script's path first. Raises ImportError without the extra `opensim`,
+    ValueError with the script's last line where it fails."""
     if find_spec("opensim") is None:
-        raise ImportError("reading a model needs the opensim wheel: pip install casadi_contact[opensim]")
+        raise ImportError("this needs the opensim wheel: pip install casadi_contact[opensim]")
     with tempfile.TemporaryDirectory(prefix="casadi_contact_") as folder:  # it leaves its log where it runs
-        done = subprocess.run([sys.executable, str(WHEEL), *arguments], cwd=folder, capture_output=True, text=True)
+        done = subprocess.run([sys.executable, *arguments], cwd=folder, capture_output=True, text=True)
     if done.returncode:
         last = (done.stderr or done.stdout).strip().splitlines()[-1:] or [f"it ended with {done.returncode}"]
-        raise ValueError(f"OpenSim cannot read the model: {last[0]}")
+        raise ValueError(f"OpenSim cannot take what it was given: {last[0]}")
+    return done.stdout
 
 
 def describe(model: Path) -> dict[str, Any]:
     """An assembly's tables, muscles' curves, wraps, frames and losses of a model file: see `wheel`."""
     with tempfile.TemporaryDirectory(prefix="casadi_contact_") as folder:
         reply = Path(folder) / "reply.json"
-        _run("describe", str(model.resolve()), str(reply))
+        run_opensim(str(WHEEL), "describe", str(model.resolve()), str(reply))
         found: dict[str, Any] = json.loads(reply.read_text("utf-8"))
         return found
 
@@ -54,5 +56,5 @@ def measure(
         write_npz(
             request, values=values, arms=arms, **{key: np.array(names, dtype=str) for key, names in named.items()}
         )
-        _run("measure", str(Path(model).resolve()), str(request), str(reply))
+        run_opensim(str(WHEEL), "measure", str(Path(model).resolve()), str(request), str(reply))
         return read_npz(reply)
