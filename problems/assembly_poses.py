@@ -79,8 +79,7 @@ def read_assembly_cycle(path: Path, assembly: cc.Assembly) -> AssemblyCycle:
 
 
 def walking() -> AssemblyCycle:
-    """Of `knee_with_patella`: rotations and tibiofemoral loads of the built-in walk, and the quadriceps' force that
-    `MuscleContact` finds in it."""
+    """Of `knee_with_patella`: rotations and loads of the built-in walk, the quadriceps' force by `MuscleContact`."""
     cycle, walk = reference_cycle(), example_walk()
     solved = MuscleContact(cc.load_surrogate("knee"), walk).solve()
     quadriceps = [walk.muscles.names.index(name) for name in ("recfem", "vasint", "vaslat", "vasmed")]
@@ -98,9 +97,8 @@ def bending() -> AssemblyCycle:
 
 @dataclass(frozen=True)
 class AssemblyPoses:
-    """Coordinates (n, c) [m, rad]; the pose (n, contacts, 6) [mm, rad] of each contact; named loads of the contacts and
-    tensions of the ligaments [N, N·mm], each (n,); what is left along coordinates [N] (n,), moments over 25 mm; whether
-    a frame is solved (n,)."""
+    """Coordinates (n, c) [m, rad], poses of contacts (n, contacts, 6) [mm, rad]; by name loads of contacts and tensions
+    of ligaments (n,) [N, N·mm]; what is left along coordinates (n,) [N], moments over 25 mm; frames that are solved."""
 
     q: Array
     contact_poses: Array

@@ -76,14 +76,12 @@ class KneeSimulator:
     given: ca.Function
 
 
-def build(
-    model: ContactModel, waveforms: Any = walking, load_scale: float = 0.8, rig: Rig | None = None
-) -> KneeSimulator:
+def build(model: ContactModel, waveforms: Any = walking, load_scale: float = 0.8) -> KneeSimulator:
     """Equations of motion on any contact model whose bodies are pressed together along -Fy.
 
     waveforms: (share of the cycle, load_scale) -> flexion [deg], axial force, anterior-posterior force [N], torque
     [N·mm]. At full load (1.0) the lateral side would bear more than the surrogate `knee` has learned."""
-    rig = rig or Rig()
+    rig = Rig()
     if any((normal.component, normal.sign) != ("Fy", -1.0) for normal in model.scene.normal_loads):
         raise ValueError(f"scene {model.scene.name} is not pressed along -Fy, expected a knee or one like it")
     q, v, t, wrench = (ca.SX.sym(name, rows) for name, rows in (("q", 5), ("v", 5), ("t", 1), ("wrench", 6)))
@@ -143,7 +141,7 @@ class Motion:
 def simulate(
     simulator: KneeSimulator, start: Array, *, cycles: float = 1.0, frames: int = 101, tolerance: float = 1e-6
 ) -> Motion:
-    """Integrate from a state (10,) with CVODES; tolerance: relative and absolute [mm, rad, mm/s, rad/s]."""
+    """Integrate from a state (10,) by CVODES with the exact Jacobian; tolerance: relative, absolute [mm, rad, s]."""
     x, t, time_s = ca.MX.sym("x", 10), ca.MX.sym("t"), np.linspace(0.0, cycles * simulator.rig.period_s, frames)
     dae = {"x": x, "t": t, "ode": simulator.rate(x, t), "quad": simulator.powers(x, t)}
     options = {"abstol": tolerance, "reltol": tolerance, "max_num_steps": 100_000}
@@ -169,8 +167,7 @@ def main(
     friction: float = 0.0,
     out: Path = Path("results/knee_simulator"),
 ) -> None:
-    """Simulate cycles on a surrogate and on the foundation of its scene; compare times and poses. friction: of
-    polyethylene 0.04 to 0.07."""
+    """Compare cycles on a surrogate and on its scene's foundation. friction: of polyethylene 0.04 to 0.07."""
     model = cc.load_surrogate(surrogate, **rubbing(friction))
     models = {"surrogate": model, "foundation": cc.foundation(model.scene)}
     simulators = {name: build(each, load_scale=load_scale) for name, each in models.items()}

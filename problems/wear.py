@@ -28,8 +28,7 @@ from problems import knee_simulator
 
 @dataclass(frozen=True)
 class PatchWear:
-    """Elements of one patch: centres (m, 3) [mm], areas (m,) [mm²], depth worn (m,) [mm] and way slid under pressure
-    (m,) [mm] in one cycle."""
+    """Elements of a patch: centres (m, 3), areas (m,), in a cycle depth worn (m,) and way slid under pressure (m,)."""
 
     patch: str
     centres_mm: Array

@@ -200,8 +200,7 @@ def solution(problem: PoseEstimation, start: Array, *, generated: bool) -> dict[
 def measured(
     surrogate: Surrogate, poses: Array, frames: int = 101, few: int = 11, forms: Sequence[str] = tuple(FORMS)
 ) -> dict[str, dict[str, Any]]:
-    """By form: µs of calls at these poses, and IPOPT's pose estimation of the built-in cycle in so many frames, few
-    of them where Python is called back."""
+    """By form: µs of calls, and IPOPT's pose estimation of the built-in cycle in so many frames, few by Python."""
     found: dict[str, dict[str, Any]] = {}
     watches: dict[tuple[str, str], Callable[[], float]] = {}
     for form in (OWN, *forms):
