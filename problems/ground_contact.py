@@ -231,19 +231,14 @@ def main(
     print("; ".join(f"{name}: {fitted.ipopt}" for name, fitted in found.items()))
 
     out.mkdir(parents=True, exist_ok=True)
-    page, labels = (
-        new_page(12.0, 6.0),
-        ("fore-aft [N]", "vertical [N]", "centre of pressure x [mm]", "free moment [N·m]"),
-    )
+    page = new_page(12.0, 6.0)
+    labels = ("fore-aft [N]", "vertical [N]", "centre of pressure x [mm]", "free moment [N·m]")
     for row, (name, step) in zip(page.subplots(2, 4), steps.items(), strict=True):
         time, on = 0.5 * (step.time_s[1:] + step.time_s[:-1]), step.middles[:, 1] > LOADED_N
-        for wrench, style in (
-            (step.middles, TARGET | {"label": "plate"}),
-            (found[name].wrench, SURROGATE | {"label": "model"}),
-        ):
+        for source, wrench, style in (("plate", step.middles, TARGET), ("model", found[name].wrench, SURROGATE)):
             shown = np.column_stack([wrench[:, :2], pressure_centre(wrench) * [1.0, 1.0, 1e-3]])[:, [0, 1, 2, 4]]
             for axis, values, label in zip(row, shown.T, labels, strict=True):
-                axis.plot(time[on], values[on], **style)
+                axis.plot(time[on], values[on], label=source, **style)
                 axis.set(ylabel=label, xlabel=f"time of the {name} step [s]")
         columns = dict(zip(WRENCH_NAMES, found[name].wrench.T, strict=True))
         write_columns(out / f"{name}.csv", {"time_s": time, **columns}, digits=9)

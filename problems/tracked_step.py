@@ -137,13 +137,9 @@ def track(
     change = u[:, 1:] - u[:, :-1]
     opti.minimize((ca.sumsqr(off_q) + ca.sumsqr(off_F) + 0.1 * ca.sumsqr(change)) / n + 1e-4 * height**2)
 
-    for variable, unit, at, order in (
-        (node_q, scale, nodes, 0),
-        (q, scale, t, 0),
-        (node_v, scale_v, nodes, 1),
-        (v, scale_v, t, 1),
-    ):
-        opti.set_initial(variable, ca.inv(unit) @ ca.DM(wanted(at, order).T))
+    for at, of_q, of_v in ((nodes, node_q, node_v), (t, q, v)):
+        opti.set_initial(of_q, ca.inv(scale) @ ca.DM(wanted(at).T))
+        opti.set_initial(of_v, ca.inv(scale_v) @ ca.DM(wanted(at, 1).T))
     opti.set_initial(u[3:, :], -0.01 * loads(t).T[:2])
     opti.solver("ipopt", ipopt_options(tolerance=1e-4, max_iterations=600) | {"detect_simple_bounds": True})
     began = time.perf_counter()
@@ -154,10 +150,9 @@ def track(
     took, wrench = time.perf_counter() - began, np.asarray(found.value(F)).T
     on = wrench[:, 1] > 40.0
     cone = float((np.hypot(wrench[on, 0], wrench[on, 2]) / wrench[on, 1]).max())
+    curves = (pose, (scale @ q)[3:, :], (scale_u @ u)[:3, :])
+    moved, leans, moments = (np.asarray(found.value(each)).T for each in curves)
     ended = IpoptOutcome(str(found.stats()["return_status"]), int(found.stats()["iter_count"]))
-    moved, leans, moments = (
-        np.asarray(found.value(each)).T for each in (pose, (scale @ q)[3:, :], (scale_u @ u)[:3, :])
-    )
     return Tracked(t, moved, leans, wrench, moments, cone, ended, took)
 
 

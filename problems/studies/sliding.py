@@ -8,11 +8,9 @@ state's forces, less that of the same model without the force. Times are CPU tim
 """
 
 import json
-import subprocess
-import sys
 import tempfile
-import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +22,8 @@ from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.terminal import run_program
 from casadi_contact.surrogate.base import Surrogate
+from casadi_contact.workflow.benchmark.candidates import time_batch, time_mapped
+from casadi_contact.workflow.opensim_import.process import run_opensim
 
 RATES = np.array([30.0, 5.0, 10.0, 0.3, 0.5, 2.0])
 RUBBING = {"dynamic_friction": 0.2, "viscous_friction": 1e-3, "transition_velocity": 2.0, "dissipation": 2e-3}
@@ -81,35 +81,27 @@ def by_opensim(
     given |= {"TransitionVelocity": 1e-3 * friction.transition_velocity}
     unit = np.repeat([1.0, 1e-3], 3)
     rows = np.hstack([poses[:, [3, 4, 5, 0, 1, 2]] * unit, rates[:, [3, 4, 5, 0, 1, 2]] * unit])
-    arguments = (json.dumps(each) for each in (given, rows.tolist(), [str(ball) for ball in balls]))
-    command = [sys.executable, "-c", BY_OPENSIM, *arguments]  # the packages of OpenSim and CasADi share no process
-    ran = subprocess.run(command, capture_output=True, text=True, check=False, cwd=balls[0].parent)
-    if ran.returncode:
-        raise ValueError(f"OpenSim failed ({ran.stderr[-300:]}), expected the extra opensim: pip install opensim")
-    found = np.array(json.loads(ran.stdout.strip().splitlines()[-1])).reshape(len(balls), len(poses), 7)
+    arguments = (json.dumps(each) for each in (given, rows.tolist(), [str(ball.resolve()) for ball in balls]))
+    said = run_opensim("-c", BY_OPENSIM, *arguments)
+    found = np.array(json.loads(said.strip().splitlines()[-1])).reshape(len(balls), len(poses), 7)
     return found * [1.0, 1.0, 1.0, 1e3, 1e3, 1e3, 1.0]
 
 
-def microseconds(function: Callable[..., Any], *arguments: Any, count: int = 1, repeats: int = 15) -> float:
-    """CPU time of a call, the lowest of several, for each of `count` poses."""
-    taken = []
-    for _ in range(repeats):
-        began = time.process_time()
-        function(*arguments)
-        taken.append(time.process_time() - began)
-    return 1e6 * min(taken) / count
+def microseconds(stopwatch: Callable[..., float], *arguments: Any) -> float:
+    """Time of a pose by a stopwatch of the benchmark, the lowest of several."""
+    return 1e6 * min(stopwatch(*arguments) for _ in range(15))
 
 
 def costs(model: CompiledFoundation | Surrogate, poses: Array) -> Array:
     """Times [µs] of value, Jacobian, Hessian (3,) at poses (n, 6): at rest and sliding (2, 3)."""
-    rows, given = [], np.hstack([poses, np.tile(RATES, (len(poses), 1))]).T
+    rows, given = [], np.hstack([poses, np.tile(RATES, (len(poses), 1))])
     for size in (6, 12):
         x = ca.MX.sym("x", size)
         loads = model.function(velocity=True)(x[:6], x[6:]) if size == 12 else model.function()(x)
         weighed = ca.dot(np.cos(np.arange(loads.numel())), loads)
         parts = (loads, ca.jacobian(loads, x), ca.hessian(weighed, x)[0])
         maps = [ca.Function("part", [x], [part]).map(len(poses)) for part in parts]
-        rows.append([microseconds(each, given[:size], count=len(poses)) for each in maps])
+        rows.append([microseconds(time_mapped, each, given[:, :size]) for each in maps])
     return np.array(rows)
 
 
@@ -146,7 +138,7 @@ def ball_on_plane(folder: Path, levels: tuple[int, ...]) -> None:
     for rays in (cc.Rays(8, 2), cc.Rays(8, 3)):
         model = cc.PolarFoundation(scene, rays)
         many = [np.tile(each, (40, 1)) for each in (poses, rates)]
-        ours[rays] = microseconds(model.moving_wrenches, *many, count=360)
+        ours[rays] = microseconds(time_batch, partial(model.moving_wrenches, velocities=many[1]), many[0])
         off = errors(model.wrenches(poses, rates)[:, 0], np.pi * k * d**2 * (R - d / 3.0))
         print(f"  {rays!s:20s} {off[0]:9.2g} {off[1]:9.2g} {ours[rays]:9.3g} µs")
     balls = [folder / f"ball{level}.obj" for level in levels]
