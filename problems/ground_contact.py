@@ -218,9 +218,9 @@ def main(
     model = cc.foundation(scene)
     steps = {"fitted": read_step(fitted, every=every), "unseen": read_step(unseen, left=True, every=every)}
     found = {"fitted": fit(model, steps["fitted"])}
-    # The pose is to stay as measured, but for the place of this foot's frame in the same shoe.
+    # The pose is to stay as measured, but for the place of this foot's frame in the same shoe: plates count less.
     other = (15.0, 15.0, 15.0, 0.1, 0.1, 0.1)
-    loose = Weights(shear_n=16.0, vertical_n=32.0, centre_mm=7.0, free_nmm=1400.0, place=other)
+    loose = Weights(shear_n=40.0, vertical_n=40.0, centre_mm=9.0, free_nmm=3000.0, angle_rad=0.0172, place=other)
     found["unseen"] = fit(model, steps["unseen"], known=found["fitted"].parameters, weights=loose)
     for name, value in found["fitted"].parameters.items():
         print(f"{name:20s} {value:10.4g}" + f"{found['unseen'].parameters[name]:10.4g}" * (name in PLACEMENT))
