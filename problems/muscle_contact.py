@@ -28,7 +28,7 @@ from casadi_contact.scenes.cycle import read_cycle
 from casadi_contact.scenes.opensim import ColumnMap
 from problems.contact_source import load_contact
 from problems.pose_estimation import rms_and_max
-from problems.summary import write_summary
+from problems.summary import tell, write_summary
 from problems.walks import ROTATION_MAPS, at_times, example_walk, read_walk
 
 
@@ -60,8 +60,7 @@ def main(
     model = problem.contact_model
     verdict = verify(model, result.poses, reference_model(model), result.solved, KNEE_LOADS)
 
-    print(verdict.line)
-    print(f"{int(result.solved.sum())} of {len(walk)} frames solved; {result.ipopt}, {result.seconds:.2f} s")
+    summary = {"walk": walk.name, **tell(result, verdict)}
     compression, compared = -result.loads[:, :2], {}
     forces = None if measured is None else measured_compression(measured, walk)
     for k, side in enumerate(SIDES):
@@ -80,17 +79,8 @@ def main(
         columns |= {f"{name}_activation": result.activations[:, k], f"{name}_N": result.muscle_forces_n[:, k]}
     columns |= {"outcome": [outcome.value for outcome in result.outcome], "verdict": verdict.words}
     write_columns(out / "muscle_contact.csv", columns, digits=9)
-    summary = {
-        "verdict": verdict.line,
-        "walk": walk.name,
-        "frames": len(walk),
-        "solved": int(result.solved.sum()),
-        "ipopt_iterations": result.ipopt.iterations,
-        "seconds": result.seconds,
-        "predicted_minus_measured": compared,
-        "elements": verdict.model,
-        "elements_off": {side: rms_and_max(verdict.errors[:, k]) for k, side in enumerate(SIDES)},
-    }
+    elements_off = {side: rms_and_max(verdict.errors[:, k]) for k, side in enumerate(SIDES)}
+    summary |= {"predicted_minus_measured": compared, "elements_off": elements_off}
     write_summary(out / "summary.json", summary)
     draw(out / "muscle_contact.png", walk, result, forces)
     print(f"results in {out}")

@@ -97,9 +97,7 @@ def main(
     theirs = None
     if against is not None:
         states = read_opensim_table(next(against.glob("*states.sto")))
-        stored = np.column_stack(
-            [np.interp(time_s, states.columns[TIME], column) for column in states_of(assembly, states).T]
-        )
+        stored = np.column_stack([np.interp(time_s, states.columns[TIME], x) for x in states_of(assembly, states).T])
         rays = cc.load_assembly(model, contact=ray_casting)
         theirs = quantities(rays, stored, secondary)
         if (against / "forces.sto").is_file():
@@ -149,10 +147,8 @@ def exactness(assembly: Assembly, rays: Assembly, folder: Path, activation: floa
     lengths, tensions, _ = assembly.function(outputs)(q.T, 0.0, 0.0, activation)
     muscles = assembly.function(outputs[2:])(q.T, u.T, 0.0, activation)
     straight = np.array([ligament.wrap is None for ligament in assembly.ligaments])
-    for label, ours, key, unit in (
-        ("length [mm]", lengths, "length", 1e3),
-        ("spring [N]", tensions, "force_spring", 1.0),
-    ):
+    springs = (("length [mm]", lengths, "length", 1e3), ("spring [N]", tensions, "force_spring", 1.0))
+    for label, ours, key, unit in springs:
         worst = unit * off(ours, [f"{name}.{key}" for name in assembly.ligament_names])
         found |= {f"straight bundles' {label}": float(worst[straight].max())}
         found |= {f"wrapped bundles' {label}": float(worst[~straight].max(initial=0.0))}

@@ -26,7 +26,7 @@ from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.cycle import Cycle
 from casadi_contact.scenes.opensim import poses_table, write_table
 from problems.contact_source import load_contact, load_cycle
-from problems.summary import write_summary
+from problems.summary import tell, write_summary
 
 
 def main(
@@ -59,8 +59,7 @@ def estimate(model: SymbolicContact, measured: Cycle, out: Path, smoothness: flo
         columns = [reference.load_names.index(name) for name in problem.targets.load_names]
         on_elements = problem.targets.evaluate(reference(result.poses)[:, columns])
 
-    print(verdict.line)
-    print(f"{int(result.solved.sum())} of {problem.frames} frames solved; {result.ipopt}, {result.seconds:.2f} s")
+    summary = {"cycle": measured.name, "scene": model.scene.name, **tell(result, verdict)}
     errors = {name: rms_and_max(result.errors[:, k]) for k, name in enumerate(problem.targets.values)}
     print("RMS / max   model - measured     elements - model")
     off = on_elements - problem.targets.evaluate(result.loads)
@@ -70,18 +69,7 @@ def estimate(model: SymbolicContact, measured: Cycle, out: Path, smoothness: flo
     out.mkdir(parents=True, exist_ok=True)
     write_frames(out / "pose_estimation.csv", problem, measured, result, verdict, on_elements)
     write_table(poses_table(measured.time_s, result.poses, f"{measured.name} poses"), out / "poses.sto")
-    summary = {
-        "verdict": verdict.line,
-        "cycle": measured.name,
-        "scene": model.scene.name,
-        "frames": problem.frames,
-        "solved": int(result.solved.sum()),
-        "ipopt_status": result.ipopt.status,
-        "ipopt_iterations": result.ipopt.iterations,
-        "seconds": result.seconds,
-        "elements": verdict.model,
-        "elements_off": {name: rms_and_max(off[:, k]) for k, name in enumerate(problem.targets.values)},
-    }
+    summary["elements_off"] = {name: rms_and_max(off[:, k]) for k, name in enumerate(problem.targets.values)}
     write_summary(out / "summary.json", summary)
     draw(out / "pose_estimation.png", problem, measured, result, on_elements)
     print(f"results in {out}")

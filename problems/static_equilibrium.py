@@ -21,6 +21,7 @@ from casadi_contact.optimisation.verification import verify
 from casadi_contact.pictures.page import frame, new_page, save_page
 from casadi_contact.scenes.columns import write_columns
 from problems.contact_source import load_contact
+from problems.summary import tell
 
 
 def main(
@@ -50,8 +51,7 @@ def main(
     result = problem.solve(restarts=restarts)
     verdict = verify(model, result.poses, reference_model(model), result.solved)
 
-    print(verdict.line)
-    print(f"{int(result.solved.sum())} of {len(angles)} in equilibrium; {result.ipopt}, {result.seconds:.2f} s")
+    tell(result, verdict, "in equilibrium")
     print("flexion [°]  tx [mm]  ty [mm]  tz [mm]   rx [°]   ry [°]  misfit [N]")
     for pose, misfit in zip(result.poses, result.misfit_n, strict=True):
         shown = np.append(pose[:3], np.degrees(pose[3:5]))
@@ -72,15 +72,14 @@ def draw(path: Path, result: EquilibriumResult) -> None:
     """Poses over flexion."""
     page = new_page(12.0, 3.5)
     flexion = -np.degrees(result.poses[:, 5])
-    for axis, names, unit in zip(
-        page.subplots(1, 3), (("tx", "tz"), ("ty",), ("rx", "ry")), ("mm", "mm", "°"), strict=True
-    ):
+    axes = page.subplots(1, 3)
+    for axis, names, unit in zip(axes, (("tx", "tz"), ("ty",), ("rx", "ry")), ("mm", "mm", "°"), strict=True):
         for name in names:
             values = result.poses[:, POSE_NAMES.index(name)]
             axis.plot(flexion, np.degrees(values) if unit == "°" else values, "o-", label=name)
         axis.set_ylabel(f"[{unit}]")
         axis.legend()
-        frame([axis], "flexion [°]")
+    frame(axes, "flexion [°]")
     save_page(page, path)
 
 

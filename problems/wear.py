@@ -118,9 +118,8 @@ def main(
     view = view_of(model)  # as the moving body presses
     right, up = view.right.of(centres), view.up.of(centres)
     page = new_page(10.0, 4.0)
-    for axis, values, label in zip(
-        page.subplots(1, 2), (1e3 * depth, slid), ("worn [µm]", "slid under pressure in a cycle [mm]"), strict=True
-    ):
+    labels = ("worn [µm]", "slid under pressure in a cycle [mm]")
+    for axis, values, label in zip(page.subplots(1, 2), (1e3 * depth, slid), labels, strict=True):
         image = axis.scatter(right, up, c=np.where(values > 0.0, values, np.nan), s=1.0, marker="s", cmap="viridis")
         page.colorbar(image, ax=axis, label=label, orientation="horizontal")
         name_axes(axis, view)
