@@ -152,8 +152,7 @@ def read_loads(path: Path, time_s: Array) -> tuple[tuple[Loaded, ...], Array]:
 
 @dataclass(frozen=True)
 class Solution:
-    """Activations (n, m), secondary coordinates (n, f) [m, rad], reserves (n, b) [N, N·m], and how IPOPT ended, of
-    several solutions the worst."""
+    """Activations (n, m), secondary coordinates (n, f) [m, rad], reserves (n, b) [N, N·m]; how IPOPT ended at worst."""
 
     activations: Array
     secondary: Array

@@ -78,9 +78,8 @@ def pressure_centre(wrench: Array) -> Array:
 
 
 def kinematics() -> tuple[ca.Function, ca.Function]:
-    """(pose of the foot (6), its rates (6), place of the sole (6)) -> pose of the ground in the sole and its rates; and
-    (pose, place, wrench on the sole (6)) -> that wrench about the ground's origin. In SX, whose derivatives are cheap.
-    """
+    """In cheap SX: (pose of the foot (6), rates (6), place of the sole (6)) -> pose of the ground in the sole and its
+    rates; (pose, place, wrench on the sole (6)) -> that wrench about the ground's origin."""
     pose, rates, place, wrench = (ca.SX.sym(name, 6) for name in ("pose", "rates", "place", "wrench"))
     t, R = placed(pose, place)
     met = relative_pose((t, R), (ca.SX.zeros(3), ca.SX.eye(3)))
@@ -90,8 +89,7 @@ def kinematics() -> tuple[ca.Function, ca.Function]:
 
 
 def ground_wrench(model: CompiledFoundation) -> ca.Function:
-    """(pose of the foot (6), its rates (6), parameters) -> wrench (6) of the ground on the foot about the ground's
-    origin."""
+    """(pose of the foot (6), rates (6), parameters) -> wrench (6) of the ground on it about the ground's origin."""
     meets, in_ground = kinematics()
     pose, rates, p = (ca.MX.sym(name, rows) for name, rows in (("pose", 6), ("rates", 6), ("p", len(PARAMETERS))))
     coefficients, place = p[: len(COEFFICIENTS)], p[len(COEFFICIENTS) :]
@@ -143,8 +141,7 @@ def start_heights(wrench: ca.Function, step: Step, p: Array, reach_mm: float = 2
 def fit(
     model: CompiledFoundation, step: Step, known: dict[str, float] | None = None, weights: Weights | None = None
 ) -> Fit:
-    """Fit poses, the sole's place, and the coefficients unless they are known. Raises ValueError where IPOPT finds no
-    solution."""
+    """Fit poses, the sole's place, and coefficients unless they are known; ValueError where IPOPT finds no solution."""
     w, n = weights or Weights(), len(step.time_s)
     scene = {**vars(model.scene.friction), **vars(model.scene.material), **dict.fromkeys(PLACEMENT, 0.0)}
     start = np.array([(known or scene)[name] for name in PARAMETERS])

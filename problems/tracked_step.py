@@ -32,15 +32,8 @@ from problems.ground_contact import PARAMETERS, Step, fit, ground_wrench, read_s
 from problems.squat import Body
 
 MASS_T, INERTIA, CENTRE, ANKLE = 1.2e-3, 5.0, (75.0, 5.0), (49.0, 42.0)  # t, t·mm², mm in the foot
-SPHERES = np.array(  # in the foot [mm], the last two beyond the toe joint, which is locked
-    [
-        [1.9, -10, -3.8],
-        [148.3, -10, -28.7],
-        [133.1, -10, 51.6],
-        [66.3, -10, 26.4],
-        [238.8, -12, -17.7],
-        [223.8, -12, 63.0],
-    ]
+SPHERES = np.column_stack(  # x, y, z in the foot [mm], the last two beyond the toe joint, which is locked
+    [[1.9, 148.3, 133.1, 66.3, 238.8, 223.8], [-10, -10, -10, -10, -12, -12], [-3.8, -28.7, 51.6, 26.4, -17.7, 63.0]]
 )
 PLANE = [0, 1, 5]
 SIGMA_Q = np.array([2.5, 2.5, 0.0175, 0.035, 0.035])  # [mm, rad]: of soft tissue, thighs are measured worse than shoes
@@ -108,8 +101,7 @@ def leg(body: Body) -> ca.Function:
 def track(
     contact: ca.Function, step: Step, leans: Array, body: Body, intervals: int = 30, friction: float = 0.6
 ) -> Tracked:
-    """Track a step, and leans (n, 2) of shank and thigh at its times, with a contact (pose, rates) -> wrench. Raises
-    ValueError where IPOPT finds no solution."""
+    """Track a step and leans (n, 2) of shank and thigh by a contact (pose, rates) -> wrench; ValueError if it fails."""
     grid = Collocation(intervals, 3, float(step.time_s[-1] - step.time_s[0]))
     t = step.time_s[0] + grid.times_s
     foot, loads = CubicSpline(step.time_s, step.poses), CubicSpline(step.time_s, step.wrench)

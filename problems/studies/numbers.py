@@ -8,7 +8,7 @@ from typing import Any
 from casadi_contact.contact.elements.foundation import grid_text
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.surrogate.load import load_surrogate
-from casadi_contact.workflow.benchmark.front_file import Front, Point, read_front, shipped_front
+from casadi_contact.workflow.benchmark.front_file import TIMES, Front, Point, read_front, shipped_front
 
 BEGIN = "<!-- numbers: written by python -m problems.studies.pages -->"
 END = "<!-- end of numbers -->"
@@ -30,9 +30,8 @@ def headline(data: Path) -> str:
     (knee,) = (point for point in front.models if point.name == "knee")
     others = [read_front(path) for path in sorted((data / "machines").glob("*.csv"))]
     machines = [{point.name: point for point in each.models} for each in (front, *others)]
-    kernel = ", ".join(
-        spread(getattr(models["knee"], what).low_us for models in machines) for what in ("value", "jacobian", "hessian")
-    )
+    of_kernel = [[getattr(models["knee"], what).low_us for models in machines] for what in TIMES[:3]]
+    kernel = ", ".join(map(spread, of_kernel))
     quickest = min((name for name in whole if name.startswith("foundation")), key=lambda name: whole[name])
     times = "; ".join(number(whole[name]) for name in (quickest, "knee", grid)) + " ms"
     errors = f"{number(knee.force_rms_n)} N, {number(knee.torque_rms_nmm)} N·mm"

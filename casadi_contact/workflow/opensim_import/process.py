@@ -18,8 +18,7 @@ WHEEL = Path(__file__).with_name("wheel.py")
 
 
 def run_opensim(*arguments: str) -> str:
-    """What Python prints for arguments, a script's path first. Raises ImportError without the extra `opensim`,
-    ValueError with the script's last line where it fails."""
+    """What Python prints for a script's path and arguments; ImportError without opensim, ValueError where it fails."""
     if find_spec("opensim") is None:
         raise ImportError("this needs the opensim wheel: pip install casadi_contact[opensim]")
     with tempfile.TemporaryDirectory(prefix="casadi_contact_") as folder:  # it leaves its log where it runs
@@ -53,8 +52,7 @@ def measure(
     with tempfile.TemporaryDirectory(prefix="casadi_contact_") as folder:
         request, reply = Path(folder) / "request.npz", Path(folder) / "reply.npz"
         named = {"coordinates": coordinates, "paths": paths, "bodies": bodies}
-        write_npz(
-            request, values=values, arms=arms, **{key: np.array(names, dtype=str) for key, names in named.items()}
-        )
+        texts = {key: np.array(names, dtype=str) for key, names in named.items()}
+        write_npz(request, values=values, arms=arms, **texts)
         run_opensim(str(WHEEL), "measure", str(Path(model).resolve()), str(request), str(reply))
         return read_npz(reply)
