@@ -208,13 +208,11 @@ def joint_page(scene: str, poses: str | None = None, surrogate: str | None = Non
     own if left out. Raises ValueError for a surrogate of another scene and for a scene without `cc.foundation`,
     ImportError without the extra `page`."""
     contact = page_contact(load_scene(scene))
-    learned, python = _surrogate(contact, surrogate)
-    python = python or f"cc.foundation({scene!r})"
-    cycle = page_cycle(contact, poses)
+    learned, cycle = _surrogate(contact, surrogate), page_cycle(contact, poses)
     surfaces, moving = fixed_surfaces(contact), moving_body(contact.scene)
     library = np.frombuffer(_text(*_LIBRARY).encode(), dtype=np.uint8)
     index, arrays = packed({"library": library, **_arrays(contact, learned, surfaces, moving)})
-    content = _content(contact, learned, cycle, surfaces) | {"arrays": index, "python": python}
+    content = _content(contact, learned, cycle, surfaces) | {"arrays": index}
     words = {
         "title": escape(f"{contact.scene.name}: contact live"),
         "scene": escape(contact.scene.name),
@@ -232,16 +230,14 @@ def _text(*path: str) -> str:
     return resources.files(__package__).joinpath(*path).read_text("utf-8")
 
 
-def _surrogate(contact: CompiledFoundation, given: str | None) -> tuple[Surrogate | None, str]:
-    """The surrogate and the Python that loads it; none and no text where the scene has none."""
+def _surrogate(contact: CompiledFoundation, given: str | None) -> Surrogate | None:
+    """The surrogate; None where the scene has none."""
     scene = contact.scene
     name = given or (scene.name if scene.name in ready_surrogates() else None)
     surrogate = load_surrogate(name) if name else None
-    if surrogate is None or surrogate.scene.digest == scene.digest:
-        return surrogate, f"cc.load_surrogate({name!r})" if surrogate else ""
-    if given:
+    if given and surrogate and surrogate.scene.digest != scene.digest:
         raise ValueError(f"{name} is of another scene ({surrogate.scene.name}): give the scene file it was built from")
-    return None, ""
+    return surrogate if surrogate and surrogate.scene.digest == scene.digest else None
 
 
 def _arrays(

@@ -4,7 +4,7 @@ import { readable, say } from "./canvas.js";
 import { loadModels, unpack } from "./kernel.js";
 import { dot } from "./linear.js";
 import { LEARNED, LoadsPanel, presets, sliders, targets } from "./panel.js";
-import { csvOf, download, optiOf, stoOf } from "./save.js";
+import { csvOf, download, stoOf } from "./save.js";
 import { Bodies } from "./scene.js";
 import { settle } from "./settle.js";
 import { Timeline } from "./timeline.js";
@@ -33,7 +33,6 @@ class Page {
   constructor(content) {
     this.content = content;
     this.panel = new LoadsPanel(content, Boolean(content.surrogateLoads));
-    this.wanted = content.settle.start;
     this.pose = content.cycle.poses[content.presets.stance];
     this.moveSliders = sliders(byId("sliders"), content, (pose) => this.go(pose));
     this.moveSliders(this.pose);
@@ -107,7 +106,6 @@ class Page {
     const { free, loads } = this.content.settle;
     const columns = free.map((name) => this.content.pose.findIndex((parameter) => parameter.name === name));
     const found = settle(this.model, this.content, this.pose, columns, { names: loads, wanted });
-    if (found.converged) this.wanted = wanted; // what the saved Python asks for can be met
     this.go(found.pose);
     byId("settled").textContent = found.converged
       ? `settled in ${found.steps} steps${this.state.validity < LEARNED ? ", outside what was learned" : ""}`
@@ -118,7 +116,6 @@ class Page {
     const { content, frameLoads } = this;
     byId("csv").onclick = () => download(`${content.scene}.csv`, csvOf(content, frameLoads));
     byId("sto").onclick = () => download(`${content.scene}.sto`, stoOf(content, frameLoads));
-    byId("opti").onclick = () => download(`${content.scene}_opti.py`, optiOf(content, this.pose, this.wanted));
   }
 }
 

@@ -1,4 +1,4 @@
-/** What is taken away from the page: tables of the cycle, and Python. */
+/** What is taken away from the page: tables of the cycle. */
 
 /** Poses and loads of the cycle, in the library's units: the poses are what cc's read_poses reads. */
 export function csvOf(content, loads) {
@@ -17,27 +17,6 @@ export function stoOf(content, loads) {
   const head = [content.scene, "version=1", `nRows=${rows.length}`, `nColumns=${columns.length + 1}`, "inDegrees=no"];
   const labels = ["time", ...columns.map(({ name }) => name)].join("\t");
   return `${[...head, "endheader", labels, ...rows].join("\n")}\n`;
-}
-
-/** Python of an optimisation that begins at a pose and asks for loads; pose parameters that do not settle are locked. */
-export function optiOf(content, pose, wanted) {
-  const { free, loads } = content.settle;
-  const held = (k) => content.space && content.space.matrix[k][k] !== 1;
-  const locked = content.pose.flatMap(({ name }, k) => (free.length === 0 || free.includes(name) || held(k) ? [] : [`"${name}": ${pose[k]}`]));
-  return [
-    "import casadi as ca",
-    "import casadi_contact as cc",
-    "",
-    `model = ${content.python}`,
-    "opti = ca.Opti()",
-    `contact = cc.ContactInOpti(opti, model, locked={${locked.join(", ")}})  # mm, rad`,
-    ...(loads.length ? [`contact.carry({${loads.map((name, i) => `"${name}": ${wanted[i]}`).join(", ")}})  # N, N·mm`] : []),
-    `contact.begin_at([${pose.join(", ")}])  # tx, ty, tz [mm], rx, ry, rz [rad]`,
-    'opti.solver("ipopt", contact.options())',
-    "solution = opti.solve()",
-    "print(contact.poses(solution), solution.value(contact.loads))",
-    "",
-  ].join("\n");
 }
 
 export function download(name, text) {
