@@ -95,10 +95,8 @@ def leg(body: Body) -> ca.Function:
     """(φ, φ̇, φ̈, a, pose of the knee (6), wrench on the insert (6)) -> what is left of the equations of motion (3)
     [N·m], of the forces (2) [N] and the moment about x (1) [N·m] across the knee, and the room of the centre of
     pressure behind and ahead, times the ground force (2) [N·m]."""
-    phi, rates, bend, a, pose, wrench = given = [
-        ca.SX.sym(name, rows)
-        for name, rows in (("phi", 3), ("rates", 3), ("bend", 3), ("a", 10), ("pose", 6), ("wrench", 6))
-    ]
+    sizes = {"phi": 3, "rates": 3, "bend": 3, "a": 10, "pose": 6, "wrench": 6}
+    phi, rates, bend, a, pose, wrench = given = [ca.SX.sym(name, rows) for name, rows in sizes.items()]
     (m, lengths, centres, inertias), forces = body.segments, muscle_forces(phi, rates, a)
     hip, knee, ankle = (ca.dot(ca.DM(arms), forces) for arms in (HIP_M, KNEE_M, ANKLE_M))
     contact = generalised_forces(pose, wrench)  # on the insert

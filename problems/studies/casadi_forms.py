@@ -35,7 +35,6 @@ from casadi_contact.workflow.benchmark.candidates import compare, time_single_ca
 from casadi_contact.workflow.project import Project, available_poses
 
 OWN = "own kernel"
-SLOW = ("PyTorch callback",)
 
 
 def graph(surrogate: Surrogate, name: str, loads: Sequence[str], *, scalars: bool = False) -> ca.Function:
@@ -211,7 +210,7 @@ def measured(
             found[form] = {"missing": " ".join(str(error).split())[-100:]}
             continue
         watches |= {(form, what): watch for what, watch in times.items()}
-        cycle = reference_cycle(frames=few if form in SLOW else frames)
+        cycle = reference_cycle(frames=few if form.startswith("PyTorch") else frames)
         own = PoseEstimation.of_cycle(surrogate, cycle)
         start = own.settle_start(own.contact.start_poses())
         found[form] = solution(PoseEstimation.of_cycle(model, cycle), start, generated=generated)

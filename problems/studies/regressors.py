@@ -9,7 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from math import comb
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -27,11 +26,12 @@ class Fit:
     expression: Callable[[ca.MX], ca.MX] | None = None
 
 
-def standardised(learn: Callable[[Array, Array, Array], Fit], x: Array, y: Array, w: Array) -> Fit:
-    """Learn from inputs and outputs of mean 0 and deviation 1; w (n,): weights of the rows. A constant stays 0."""
+def learned(method: Callable[[Array, Array, Array], Fit], x: Array, y: Array, w: Array) -> Fit:
+    """A method of `METHODS`, which gets rows of mean 0 and deviation 1; w (n,): their weights. A constant stays 0."""
+    y = np.reshape(y, (len(x), -1))
     x_mean, x_size = x.mean(axis=0), np.where(np.ptp(x, axis=0), x.std(axis=0), 1.0)
     y_mean, y_size = y.mean(axis=0), np.where(np.ptp(y, axis=0), y.std(axis=0), 1.0)
-    inner = learn((x - x_mean) / x_size, (y - y_mean) / y_size, w / w.mean())
+    inner = method((x - x_mean) / x_size, (y - y_mean) / y_size, w / w.mean())
 
     def predict(rows: Array) -> Array:
         return np.asarray(y_mean + y_size * inner.predict((rows - x_mean) / x_size).reshape(len(rows), -1))
@@ -145,8 +145,3 @@ METHODS: dict[str, dict[str, Callable[[Array, Array, Array], Fit]]] = {
     "radial basis": {"local 100": partial(radial_basis, 0, 100), "4000 points": partial(radial_basis, 4000, None)},
 }
 """By family: settings in words, and how to learn them from standardised x (n, k), y (n, m) and weights (n,)."""
-
-
-def learned(method: Any, x: Array, y: Array, w: Array) -> Fit:
-    """A method of `METHODS` on rows in physical units."""
-    return standardised(method, x, np.reshape(y, (len(x), -1)), w)
