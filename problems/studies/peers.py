@@ -20,14 +20,14 @@ import typer
 from casadi_contact.cli.options import DEFAULT_PRESET
 from casadi_contact.cli.pipeline import chart
 from casadi_contact.contact.elements.foundation import ElasticFoundation
-from casadi_contact.core.conventions import WRENCH_NAMES, Array, as_poses, check_loads, local_poses
+from casadi_contact.core.conventions import Array, as_poses, check_loads, local_poses
 from casadi_contact.core.terminal import PlainConsole, progress_bars, run_program
 from casadi_contact.core.workers import one_thread
 from casadi_contact.networks.frames import rotation
 from casadi_contact.networks.network import Regression
 from casadi_contact.samples.samples import Samples, finite, fitted_rows
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.surrogate.patch.networks import patch_components, ratios_name, root_name
+from casadi_contact.surrogate.patch.networks import patch_networks, ratios_name, root_name
 from casadi_contact.surrogate.patch.regressions import patch_regressions, root_target
 from casadi_contact.workflow.benchmark.candidates import Candidate, time_batch, time_single_calls
 from casadi_contact.workflow.benchmark.front_file import Point
@@ -47,8 +47,7 @@ class Peer:
         self.scene, self.load_names, self.fits = scene, tuple(load_names), fits
         signs = {normal.loads[0]: normal.sign for normal in scene.normal_loads if normal.component is not None}
         self._sign = np.array([signs.get(name, 0.0) for name in self.load_names])
-        self._selection, self._free = scene.selection(self.load_names), list(scene.pose_space.free)
-        self._components = patch_components(scene)
+        self._patches, self._free = patch_networks(scene, {}), list(scene.pose_space.free)
 
     def __call__(self, poses: Array) -> Array:
         """Named loads (n, L); none pulls."""
@@ -68,10 +67,8 @@ class Peer:
 
     def _shares(self, p: int) -> tuple[Array, Array]:
         """How much of each ratio of patch p a load takes (L, ratios), and of its normal load (L,)."""
-        patch = self.scene.patches[p]
-        columns = [WRENCH_NAMES.index(name) for name in self._components[patch.name]]
-        own = self._selection[:, p, WRENCH_NAMES.index(patch.normal.component)] if patch.normal.component else 0.0
-        return self._selection[:, p][:, columns], np.broadcast_to(patch.normal.sign * own, len(self.load_names))
+        patch, picked = self._patches[p], self.scene.selection(self.load_names)[:, p]
+        return picked[:, patch.columns], picked @ patch.own
 
     def function(self) -> ca.Function | None:
         """casadi.Function pose (6) -> loads (L), where every fit has a formula."""
@@ -150,7 +147,7 @@ def splines(samples: Samples, target: str, names: Sequence[str], nodes: int) -> 
             normal, size = patch.normal.of(wrench), np.where(np.ptp(x, axis=0), np.ptp(x, axis=0), 1.0)
             touching = np.flatnonzero(normal > scene.boundary_load)
             nearest = touching[cKDTree(x[touching] / size).query(x / size)[1]]
-            picked = [WRENCH_NAMES.index(name) for name in patch_components(scene)[patch.name]]
+            picked = patch_networks(scene, {})[p].columns
             return np.asarray(wrench[nearest][:, picked] / normal[nearest, None])
 
         for name, values in ((root_name(patch.name), root), (ratios_name(patch.name), ratios)):
