@@ -162,8 +162,7 @@ class Solution:
 
 class Walk:
     """The problem of a motion's frames, one given the last, or all at once. before: secondary coordinates (f) before
-    the first frame; if left out at rest in it, without loads, muscles at `REST`, all others having moved there from the
-    model's default."""
+    the first frame; if left out at rest in it, without loads, muscles at `REST`, reached from the model's default."""
 
     def __init__(self, assembly: Assembly, motion: Motion, settings: Settings, before: Array | None = None) -> None:
         self.assembly, self.motion, self.settings = assembly, motion, settings
