@@ -1,7 +1,8 @@
 """How exact finite elements are, mesh by mesh, and `knee_fem` beside them: how slow is the mesh of its own error?
 
 Against loads of the most layers, corrected by what the narrowest nodes change on two layers. Poses: samples of D1 held
-back (``casadi-contact build knee_fem --model finite-elements``). Of `knee_fem` also bias and coverage over all of them.
+back (``casadi-contact build knee_fem --model finite-elements --preset standard``). Of `knee_fem` also bias and coverage
+over all of them.
 """
 
 from functools import partial
@@ -16,7 +17,7 @@ from casadi_contact.samples.samples import TEST, read_samples
 from casadi_contact.workflow.benchmark.candidates import compare, time_batch, time_single_calls
 
 
-def main(samples: Path = Path("results/knee_fem-quick/samples.h5"), most_layers: int = 5) -> None:
+def main(samples: Path = Path("results/knee_fem-standard/samples.h5"), most_layers: int = 5) -> None:
     """Print errors, times, and the ratio of times at the same error."""
     whole, surrogate = read_samples(samples), cc.load_surrogate("knee_fem")
     scene, names, known, unseen = whole.scene, whole.scene.load_names, whole.select("D1"), whole.select(role=TEST)

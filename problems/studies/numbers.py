@@ -36,13 +36,11 @@ def headline(data: Path) -> str:
     times = "; ".join(number(whole[name]) for name in (quickest, "knee", grid)) + " ms"
     errors = f"{number(knee.force_rms_n)} N, {number(knee.torque_rms_nmm)} N·mm"
     what = f"whole pose estimation of a walking cycle, a frame: {quickest}; `knee`; {grid}"
-    of_elements = f"time per pose of {grid} (elastic foundation, that many elements a side), divided by that of `knee`"
     rows = [
         [what, times, "`python -m problems.studies.solve_time`"],
         [f"RMS error of `knee` on {front.header['walking_poses']} unseen poses of walking", errors, f"`{FRONT}`"],
         ["time per pose of loads, Jacobian, Hessian of `knee`, compiled (lowest of 7)", f"{kernel} µs", f"`{FRONT}`"],
         _fastest_untrained(front, knee, machines),
-        [of_elements, _ratio(machines, grid, "knee"), f"`{FRONT}`"],
     ]
     if (forms := data / "casadi_forms.json").is_file():
         rows.append(_other_forms(read(forms)["surrogates"]["knee"]))
