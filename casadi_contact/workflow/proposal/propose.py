@@ -134,8 +134,8 @@ def propose(
 
 
 def load_meshes(files: Mapping[str, Path], unit: str | None) -> tuple[str, dict[str, TriangleMesh]]:
-    """The unit, and both meshes [mm]: the given unit, else mm or m, in which they have the size of a joint, of at least
-    10 mm: files in centimetres or inches would seem smaller."""
+    """The unit, and both meshes [mm]: the given unit, else mm or m, in which they have the size of a joint, of 10 mm to
+    1 m: files in centimetres or inches would seem smaller, and larger in m."""
     errors = []
     for candidate in (unit,) if unit else ("mm", "m"):
         try:
@@ -144,7 +144,8 @@ def load_meshes(files: Mapping[str, Path], unit: str | None) -> tuple[str, dict[
             errors.append(str(error))
             continue
         extent = max(map(extent_mm, meshes.values()))
-        if unit is None and extent < 10.0:
+        if unit is None and not 10.0 <= extent <= 1000.0:
+            extent /= MM_PER_UNIT[candidate]
             sizes = [f"{extent * MM_PER_UNIT[other]:.3g} mm across in {other}" for other in ("mm", "cm", "inch")]
             names = " and ".join(path.name for path in files.values())
             raise ValueError(f"the larger of {names} is {', '.join(sizes)}: give the unit by --units")
