@@ -25,7 +25,8 @@ from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.opensim import TIME, read_opensim_table
 from casadi_contact.workflow.opensim_import.importing import states_of
 from casadi_contact.workflow.opensim_import.model_file import opensim_root
-from problems.comak import Motion, draw, loads_table, names_of, read_loads, write_values
+from problems.comak import draw
+from problems.measured_motion import Motion, loads_table, names_of, read_loads, write_values
 from problems.summary import write_summary
 
 

@@ -1,4 +1,4 @@
-"""Balance of some coordinates of a `Assembly` in one frame of a motion, with derivatives fast enough for IPOPT.
+"""Balance of some coordinates of an `Assembly` in one frame of a motion, with derivatives fast enough for IPOPT.
 
 Free are some coordinates x and their rates v; the others, their rates and all accelerations come from a motion. With d
 the direction that multipliers λ of the balanced coordinates span, the Lagrangian of the balance is
