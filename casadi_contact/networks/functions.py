@@ -75,8 +75,7 @@ class ContactFunctions(ABC):
         Zero load has zero slope: an optimiser that lost contact stays there. Use `ContactInOpti`.
         Works in ``map`` and in nlpsol. compiled: whether to take a kernel in C where the model has one, compiled once
         and kept in the user's cache folder; where that fails, one warning and the slower form. A kernel has no third
-        derivatives, and no file carries it (the library lies in the cache).
-        A function of several poses at once has the name ``name_of_frames``.
+        derivatives, and no file carries it (the library lies in the cache). Of several poses it is ``name_of_frames``.
         parameters: of a foundation some of `contact.symbolic.PARAMETERS`, a last input (m) in their order: the
         layer's material, and where the fixed body lies in the scene's frame, which pose and loads then refer to.
         velocity: of a foundation, a second input (6): the time derivative of the pose, tx..rz [mm/s, rad/s], with which

@@ -97,7 +97,7 @@ def costs(model: CompiledFoundation | Surrogate, poses: Array) -> Array:
     rows, given = [], np.hstack([poses, np.tile(RATES, (len(poses), 1))])
     for size in (6, 12):
         x = ca.MX.sym("x", size)
-        loads = model.function(velocity=True)(x[:6], x[6:]) if size == 12 else model.function()(x)
+        loads = model.function(velocity=size == 12)(*ca.vertsplit(x, 6))
         weighed = ca.dot(np.cos(np.arange(loads.numel())), loads)
         parts = (loads, ca.jacobian(loads, x), ca.hessian(weighed, x)[0])
         maps = [ca.Function("part", [x], [part]).map(len(poses)) for part in parts]
