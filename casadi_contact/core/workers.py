@@ -29,7 +29,7 @@ class _OwnPool(ProcessPoolExecutor):  # type: ignore[misc]
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """our loops and BLAS on one thread, where all cores are in use already, or where times are compared."""
+    """Our loops and BLAS on one thread, where all cores are in use already, or where times are compared."""
     from threadpoolctl import threadpool_limits
 
     with at_most_threads(1), threadpool_limits(1):

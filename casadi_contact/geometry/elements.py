@@ -34,12 +34,7 @@ def cell_middles(count: int) -> Array:
     return (2.0 * np.arange(count) + 1.0) / count - 1.0
 
 
-def grid_elements(
-    centres: Array,
-    normals: Array,
-    areas: Array,
-    outermost: np.ndarray | None = None,
-) -> ElementGrid:
+def grid_elements(centres: Array, normals: Array, areas: Array, outermost: np.ndarray | None = None) -> ElementGrid:
     """Elements of a patch's cells (nx, nz), those of no area left out.
 
     Outermost are those at the edge of the patch or beside a cell of no area, or of these the ones named (nx, nz).

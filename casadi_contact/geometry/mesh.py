@@ -13,7 +13,7 @@ import numpy as np
 from casadi_contact.core.conventions import Array, rotation
 from casadi_contact.core.files.reading import MOST_MESH, checked_size, existing_file, sha256_of
 from casadi_contact.geometry.mesh_formats import FORMATS, read_triangles
-from casadi_contact.geometry.triangle_mesh import RayCaster, TriangleMesh, directed_edges, point_words, undirected_edges
+from casadi_contact.geometry.triangle_mesh import RayCaster, TriangleMesh, directed_edges, point_words
 
 MM_PER_UNIT = {"m": 1000.0, "mm": 1.0, "cm": 10.0, "inch": 25.4}
 FILE_AXES = ("x", "y", "z")  # axes as they are in the file
@@ -209,7 +209,7 @@ def check_outside(mesh: TriangleMesh, flat_mm: float = 1e-6) -> None:
     a, b, c = np.moveaxis(mesh.corners_mm - mesh.vertices_mm.mean(axis=0), 1, 0)
     volume = np.bincount(piece, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0, count)  # to one point, signed
     inward = volume < -flat_mm * np.bincount(piece, areas, count)
-    inward[piece[_at_boundary(mesh)]] = False
+    inward[piece[mesh.open_sides.any(axis=1)]] = False
     wrong = np.flatnonzero(inward)
     if count > 1 and len(wrong):
         largest = np.lexsort((-areas, piece))[np.searchsorted(np.sort(piece), wrong)]
@@ -259,13 +259,6 @@ def _near(corners_mm: Array, contact: Sequence[Box] | None, margin_mm: float = 3
         )
         near |= reaches.all(axis=1)
     return near
-
-
-def _at_boundary(mesh: TriangleMesh) -> np.ndarray:
-    """True (f,) for triangles with an edge on the mesh's boundary."""
-    size = len(mesh.vertices_mm)
-    edges = undirected_edges(mesh.faces) @ [size, 1]
-    return np.asarray(np.isin(edges, mesh.boundary_edges @ [size, 1]).reshape(3, -1).any(axis=0))
 
 
 def _solid_behind(mesh: TriangleMesh, triangles: np.ndarray, below_mm: float = 1e-3) -> np.ndarray:

@@ -235,10 +235,3 @@ def triangles_on_mesh(mesh: TriangleMesh, field: DistanceField, iterations: int 
         centres -= (value / (gradient**2).sum(axis=1))[:, None] * gradient
     normals = gradient / np.linalg.norm(gradient, axis=1, keepdims=True)
     return centres, normals, mesh.areas_mm2
-
-
-def open_triangles(mesh: TriangleMesh) -> np.ndarray:
-    """True (f,) for triangles with a corner on an open edge of the mesh."""
-    on_edge = np.zeros(len(mesh.vertices_mm), dtype=bool)
-    on_edge[mesh.boundary_edges.ravel()] = True
-    return on_edge[mesh.faces].any(axis=1)

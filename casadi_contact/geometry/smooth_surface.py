@@ -37,14 +37,7 @@ class SmoothSurface:
         self.mesh = mesh
         smooth = split_at_creases(mesh)
         self._corner_normals = fitted_normals(smooth)[smooth.faces]
-        size = len(mesh.vertices_mm)
-        codes = mesh.boundary_edges @ [size, 1]
-        # Edge k of a face lies opposite its corner k.
-        sides = np.stack([mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]], mesh.faces[:, [0, 1]]], axis=1)
-        self._open_side = np.isin(np.sort(sides, axis=2) @ [size, 1], codes)
-        open_vertex = np.zeros(size, dtype=bool)
-        open_vertex[mesh.boundary_edges.ravel()] = True
-        self._open_corner = open_vertex[mesh.faces]
+        self._open_opposite = np.roll(mesh.open_sides, -1, axis=1)  # where share k is 0, the side opposite corner k
 
     def distance(self, points_mm: Array, chunk: int = 200_000) -> Array:
         """Signed distances (n,) [mm] of points (n, 3)."""
@@ -100,11 +93,10 @@ class SmoothSurface:
         return side
 
     def _at_open_edge(self, face: np.ndarray, share: Array) -> np.ndarray:
+        """Mask (n,) of points by shares (n, 3) of their face's corners: on an open side, or at a corner of one."""
         zero = share < 1e-9
-        return np.asarray(
-            (zero & self._open_side[face]).any(axis=1)
-            | ((zero.sum(axis=1) == 2) & ((share > 0.5) & self._open_corner[face]).any(axis=1))
-        )
+        at_corner = (zero.sum(axis=1) == 2) & ((share > 0.5) & self.mesh.open_corners[face]).any(axis=1)
+        return np.asarray((zero & self._open_opposite[face]).any(axis=1) | at_corner)
 
     def _patch(self, face: np.ndarray, share: Array) -> tuple[Array, Array]:
         """Point and unit normal of each face's PN patch at barycentric shares (n, 3)."""

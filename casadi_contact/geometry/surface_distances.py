@@ -4,7 +4,7 @@ import numpy as np
 
 from casadi_contact.core.compilation import njit
 from casadi_contact.core.conventions import Array
-from casadi_contact.geometry.distance_field import field_distance, field_distances, field_hessian, field_value
+from casadi_contact.geometry.distance_field import field_distance, field_distances, field_hessian
 from casadi_contact.geometry.moving_surface import (
     CYLINDER,
     HALF_SPACE,
@@ -42,14 +42,6 @@ def signed_distance(family, parameters, x, y, z):
     if family == MESH_FIELD:
         return field_distance(parameters, x, y, z)
     return -parameters[0] * y, 0.0, -parameters[0], 0.0
-
-
-@njit(inline="always")
-def signed_distance_value(family, parameters, x, y, z):
-    """g(q) alone."""
-    if family == MESH_FIELD:
-        return field_value(parameters, x, y, z)
-    return signed_distance(family, parameters, x, y, z)[0]
 
 
 def distance_derivatives(surface: MovingSurface, points: Array) -> tuple[Array, Array, Array]:

@@ -70,6 +70,18 @@ class TriangleMesh:
         size = len(self.vertices_mm)
         return single[~np.isin(single @ [size, 1], filled[times % 2 == 1] @ [size, 1])]
 
+    @cached_property
+    def open_sides(self) -> np.ndarray:
+        """True (f, 3) for the sides of triangles, from corner k to the next, that are boundary edges."""
+        size = len(self.vertices_mm)
+        codes = undirected_edges(self.faces) @ [size, 1]
+        return np.asarray(np.isin(codes, self.boundary_edges @ [size, 1]).reshape(3, -1).T)
+
+    @cached_property
+    def open_corners(self) -> np.ndarray:
+        """True (f, 3) for the corners of triangles at which a boundary edge ends."""
+        return np.isin(self.faces, self.boundary_edges)
+
     @property
     def _gap_fillers(self) -> np.ndarray:
         """The slivers (s, 3) of groups joined by edges in which no edge is left over, as one is at an open rim."""
@@ -149,9 +161,6 @@ def distinct_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarra
 
 def joined_by_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Groups of triangles joined by edges: of each triangle (f,); the edges (e, 2), their groups and triangles (e,)."""
-    from scipy import sparse  # here: reading a scene needs no SciPy
-    from scipy.sparse.csgraph import connected_components
-
     count, (edges, edge, times) = len(faces), distinct_edges(faces)
     triangle = np.tile(np.arange(count), 3)
     links = sparse.coo_matrix((np.ones(3 * count), (triangle, count + edge)), shape=(count + len(edges),) * 2)

@@ -1,6 +1,8 @@
 """Networks as CasADi MX expressions, layer by layer: matrix nodes keep the graph small (about 13 instructions), and
 CasADi differentiates it to any order. Nothing is ever expanded to scalars."""
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 
@@ -22,18 +24,14 @@ def nan_if_not_finite(pose: ca.MX, values: ca.MX) -> ca.MX:
     return values * (1.0 + nan_marker(pose))
 
 
-def network_value(network: Network, x: ca.MX) -> ca.MX:
-    """The outputs (m) of a network for a column x of k inputs."""
+def network_value(network: Network, x: Any) -> Any:
+    """The outputs (m) of a network for a column x of k inputs, in MX; for a small network in SX too."""
     # Input and output scales are folded into the first and last weights; the shift stays, for the digits' sake.
     weights = [np.asarray(w, dtype=float) for w in network.weights]
     weights[0] = weights[0] / np.asarray(network.input_scale)
     weights[-1] = np.reshape(network.output_scale, (-1, 1)) * weights[-1]
     biases = [*network.biases[:-1], network.output_scale * network.biases[-1]]
-    a, sigma = x - _constant(network.input_shift), activation_of(network.activation).derivatives
+    a, sigma = x - ca.DM(network.input_shift), activation_of(network.activation).derivatives
     for weight, bias in zip(weights[:-1], biases[:-1], strict=True):
-        (a,) = sigma(ca, ca.mac(_constant(weight), a, _constant(bias)), 0)
-    return ca.mac(_constant(weights[-1]), a, _constant(biases[-1]))
-
-
-def _constant(array: np.ndarray) -> ca.MX:
-    return ca.MX(ca.DM(array))
+        (a,) = sigma(ca, ca.mac(ca.DM(weight), a, ca.DM(bias)), 0)
+    return ca.mac(ca.DM(weights[-1]), a, ca.DM(biases[-1]))

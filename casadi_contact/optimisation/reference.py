@@ -21,6 +21,7 @@ from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import Array, as_poses, rotation
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.mesh_bodies import bare_mesh, body_field, body_mesh, body_surface, field_spacing
+from casadi_contact.scenes.shapes.shape import shape_named
 
 
 def reference_model(of: Scene | SymbolicContact, grid: str = "teacher") -> ContactModel | str:
@@ -69,7 +70,7 @@ def off_finer(model: ElasticFoundation, poses: Array, names: Sequence[str], allo
 def _scaled(model: ElasticFoundation, times: float, most_mm: float = 1.5) -> ElasticFoundation:
     """The model with so many times the elements a side, and of meshes fields whose nodes lie √times closer."""
     scene, (nx, nz) = model.scene, model.grid
-    if scene.shape == "mesh":
+    if shape_named(scene.shape).mesh_bodies:
         finer = [min(field_spacing(scene.geometry, body) / np.sqrt(times), most_mm) for body in ("moving", "fixed")]
         spacing = dict(zip(("moving", "fixed"), finer, strict=True))
         scene = Scene.from_tables({**scene.tables, "geometry": {**scene.geometry, "spacing": spacing}})

@@ -9,7 +9,7 @@ import numpy as np
 from casadi_contact.contact.approach import trace_gap
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.pressures import PressureMap
-from casadi_contact.core.conventions import POSE_NAMES, Array, as_poses, load_selection
+from casadi_contact.core.conventions import POSE_NAMES, Array, as_poses, evenly_spaced_indices, load_selection
 from casadi_contact.core.quantities import quantity, three_digits
 from casadi_contact.pictures.page import (
     CENTRE_OF_PRESSURE,
@@ -35,7 +35,7 @@ def draw_contact(model: ElasticFoundation, poses: Array, path: str | Path) -> No
     poses = as_poses(poses)
     if not len(poses):
         raise ValueError("there is no pose to draw, expected one or more")
-    chosen = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), MOST_FRAMES)).round().astype(int))
+    chosen = evenly_spaced_indices(len(poses), MOST_FRAMES)
     drawn = _one(model, poses[0]) if len(poses) == 1 else _strip(model, poses[chosen], chosen)
     save_page(drawn, path, bbox_inches="tight")
 
@@ -153,17 +153,17 @@ def surface_fits(model: ElasticFoundation) -> list[str]:
 
 
 def draw_fit(model: ElasticFoundation, path: str | Path) -> None:
-    """Write a picture of both meshes' vertices in their bodies' frames, each seen from where the other body lies and
-    coloured by its signed distance from the smooth surface (above zero the vertex lies outside it)."""
+    """Write a picture of the vertices of each mesh in its body's frame, seen from where the other body lies and
+    coloured by their signed distance from the smooth surface (above zero a vertex lies outside it)."""
     scene, view = model.scene, view_of(model)
-    meshes = {body: body_mesh(scene.geometry, body) for body in ("moving", "fixed")}
+    meshes = {body: body_mesh(scene.geometry, body) for body in shape_named(scene.shape).mesh_bodies}
     fields = {body: body_field(scene.geometry, body) for body in meshes}
     off_um = {body: _UM_PER_MM * fields[body](mesh.vertices_mm)[0] for body, mesh in meshes.items()}
     largest = max(float(np.quantile(np.abs(off), _COLOURED_SHARE)) for off in off_um.values()) or 1.0
-    figure = new_figure(11.0, 4.8)
-    axes = figure.subplots(1, 2)
-    for axis, body, seen in zip(axes, meshes, (view.behind, view), strict=True):
-        mesh, colours = meshes[body], {"cmap": "RdBu_r", "clim": (-largest, largest)}
+    figure = new_figure(5.5 * len(meshes), 4.8)
+    axes = figure.subplots(1, len(meshes), squeeze=False)[0]
+    for axis, (body, mesh) in zip(axes, meshes.items(), strict=True):
+        seen, colours = view.behind if body == "moving" else view, {"cmap": "RdBu_r", "clim": (-largest, largest)}
         order = np.argsort(mesh.vertices_mm @ seen.toward.pointing)  # far ones first: they are hidden
         reach = 1.5 * np.sqrt(np.median(mesh.areas_mm2))
         drawn = discs(axis, mesh.vertices_mm[order], reach, seen, array=off_um[body][order], **colours)

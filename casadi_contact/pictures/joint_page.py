@@ -140,7 +140,11 @@ class PageCells(CellFoundation):
 
 
 def page_contact(scene: Scene) -> CompiledFoundation:
-    """`foundation` of a scene, or for meshes `PageCells`: the page's numbers are those of this model."""
+    """`foundation` of a scene, or for meshes `PageCells`: the page's numbers are those of this model. Raises ValueError
+    for a layer of varying thickness, of which no foundation gives pressures."""
+    if scene.layer is not None and scene.varies:
+        cure = "leave out material.thickness_map and geometry.backing"
+        raise ValueError(f"scene {scene.name}: a page draws pressures, which need one thickness of the layer: {cure}")
     return PageCells(scene) if scene.shape == "mesh" else foundation(scene)
 
 

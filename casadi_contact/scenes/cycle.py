@@ -145,6 +145,8 @@ def read_cycle(path: str | Path, scene: Scene | None = None) -> Cycle:
             if unit not in units:
                 expected = ", ".join(f"{name}_{of}" for of in units)
                 raise ValueError(f"{path} has the column {column}, expected its unit at the end: {expected}")
+            if name in curves:
+                raise ValueError(f"{path} has {name} in two columns, {column} and another, expected one: leave one out")
             curves[name] = units[unit] * table.numbers(column)
     if not set(loads) & set(curves):
         raise ValueError(

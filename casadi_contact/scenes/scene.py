@@ -21,14 +21,7 @@ from casadi_contact.geometry.moving_surface import MovingSurface
 from casadi_contact.scenes.material import FRICTION_NAMES, Friction, Material
 from casadi_contact.scenes.normal_load import LoadsTable, NormalLoad, Patch, in_sum
 from casadi_contact.scenes.pose_space import PoseSpace
-from casadi_contact.scenes.shapes.checks import (
-    fail,
-    grid_size,
-    number,
-    plain_values,
-    scene_name,
-    table_of,
-)
+from casadi_contact.scenes.shapes.checks import fail, grid_size, number, plain_values, scene_name, table_of
 from casadi_contact.scenes.shapes.shape import shape_named
 
 FORMAT = 1

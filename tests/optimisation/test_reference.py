@@ -5,6 +5,7 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.optimisation.reference import (
+    off_finer,
     share_beyond_open_edges,
     share_on_walls,
     share_outside_patches,
@@ -18,6 +19,7 @@ from tests.support.meshes import (
     ball_mesh,
     cap_mesh,
     force_n,
+    ground_scene_text,
     mesh_scene_text,
     sheet_mesh,
     wheel_mesh,
@@ -169,3 +171,19 @@ def test_a_cap_that_stands_upright_bears_within_itself_and_one_that_is_turned_on
     assert unmodelled_load_words({"beyond_open_edges": closed}) == {}
     many = np.tile([upright, tilted, apart], (150, 1))  # more than are looked up at once
     np.testing.assert_allclose(share_beyond_open_edges(model, many), np.tile(share, 150), rtol=1e-12)
+
+
+@pytest.mark.parametrize("on_ground", [False, True])
+def test_elements_and_fields_of_meshes_are_both_refined_to_tell_what_they_are_off_by(sheets, on_ground):
+    """A coarse distance field of a mesh on the ground counts as that of two meshes does."""
+    text = ground_scene_text("cap.obj") if on_ground else mesh_scene_text("cap.obj", "plane.obj")
+    path, pose = sheets / f"coarse_{on_ground}.toml", np.array([[0.0, 19.9, 0.0, 0.0, 0.0, 0.0]])
+    path.write_text(text.replace("units", "spacing = 1.4\nunits"))
+    scene = cc.load_scene(path)
+    coarse, fine = (
+        cc.ElasticFoundation(scene.with_overrides(spacing=1.4 / times), (int(20 * times**2),) * 2)
+        for times in (1.0, np.sqrt(2.0))
+    )
+    pose *= -1.0 if on_ground else 1.0
+    off = off_finer(coarse, pose, ("Fy",), np.zeros((1, 1)))
+    np.testing.assert_allclose(off, (coarse(pose) - fine(pose))[:, [1]], rtol=1e-9)

@@ -77,9 +77,11 @@ def test_without_its_compiler_the_command_says_what_to_install(monkeypatch, tmp_
     assert not list(tmp_path.iterdir())
 
 
-def test_a_surrogate_of_another_scene_is_refused():
+def test_a_surrogate_of_another_scene_and_a_scene_without_pressures_are_refused():
     with pytest.raises(ValueError, match=r"another scene \(knee\)"):
         joint_page("hip", surrogate="knee")
+    with pytest.raises(ValueError, match="thickness"):
+        joint_page("foot_on_ground")
 
 
 def test_the_library_that_draws_is_the_one_that_its_makers_published():

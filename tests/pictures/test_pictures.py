@@ -8,7 +8,7 @@ import casadi_contact as cc
 from casadi_contact.cli.main import app
 from casadi_contact.pictures.contact_picture import draw_contact, loads_text, pressures_text, surface_fits
 from casadi_contact.pictures.page import new_page, save_page
-from tests.support.meshes import cap_mesh, mesh_scene_text, sheet_mesh, write_obj
+from tests.support.meshes import cap_mesh, ground_scene_text, mesh_scene_text, sheet_mesh, write_obj
 
 POSE = np.array([0.5, 27.2, 0.1, 0.0, -0.05, -0.3])
 PNG = b"\x89PNG"
@@ -46,10 +46,12 @@ def test_the_loads_of_a_picture_are_the_models(model):
     assert loads_text(model, POSE, ("Fy_lat", "Tz")) == f"Fy_lat {loads['Fy_lat']:.0f} N, Tz {loads['Tz']:.0f} N·mm"
 
 
-def test_of_meshes_the_fit_is_drawn_as_well_and_of_others_it_is_not(tmp_path, model):
+@pytest.mark.parametrize("fixed", ["sheet", "cap"])
+def test_of_meshes_the_fit_is_drawn_as_well_and_of_others_it_is_not(tmp_path, model, fixed):
     write_obj(tmp_path / "cap.obj", *cap_mesh(20.0, 1.2, 0.5))
     write_obj(tmp_path / "sheet.obj", *sheet_mesh(20.0, 1.0))
-    (tmp_path / "scene.toml").write_text(mesh_scene_text("cap.obj", "sheet.obj"))
+    text = mesh_scene_text("cap.obj", "sheet.obj") if fixed == "sheet" else ground_scene_text("cap.obj")
+    (tmp_path / "scene.toml").write_text(text)
     result = CliRunner().invoke(app, ["show", str(tmp_path / "scene.toml"), "--out", str(tmp_path / "meshes.png")])
     assert result.exit_code == 0, result.output
     for name in ("meshes.png", "meshes_fit.png"):

@@ -75,10 +75,10 @@ def test_columns_are_converted_by_the_unit_in_their_name(tmp_path):
     assert (cycle.pose["tx"][0], cycle.loads["Fy"][0]) == pytest.approx((2.0, 900.0))
 
 
-@pytest.mark.parametrize("header", ["rz_rad", "rz", "rz_grad", "Fy_BW"])
-def test_angles_in_degrees_and_names_without_a_known_unit_are_refused(tmp_path, header):
+@pytest.mark.parametrize("header", ["rz_rad", "rz", "rz_grad", "Fy_BW", "Fx_kN"])
+def test_angles_in_degrees_names_without_a_known_unit_and_a_second_column_are_refused(tmp_path, header):
     (tmp_path / "cycle.csv").write_text(f"time_s,Fx_N,{header}\n0.0,900,30\n0.1,900,30\n")
-    with pytest.raises(ValueError, match=r"radians|unit"):
+    with pytest.raises(ValueError, match=r"radians|unit|two"):
         read_cycle(tmp_path / "cycle.csv", cc.load_scene("hip"))
 
 

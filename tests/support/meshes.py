@@ -121,6 +121,15 @@ boundary_load = 5.0
 """
 
 
+def ground_scene_text(fixed):
+    """A scene file of a mesh that the ground presses from below."""
+    text = mesh_scene_text(
+        "ground", fixed, extra="pressing = [0.0, 1.0, 0.0]\nstart_pose = [0.0, -20.0, 0.0, 0.0, 0.0, 0.0]"
+    )
+    text = text.replace('"mesh"', '"mesh_on_ground"').replace('moving = "ground"\n', "")
+    return text.replace('sensitive = ["Fy"]', 'sensitive = ["+Fy"]')
+
+
 def scene_of(folder, moving, fixed, **settings):
     """The scene of two meshes (vertices, faces), whose files are written to a folder; settings as `mesh_scene_text`."""
     for name, mesh in (("moving.obj", moving), ("fixed.obj", fixed)):

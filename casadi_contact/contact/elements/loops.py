@@ -14,7 +14,7 @@ from casadi_contact.contact.pressure_law import pressure
 from casadi_contact.core.compilation import njit
 from casadi_contact.geometry.distance_field import CURVATURE_REACH_MM, field_curvature
 from casadi_contact.geometry.moving_surface import MESH_FIELD, NUMBERS_PER_ARC, SWEPT_ARCS
-from casadi_contact.geometry.surface_distances import signed_distance, signed_distance_value
+from casadi_contact.geometry.surface_distances import signed_distance
 
 STEEPEST_FIELD = 1.1  # slope of a mesh's distance field: 1, and what its spline overshoots at sharp edges
 _VECTORS: Any = {"error_model": "numpy", "fastmath": {"contract", "nsz", "arcp", "reassoc"}}  # sums in any order
@@ -99,7 +99,7 @@ def point_distances(family, parameters, points, R, t):
     distances = np.empty(len(points))
     for k in range(len(points)):
         qx, qy, qz = to_moving(R, t, points[k, 0], points[k, 1], points[k, 2])
-        distances[k] = signed_distance_value(family, parameters, qx, qy, qz)
+        distances[k] = signed_distance(family, parameters, qx, qy, qz)[0]
     return distances
 
 
@@ -259,7 +259,7 @@ def _patch_gap(family, parameters, elements, R, t, slope):
             if point_bound(tangent, dx, dy, dz) >= max(best, 0.0):
                 continue
             qx, qy, qz = to_moving(R, t, centres[e, 0], centres[e, 1], centres[e, 2])
-            g = signed_distance_value(family, parameters, qx, qy, qz)
+            g = signed_distance(family, parameters, qx, qy, qz)[0]
             if g < best:
                 best = g
                 nearest = e

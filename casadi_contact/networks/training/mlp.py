@@ -52,14 +52,7 @@ class Mlp:
     single_from: number of rows from which on JᵀJ·v is computed in single precision.
     """
 
-    def __init__(
-        self,
-        like: Network,
-        data: Regression,
-        chunk_rows: int = 2000,
-        *,
-        single_from: int = 5000,
-    ) -> None:
+    def __init__(self, like: Network, data: Regression, chunk_rows: int = 2000, *, single_from: int = 5000) -> None:
         self.like, self.rows, self.outputs = like, len(data.targets), like.outputs
         self.shapes = layer_shapes(data.inputs.shape[1], like.hidden, self.outputs)
         self.parameter_count = like.parameter_count

@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from casadi_contact.core.conventions import Array, check_above_zero
-from casadi_contact.networks.activations import activation_of
+from casadi_contact.networks.graph import network_value
 from casadi_contact.networks.network import Network
 from casadi_contact.optimisation.assembly.joints import Chain, frame, inverse, point_at
 
@@ -33,7 +33,7 @@ class Wrap:
 
     def excess(self, x: Any) -> Any:
         """Of the points' coordinates (3·points) in the body's frame [mm]."""
-        return value_of(self.network, x)
+        return network_value(self.network, x)
 
 
 @dataclass(frozen=True)
@@ -101,15 +101,6 @@ class Path:
         if self.wrap is None:
             return self.straight(chain)
         return self.straight(chain) + self.wrap.excess(self.inputs(chain, self.wrap.body, self.wrap.points))
-
-
-def value_of(network: Network, x: Any) -> Any:
-    """A small network's value, number by number."""
-    a, sigma = (x - ca.DM(network.input_shift)) / ca.DM(network.input_scale), activation_of(network.activation)
-    for weight, bias in zip(network.weights[:-1], network.biases[:-1], strict=True):
-        (a,) = sigma.derivatives(ca, ca.mtimes(ca.DM(weight), a) + ca.DM(bias), 0)
-    last = ca.mtimes(ca.DM(network.weights[-1]), a) + ca.DM(network.biases[-1])
-    return network.output_scale * last
 
 
 @dataclass(frozen=True)

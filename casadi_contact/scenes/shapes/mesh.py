@@ -151,7 +151,7 @@ class Mesh(Shape):
 
     def elements(self, geometry: Geometry, grid: tuple[int, int]) -> list[ElementGrid]:
         """As of any shape, or each patch's triangles, whatever the grid; outermost are those where the patch is cut."""
-        from casadi_contact.geometry.projection import open_triangles, triangles_on_mesh
+        from casadi_contact.geometry.projection import triangles_on_mesh
         from casadi_contact.scenes.shapes import mesh_bodies as bodies
 
         field = bodies.body_field(geometry, "fixed")
@@ -163,7 +163,7 @@ class Mesh(Shape):
         triangles = [triangles_on_mesh(mesh, field) for mesh in meshes]
         bodies.check_shared(geometry, triangles)
         patches = zip(meshes, triangles, strict=True)
-        return [scattered_elements(*of_patch, open_triangles(mesh)) for mesh, of_patch in patches]
+        return [scattered_elements(*of_patch, mesh.open_corners.any(axis=1)) for mesh, of_patch in patches]
 
     def thickness_at(self, geometry: Geometry, points_mm: Array, normals: Array) -> Array | None:
         """The way to the backing along the inward normals, where the scene names one."""
