@@ -8,7 +8,7 @@ import casadi_contact.geometry.elements as grids
 from casadi_contact.contact.elements.loops import block_bounds, point_bound
 from casadi_contact.core.conventions import rotation
 from casadi_contact.geometry.moving_surface import MESH_FIELD
-from casadi_contact.geometry.surface_distances import signed_distance_value
+from casadi_contact.geometry.surface_distances import signed_distance
 from casadi_contact.pictures.contact_picture import contact_pose
 from tests.support.agreement import differences
 from tests.support.meshes import scene_of, sheet_mesh, torus_mesh
@@ -79,5 +79,5 @@ def test_distances_of_many_points_are_those_of_each(case):
     model, patch = cc.ElasticFoundation(scene, (10, 10)), scene.patch_names[0]
     points = poses[0, :3] + 30.0 * np.random.default_rng(2).normal(size=(200, 3))
     surface, frame = scene.surfaces()[0], rotation(poses[0, 3:])
-    each = [signed_distance_value(surface.family, surface.parameters, *q) for q in (points - poses[0, :3]) @ frame]
+    each = [signed_distance(surface.family, surface.parameters, *q)[0] for q in (points - poses[0, :3]) @ frame]
     np.testing.assert_allclose(model.distances(points, poses[0], patch), each, atol=1e-10)
