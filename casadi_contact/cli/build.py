@@ -101,7 +101,7 @@ def sample(
     model: ModelName = "elements",
     out: Out = None,
 ) -> None:
-    """Draw samples of the elastic foundation in domains D1 to D7."""
+    """Draw samples of the contact model in domains D1 to D7."""
     files = [*(cycles or []), *(more_cycles or [])]
     pipeline.check_single_source(table, files, model)
     project = Project.open(scene, preset, out)

@@ -113,7 +113,7 @@ def import_(
 ) -> None:
     """Turn an OpenSim or JAM model into an assembly for cc.load_assembly: one function of all coordinates.
 
-    Needs the extra opensim. What of the model is lost is told, by name."""
+    Needs the extra opensim. Lists by name what of the model is lost."""
     _check_free([out / "assembly.toml"], force)
     with progress_bars(console) as update:
         say(import_model(model, out, joint=joint, geometry=geometry or (), motion=motion, progress=update))

@@ -179,12 +179,11 @@ def chart(
     peers: Peers | None = None,
     update: Update | None = None,
     tell: Callable[[str], None] | None = None,
-    executor: Executor | None = None,
 ) -> list[Path]:
     """Train the sizes of the project's chart, measure them beside all else and draw it; return all paths, the table's
     first. Raises FileNotFoundError without samples, ValueError for samples of a table."""
     refuse_without_elements(project)
     read_motion(project)  # refuses samples of a table, before an hour of training
-    train_sizes(project, update=update, executor=executor)
+    train_sizes(project, update=update)
     path = measure_project(project, peers=peers, tell=tell)
     return [path, *save(draw_speed_accuracy(read_front(path)), project.folder, "speed_accuracy")]

@@ -34,13 +34,13 @@ from casadi_contact.core.compilation import announce
 from casadi_contact.core.files.reading import short
 from casadi_contact.core.files.writing import replacing
 from casadi_contact.core.interrupts import terminated_as_interrupted
+from casadi_contact.core.machine import CFLAGS_VARIABLE, cpuinfo
 
 FLAGS = ("-std=gnu99", "-O3", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
 NATIVE = ("-march=native",)
 SUFFIX = ".dylib" if sys.platform == "darwin" else ".so"
 DATA_FILE = "kernel.bin"
 CACHE_VARIABLE = "CASADI_CONTACT_CACHE"
-CFLAGS_VARIABLE = "CASADI_CONTACT_CFLAGS"
 
 
 class CompilerError(OSError):
@@ -80,11 +80,7 @@ def _compiler_version(command: tuple[str, ...]) -> str:
 @cache
 def _processor() -> str:
     """What -march=native depends on."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(errors="replace").splitlines()
-    except OSError:
-        return platform.processor() + platform.machine()
-    return "".join(sorted({line for line in lines if line.startswith(("model name", "flags", "Features"))}))
+    return cpuinfo("model name") + cpuinfo("flags", "Features") or platform.processor() + platform.machine()
 
 
 def run_compiler(command: list[str], folder: Path | None = None) -> str:
@@ -111,10 +107,12 @@ def run_compiler(command: list[str], folder: Path | None = None) -> str:
 
 
 def shared_library(source: str, waited_for: str = "", data: bytes = b"", linked: Path | None = None) -> Path:
-    """Path of the compiled source, from the cache if it is there; where that cannot be written, from a folder that is
-    removed when Python ends. waited_for: what is announced where it must be compiled. data: what the source includes as
-    the file DATA_FILE (`.incbin`). linked: a library whose functions it calls. Raises CompilerError without a compiler,
-    where it fails, and for a cache that is not the user's alone or whose disc may hold no programs."""
+    """Path of the library compiled from C source, taken from the cache where it is there already. A cache that cannot
+    be written is replaced by a folder that is removed when Python ends.
+
+    waited_for: what stderr says is being compiled; silent if left out. data: content of the file DATA_FILE, which the
+    source includes (`.incbin`). linked: a library whose functions the source calls. Raises CompilerError without a
+    compiler, where it fails, and for a cache that other users can write to or whose disc may not hold programs."""
     command, asked = compiler_command(), CFLAGS_VARIABLE in os.environ
     chosen = tuple(_words_of(CFLAGS_VARIABLE)) if asked else NATIVE
     libraries = ["-lm"] if linked is None else [str(linked)]

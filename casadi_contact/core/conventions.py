@@ -67,8 +67,8 @@ def as_poses(poses: ArrayLike) -> Array:
 
 
 def named_poses(poses: Any) -> Any:
-    """Poses as they are, but a table's or a row's columns by their names, where it has any, in the order of
-    `POSE_NAMES`, and masked numbers as NaN; raises ValueError for other names."""
+    """The columns of a DataFrame (or entries of a Series) with names, in the order of `POSE_NAMES`; a masked array with
+    NaN for its masked numbers; anything else as it is. Raises ValueError for names that are not those of a pose."""
     if isinstance(poses, np.ma.MaskedArray):
         return np.ma.filled(poses.astype(float), np.nan)
     names = poses.index if hasattr(poses, "iloc") and np.ndim(poses) == 1 else getattr(poses, "columns", ())
@@ -128,8 +128,8 @@ def pose_text(pose: ArrayLike, patch_names: Sequence[str] = ()) -> str:
 
 
 def batched(method: _Method) -> _Method:
-    """Let a method of poses (n, 6), here checked by `as_poses`, take one pose (6,) as well: the array, or tuple of
-    such, that it returns then comes without its first axis."""
+    """Decorate a method of poses (n, 6) so that it takes one pose (6,) as well, whose result, an array or a tuple of
+    arrays, then comes without its first axis. Poses are checked by `as_poses`."""
 
     @wraps(method)
     def for_one_or_many(self: Any, poses: Any, *arguments: Any, **keywords: Any) -> Any:

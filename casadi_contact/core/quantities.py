@@ -91,10 +91,10 @@ def of_kind(names: Sequence[str], kind: Kind) -> list[str]:
 
 
 def format_above_limit(value: float, limit: float) -> str:
-    """A number in three digits, or in as many as tell one above a limit from the limit, which `:g` prints."""
+    """A number in three digits; one above the limit in as many as it takes to print as more than the limit in `:g`."""
     texts = [three_digits(value), *(f"{value:.{digits}g}" for digits in range(4, 18))]
-    told = (text for text in texts if not value > limit or (float(text) > limit and text != f"{limit:g}"))
-    return next(told, texts[-1])
+    clear = (text for text in texts if not value > limit or (float(text) > limit and text != f"{limit:g}"))
+    return next(clear, texts[-1])
 
 
 def two_digits(value: float) -> str:

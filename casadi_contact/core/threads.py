@@ -43,9 +43,10 @@ def at_most_threads(count: int) -> Iterator[None]:
 def in_shares(
     rows: int, work: Callable[[slice], Result], *, rows_of_a_thread: int = 256, multiple: int = 64
 ) -> list[Result]:
-    """What work, which must let other threads run, returns for all rows at once, or for shares of them on several
-    threads, in order. Another thread starts from rows_of_a_thread on: for few rows threads wait for each other. Threads
-    take several shares, so that fast ones take over; a share is a multiple of the lanes of a kernel."""
+    """Results of ``work(slice)`` for consecutive shares of the rows, in order, evaluated on several threads; work must
+    release Python's lock. Each thread gets at least rows_of_a_thread rows, since threads cost more than they gain on
+    few. There are several shares for a thread, so that fast threads take over from slow ones; a share is a multiple of
+    a kernel's lanes."""
     threads = min(thread_count(), rows // rows_of_a_thread)
     if threads < 2:
         return [work(slice(0, rows))]

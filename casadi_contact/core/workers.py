@@ -38,9 +38,10 @@ def one_thread() -> Iterator[None]:
 
 @contextmanager
 def worker_pool(executor: Executor | None = None) -> Iterator[Executor]:
-    """The caller's executor, left open, or one process of our own per core: started afresh, not forked (unsafe where
-    threads hold locks), and without the user's script, which so needs no ``if __name__ == "__main__"``. They end where
-    the block is left by an exception, and with this process. Raises ChildProcessError where a worker was killed."""
+    """The caller's executor, left open, or one process of our own per core. Our processes are started afresh, not
+    forked (unsafe where threads hold locks), and do not import the user's script, which needs no ``if __name__ ==
+    "__main__"``. They end with this process, or when an exception leaves the block. Raises ChildProcessError where a
+    worker was killed."""
     try:
         if executor is not None:
             yield executor
@@ -61,8 +62,8 @@ def worker_pool(executor: Executor | None = None) -> Iterator[Executor]:
 
 @contextmanager
 def cancelled_if_left(workers: Executor, futures: Iterable[Future[Any]]) -> Iterator[None]:
-    """Where the block is left by an exception, what has not begun does not begin: a caller's executor lives on. A pool
-    of our own ends with all its work, and stumbles over what was cancelled before (loky 3.7 prints a traceback)."""
+    """When an exception leaves the block, cancel the futures that wait in a caller's executor, which lives on. A pool
+    of our own ends with all its work anyway (loky 3.7 prints a traceback for futures cancelled before)."""
     try:
         yield
     except BaseException:

@@ -19,7 +19,7 @@ from xml.etree import ElementTree as ET
 
 from casadi_contact.core.compiler import DATA_FILE, SUFFIX, portable_library
 from casadi_contact.core.conventions import POSE_NAMES
-from casadi_contact.core.files.writing import replacing
+from casadi_contact.core.files.writing import replacing, write_bytes, write_text
 from casadi_contact.core.quantities import quantity
 from casadi_contact.export.c_source import TEMPLATES, c_source, header, pose_or_example, template_words
 from casadi_contact.networks.kernel.source import ExportedModel, c_text
@@ -130,13 +130,9 @@ def export_fmu(
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as folder:
         place = Path(folder)
-        try:
-            for file, text in sources.items():
-                (place / file).write_text(text, "utf-8")
-            if exported.data:
-                (place / DATA_FILE).write_bytes(exported.data)
-        except OSError as error:
-            raise OSError(f"cannot write {path}: {error.strerror or error}") from None
+        for file, text in sources.items():
+            write_text(place / file, text)
+        write_bytes(place / DATA_FILE, exported.data)
         library = portable_library(place, ["fmi3.c", f"{name}.c"], f"{name}{SUFFIX}").read_bytes()
     entries: dict[str, str | bytes] = {"modelDescription.xml": model_description(exported, name, token, pose)}
     entries |= {f"sources/{file}": text for file, text in sources.items()}

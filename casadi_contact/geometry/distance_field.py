@@ -79,9 +79,11 @@ def kept_field(
     least_bytes: int = 4_000_000,
     most_bytes: int = 4_000_000_000,
 ) -> DistanceField:
-    """`build_field`, kept in the cache folder, since a fine one takes half a minute. What is not whole is made again. A
-    file holds the SHA-256 of the numbers behind it; its name is that of mesh, spacing and this room's code.
-    least_bytes: of a field that is kept; most_bytes: of all that are kept, the latest."""
+    """`build_field`, kept in the cache folder, since a fine one takes half a minute.
+
+    A file begins with the SHA-256 of its numbers, and a damaged one is made anew. Its name is the digest of the mesh,
+    the spacing and this room's code. Fields below least_bytes are not kept. The oldest are deleted where all together
+    exceed most_bytes."""
     digest = hashlib.sha256(repr((spacing_mm, mesh.dropped)).encode())
     for array in (mesh.vertices_mm, mesh.faces, mesh.slivers):
         digest.update(np.ascontiguousarray(array).data)
@@ -112,7 +114,8 @@ def kept_field(
 def build_field(
     mesh: TriangleMesh, spacing_mm: float = SPACING_MM, surface: SmoothSurface | None = None
 ) -> DistanceField:
-    """The distance field of a mesh, whose smooth surface may be at hand; ValueError for a grid too large for memory."""
+    """The distance field of a mesh; surface: its smooth surface, made here if left out. Raises ValueError for a grid
+    too large for memory."""
     low = mesh.vertices_mm.min(axis=0) - MARGIN_MM
     counts = _node_counts(mesh, spacing_mm)
     if not field_fits(mesh, spacing_mm):

@@ -81,9 +81,10 @@ class SmoothSurface:
         return np.where(edge & beside, rounded, distance)
 
     def _side(self, points: Array, flat: Array, far: np.ndarray) -> Array:
-        """Numbers (n,) with the sign of the distance at points far from the mesh: of a closed one by winding numbers,
-        since pseudonormals give wrong signs at folded triangles and self-intersections. Points in a row share one,
-        where no surface runs between them: distances of neighbours add up to more than lies between the two."""
+        """Numbers (n,) whose sign is that of the distance, at points far from the mesh. An open mesh has the sign of
+        its pseudonormals, a closed one that of winding numbers, since folded triangles and self-intersections have
+        wrong pseudonormals. Consecutive points share a winding number if their distances from the mesh add up to more
+        than the way between them: then no surface lies there."""
         if len(self.mesh.boundary_edges) or not far.any():
             return flat
         side, there, away = flat.copy(), np.ascontiguousarray(points[far]), np.abs(flat[far])

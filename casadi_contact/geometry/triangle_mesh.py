@@ -62,8 +62,8 @@ class TriangleMesh:
 
     @cached_property
     def boundary_edges(self) -> np.ndarray:
-        """Edges (e, 2) that belong to one triangle only; none if the mesh is closed. A gap that slivers fill is none:
-        it has no width, and the mesh was closed there before they were dropped."""
+        """Edges (e, 2) that belong to one triangle only; none if the mesh is closed. Edges of a gap that dropped
+        slivers filled do not count: the gap has no width."""
         edges, _, count = distinct_edges(self.faces)
         single = edges[count == 1]
         filled, _, times = distinct_edges(self._gap_fillers)
@@ -84,7 +84,8 @@ class TriangleMesh:
 
     @property
     def _gap_fillers(self) -> np.ndarray:
-        """The slivers (s, 3) of groups joined by edges in which no edge is left over, as one is at an open rim."""
+        """The slivers (s, 3) that fill gaps: of groups joined by edges that share each outer edge with a triangle. A
+        group at an open rim has an outer edge that no triangle shares."""
         if not len(self.slivers):
             return self.slivers
         group, edges, edge_group, times = joined_by_edges(self.slivers)

@@ -27,12 +27,12 @@ FREE = ("tx", "ty", "tz", "rx")
 PRESSED_N = 500.0  # of each side, where a pose without shear is sought
 
 
-def check_knee(what: str, scene: Scene, load_names: Sequence[str], needed: Sequence[str] = KNEE_LOADS) -> None:
-    """ValueError for a contact model of a scene whose loads (L,) are not those needed of a knee that carries on two
-    sides, or that locks or ties pose parameters; what: the problem that needs such a knee, with its article."""
-    if not set(needed) <= set(load_names):
+def check_knee(what: str, scene: Scene, load_names: Sequence[str]) -> None:
+    """Raise ValueError unless a contact model with these loads gives `KNEE_LOADS` and its scene leaves all six pose
+    parameters free; what: the problem that needs such a knee, with its article."""
+    if not set(KNEE_LOADS) <= set(load_names):
         got = f"scene {scene.name} has the loads {', '.join(load_names)}"
-        raise ValueError(f"{what} needs a knee with two sides: {got}, expected {', '.join(needed)}")
+        raise ValueError(f"{what} needs a knee with two sides: {got}, expected {', '.join(KNEE_LOADS)}")
     scene.pose_space.check_unconstrained(what)
 
 

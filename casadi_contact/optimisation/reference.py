@@ -25,8 +25,8 @@ from casadi_contact.scenes.shapes.shape import shape_named
 
 
 def reference_model(of: Scene | SymbolicContact, grid: str = "teacher") -> ContactModel | str:
-    """The contact model that a scene's surrogates stand for, on its finest grid, or why there is none at hand. Of a
-    surrogate the one that its samples were drawn from, as its record says: finite elements, or elements."""
+    """The contact model that verification compares with: the scene's elements on this grid, or finite elements for a
+    surrogate whose record says that its samples were drawn from them. Text that says why, where there is none."""
     scene = of if isinstance(of, Scene) else of.scene
     if scene.layer is None:
         return f"the scene {scene.name} has no contact model at hand (ask yours in Python: cc.verify)"
@@ -49,11 +49,13 @@ def loads_on(model: ContactModel, poses: Array, names: Sequence[str]) -> Array:
 
 
 def off_finer(model: ElasticFoundation, poses: Array, names: Sequence[str], allowed: Array) -> Array:
-    """What the elements are off by in poses (n, 6): their named loads (n, L) minus those of elements half as wide, of
-    meshes also with nodes of the distance fields 0.7 times as far apart. Twice and 1.4 times is asked first, in a
-    quarter of the time, a sieve and no proof: of 544 wrong poses of the knee on 40×20 elements two passed it. Poses in
-    which these differ by at most half of `allowed` (n, L) are left at zero. Where the finer would be too large, the
-    wider ones stand in for it."""
+    """Discretisation error of the elements in poses (n, 6): their named loads (n, L) minus those of elements half as
+    wide, and of distance fields of meshes with 0.7 times the spacing.
+
+    A coarser model, twice as wide and 1.4 times the spacing, is a cheap sieve (a quarter of the time): where it differs
+    by at most half of `allowed` (n, L), the error is taken as zero. Of 544 wrong poses of the knee on 40×20 elements
+    two passed it. Where the finer model is too large for memory, the difference from the coarser one stands in for
+    it."""
     loads = loads_on(model, poses, names)
     try:
         off = loads - loads_on(_scaled(model, 0.5), poses, names)

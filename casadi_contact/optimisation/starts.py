@@ -67,10 +67,11 @@ def settle_in_range(
     pressing: Mapping[str, Array],
     tolerance_n: float = 1.0,
 ) -> Array:
-    """Bring poses (n, 6) into their bounds and settle them under target normal loads (n,) by name: sensitive pose
-    parameters settle, as far as they are free; locked ones are as at rest (n, 6) and as the scene says. Where that
-    leads out of what is learned, it begins again at rest, then where the elements of a surrogate's scene settle, or at
-    the first touch of a foundation. Where that fails too, the pose is only brought into the range."""
+    """Bring poses (n, 6) into their bounds and settle the sensitive pose parameters under target normal loads (n,) by
+    name. Parameters that are not free take the values of rest (n, 6).
+
+    A pose that ends out of bounds, or unsettled, begins again from rest, then from where the elements of a surrogate's
+    scene settle (of a foundation: its first touch). Where that fails too, the pose is only brought into its bounds."""
     columns = [pose_index(name) for name in free]
     locked = [i for i in range(6) if i not in columns]
     low, high = pose_bounds(model)
@@ -107,8 +108,8 @@ def _in_contact(
 
 
 def touching(model: SymbolicContact, poses: Array, free: Sequence[str], pressing: Mapping[str, Array]) -> Array:
-    """Poses (n, 6) moved by `advance_to_contact`. They stay where the model knows no gaps, where what moves is not
-    free, and where a scene has no loading direction and the force (n,) is not given by its names."""
+    """Poses (n, 6) moved into contact by `advance_to_contact`. They stay as they are if the model has no gaps, if a
+    translation that would move is not free, or if the scene has no loading direction and no target force gives one."""
     normal = model.scene.normal_loads[0]
     directed = normal.component is not None
     parts = normal.loads if normal.component is None else (normal.component,)
@@ -118,9 +119,10 @@ def touching(model: SymbolicContact, poses: Array, free: Sequence[str], pressing
 
 
 def press_together(model: SymbolicContact, poses: Array, rest: Array, loads: Array, free: Sequence[str]) -> Array:
-    """`settle_in_range` under the normal loads that total loads (n, 6) put on the patches: all on a single patch, or on
-    patches that one pose parameter sets together; on each of two its share (`shares`), at least `LEAST_START_N`, or
-    half of a total below twice that, but 10 N, which no pose out of contact comes near to."""
+    """`settle_in_range` under the normal loads that total loads (n, 6) put on the patches.
+
+    A single patch, or patches that one pose parameter sets together, carry all. Each of two patches carries its share
+    (`shares`), at least `LEAST_START_N`; at least half of a smaller total, and never below 10 N, so that it touches."""
     normals = model.scene.controllable_normal_loads
     if len(normals) == 1:
         columns = [WRENCH_NAMES.index(name.partition("_")[0]) for name in normals[0].loads]

@@ -1,4 +1,4 @@
-"""A solution evaluated again on the contact model that its surrogate stands for: a verdict on every frame."""
+"""Verification: every frame of a solution evaluated again on the contact model that its surrogate was trained on."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -27,13 +27,14 @@ OUTSIDE = "outside the learned region"
 
 @dataclass(frozen=True)
 class Verification:
-    """What the contact model says of poses (n, 6) that solve a problem; ``print`` it.
+    """Comparison of a surrogate with a contact model at poses (n, 6) that solve a problem; ``print`` it.
 
-    solved (n,): as the solver says; errors (n, L): surrogate minus model [N, N·mm] of load_names, infinite where the
-    model gave no number, NaN where there was no model to ask; tolerance: the scene's; model: its name, or why there is
-    none; outside (n,): frames out of the learned region; uncounted, at_edge (n,): shares of the load that lie where no
-    model of the scene counts any, and at edges of the elements; off_finer (n, L): what the model differs by from a
-    finer one; without_load (n,): frames that bear none, which count for nothing; leaps (n,): see `beside_leaps`."""
+    solved (n,): frames that the solver solved. errors (n, L): surrogate minus model [N, N·mm] of load_names, infinite
+    where the model gave no number, NaN where there is no model. tolerance: the scene's. model: its name, or why there
+    is none. outside (n,): frames outside the learned region. uncounted, at_edge (n,): shares of the load where the
+    scene has no elements, and at edges of the elements. allowed (n, L): largest errors of a verified frame.
+    off_finer (n, L): discretisation error of the model (`off_finer`). without_load (n,): frames without load, which are
+    not compared. leaps (n,): frames whose pose leaps (`beside_leaps`)."""
 
     load_names: tuple[str, ...]
     poses: Array
@@ -202,9 +203,10 @@ def verify(
 ) -> Verification:
     """Compare a surrogate, or a foundation, with a contact model at poses (n, 6) of a solution on it.
 
-    model: the `reference_model` if left out; any other should err well below the scene's tolerances; where it is a
-    reason in words, frames are not checked. solved: which frames (n,) the solver did not give up. loads: those that the
-    problem uses, all if left out. without_load, leaps: as in `Verification`. Raises ValueError for what does not fit.
+    model: the `reference_model` if left out; any other should err well below the scene's tolerances. Text in its place
+    says why there is none: frames are then not compared. solved (n,): frames that the solver solved. loads: those that
+    the problem uses, all if left out. without_load, leaps: as in `Verification`. Raises ValueError for no poses,
+    unknown loads, and masks of another shape.
     """
     poses, names = as_poses(poses), surrogate.check_loads(loads)
     if not len(poses):
@@ -237,10 +239,10 @@ def verify(
 
 
 def beside_leaps(poses: Array, solved: ArrayLike = True) -> np.ndarray:
-    """True (n, 6) where a pose parameter of poses (n, 6) leaps from one solved (n,) frame to a neighbour: several poses
-    may carry the same loads. A leap is a step of more than 2 mm or 3 degrees that is also more than 4 times the median
-    of the two steps before and the two behind it. Where the next step leads back, that is compared with what is left of
-    both, and the median of all."""
+    """True (n, 6) where a pose parameter of poses (n, 6) leaps between neighbouring solved (n,) frames, as it may where
+    several poses carry the same loads. A leap is a step of more than 2 mm or 3 degrees that is also more than 4 times
+    the usual one: the median of the two steps before and the two behind it, or, if less, the sum of the step and its
+    neighbour (which is small where the pose leaps and comes back), but not below the median of all steps."""
     moves = np.diff(poses, axis=0)
     steps = np.abs(moves)
     padded, count = np.pad(steps, ((2, 2), (0, 0)), constant_values=np.nan), len(steps)

@@ -97,8 +97,9 @@ def self_settled_poses(surrogate: ContactModel, samples: Samples, count: int) ->
 
 
 def cycle_poses(surrogate: ContactModel, samples: Samples, count: int = 3) -> Array:
-    """Poses (n, 6) of so many cycles of the scene's reference motion that no plan was drawn around, found on the
-    surrogate from the middle of the samples; none for a scene without one, or with loads that the surrogate lacks."""
+    """Poses (n, 6) of `count` cycles of the scene's reference motion, drawn with another seed than the plan's. They are
+    found on the surrogate from the middle of the samples. Empty for a scene without a motion, and where the surrogate
+    lacks a load of it."""
     scene, known = samples.scene, samples.poses[samples.role != TEST]
     cycles: list[Cycle] = [*reference_cycles(count, seed=5)] if has_gait(scene) else []
     cycles += scene_cycles(scene, seed=5)[:count] if scene.motion else []

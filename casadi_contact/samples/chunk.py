@@ -134,9 +134,9 @@ def _settled(model: ContactModel, chunk: Chunk, settings: SamplingSettings) -> _
 
 
 def _lifted(model: ContactModel, poses: Array, chunk: Chunk, settings: SamplingSettings) -> Array:
-    """Poses (n, steps, 6) of D4 and D5, in equal steps up to `liftoff_mm`: one patch while the others keep their loads,
-    or all patches alike [EF15 §3.3], in the plan `reach` each by a random gap: as wide as that, networks that never saw
-    one patch just off and another farther out claimed thousands of newtons there."""
+    """Poses (n, steps, 6) of D4 and D5, in equal steps up to `liftoff_mm`. D4 lifts one patch while the others keep
+    their loads, D5 all patches alike [EF15 §3.3]. In the plan `reach`, D5 lifts each patch by a random gap of its own:
+    networks that never saw one patch just off and another farther out predicted thousands of newtons there."""
     steps, scene = settings.liftoff_steps, model.scene
     each, patches = np.repeat(poses, steps, axis=0), len(scene.normal_loads)
     shares = np.tile(np.arange(1, steps + 1) / steps, len(poses))
@@ -152,9 +152,9 @@ def _lifted(model: ContactModel, poses: Array, chunk: Chunk, settings: SamplingS
 def lift(model: ContactModel, poses: Array, gaps_mm: Array, newton_steps: int = 8) -> Array:
     """Move poses (n, 6) along the sensitive pose parameters until patches are gaps_mm (n, P) away; NaN keeps the load.
 
-    Newton's method on the root loads, -c·gap out of contact; of a model without gaps they go on there as they rise at
-    the boundary. Steps are of least squares, in mm and rad. Returns poses (n, 6), NaN where the model gives no finite
-    loads, its slopes no way there, or a kept load is missed by 0.1 %.
+    Newton's method on the root loads, which are -c·gap out of contact; those of a model without gaps are continued
+    there along their slope at the start. Steps are of least squares, in mm and rad. Returns poses (n, 6): NaN where
+    loads or slopes are not finite, where all slopes are zero, and where a kept load ends more than 0.1 % off.
     """
     scene, columns = model.scene, [pose_index(name) for name in model.scene.sensitive_pose]
     begin, rise = model.root_loads(poses)

@@ -26,8 +26,8 @@ from casadi_contact.scenes.pose_space import PoseSpace
 from casadi_contact.scenes.scene import Scene
 
 
-def begun(path: Path) -> Path | None:
-    """Where an earlier run left samples for the samples file `path`: the file, or its folder of chunks."""
+def earlier_samples(path: Path) -> Path | None:
+    """Where an earlier run left samples for the samples file `path`: the file, or its folder of chunks, or None."""
     if path.exists():
         return path
     folder = partial_folder(path)
@@ -41,7 +41,7 @@ class ChunkFolder:
         self.folder = partial_folder(path)
         record = self.folder / "plan.json"
         writable_folder(self.folder)
-        if not record.exists() or begun(path) is None:
+        if not record.exists() or earlier_samples(path) is None:
             write_text(record, json.dumps(identity, indent=1))
         checked_size(record, MOST_TEXT)
         try:

@@ -52,7 +52,7 @@ class Cycle(OverTime):
     """Measured pose parameters [mm, rad], loads [N, N·mm] and centres of pressure [mm] by name over time_s [s], each
     (n,); of a knee rz (flexion is negative) and ry, Fy_med and Fy_lat (compression is negative), cop_ap = Tz/Fy and
     cop_ml = -Tx/Fy. Raises ValueError as `checked_curves` does, for no load, angles too large for radians, lengths
-    beyond 1 m, and loads that no knee has (`check_knee`)."""
+    beyond 1 m, and loads that no knee has (`_check_knee`)."""
 
     name: str
     time_s: Array
@@ -70,7 +70,7 @@ class Cycle(OverTime):
             raise ValueError(f"cycle {self.name} has no load, expected those that hold the pose")
         check_reach(f"cycle {self.name}", {**self.pose, **self.centres})
         if self._of_knee:
-            check_knee(self.name, self.estimation_targets())
+            _check_knee(self.name, self.estimation_targets())
 
     @property
     def _of_knee(self) -> bool:
@@ -88,7 +88,7 @@ class Cycle(OverTime):
         return {**self.loads, **self.centres}
 
 
-def check_knee(name: str, values: Mapping[str, Array]) -> None:
+def _check_knee(name: str, values: Mapping[str, Array]) -> None:
     """Raise ValueError for forces that pull on a side, and for a centre of pressure in other units than mm, or on the
     other side of its forces. With m = (Fy_med - Fy_lat)/(Fy_med + Fy_lat), cop_ml is a + b·m, and b half the distance
     of the condyles: of least squares over the frames with 5 % of the largest load, 6 mm at least, where m varies."""

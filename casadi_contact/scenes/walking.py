@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from casadi_contact.core.conventions import Array
 from casadi_contact.scenes.cycle import CONDYLE_MM, Cycle, driving_loads, harmonic_curve, read_cycle, scene_cycles
 from casadi_contact.scenes.scene import Scene
 
@@ -26,13 +25,6 @@ CURVES = ("rz", "ry", "log_fy_med", "log_fy_lat", "cop_ap_mm", "cop_shift_mm")
 def walking_description() -> dict[str, Any]:
     """The figures of ``walking.toml``."""
     return tomllib.loads((resources.files(__package__) / "walking.toml").read_text("utf-8"))
-
-
-def _random_curve(figures: Mapping[str, Any], name: str, frames: int, rng: np.random.Generator | None) -> Array:
-    coefficients = np.array(figures[name]["mean"])
-    if rng is not None and name != "ry":
-        coefficients = coefficients + rng.standard_normal(len(coefficients)) * figures[name]["deviation"]
-    return harmonic_curve(coefficients, np.linspace(0.0, 1.0, frames))
 
 
 def reference_cycle(frames: int = 101) -> Cycle:
@@ -47,7 +39,13 @@ def reference_cycles(count: int = 14, frames: int = 101, seed: int = 2015) -> li
 
 
 def _cycle(figures: Mapping[str, Any], name: str, frames: int, rng: np.random.Generator | None) -> Cycle:
-    curves = {key: _random_curve(figures, key, frames, rng) for key in CURVES}
+    """The mean cycle, or with a generator a random one about it."""
+    curves = {}
+    for key in CURVES:
+        coefficients = np.array(figures[key]["mean"])
+        if rng is not None and key != "ry":
+            coefficients = coefficients + rng.standard_normal(len(coefficients)) * figures[key]["deviation"]
+        curves[key] = harmonic_curve(coefficients, np.linspace(0.0, 1.0, frames))
     mean, deviation = figures["duration_s"]
     duration = mean + (rng.standard_normal() * deviation if rng is not None else 0.0)
     fy_med, fy_lat = -np.exp(curves["log_fy_med"]), -np.exp(curves["log_fy_lat"])

@@ -31,7 +31,7 @@ from casadi_contact.samples.models import (
     teacher_of,
 )
 from casadi_contact.samples.reference import reference_motion
-from casadi_contact.samples.resume import KeptMotion, begun, check_same_plan, motion_origin
+from casadi_contact.samples.resume import KeptMotion, check_same_plan, earlier_samples, motion_origin
 from casadi_contact.samples.samples import TRAIN, LoadModel, Samples, write_samples
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.samples.table import check_gaps, read_sample_table
@@ -72,7 +72,7 @@ def sample(
     preset = project.preset
     settings = SamplingSettings.from_scene(project.scene, scale=preset.sampling_scale, **preset.sampling)
     origin = motion_origin(project.scene, cycles, settings, models_identity(models))
-    drawn = begun(project.samples_path)
+    drawn = earlier_samples(project.samples_path)
     if drawn is not None and project.motion_path.is_file():
         kept = KeptMotion.read(project.motion_path, project.scene.pose_space)
         check_same_plan(kept.origin, origin, drawn)

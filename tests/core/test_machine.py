@@ -32,7 +32,7 @@ AVX512 = "fpu avx2 avx512f avx512bw avx512cd avx512dq avx512vl"
 )
 def test_blas_is_told_of_avx512_where_it_overlooks_it(vendor, flags, chosen, monkeypatch):
     monkeypatch.delenv("OPENBLAS_CORETYPE", raising=False)
-    monkeypatch.setattr(machine, "_cpuinfo", lambda key: vendor if key == "vendor_id" else flags)
+    monkeypatch.setattr(machine, "cpuinfo", lambda key: vendor if key == "vendor_id" else flags)
     assert blas_environment() == chosen
     monkeypatch.setenv("OPENBLAS_CORETYPE", "Haswell")
     assert blas_environment() == {}, "as the user chose it"

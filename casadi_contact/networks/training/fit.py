@@ -33,17 +33,16 @@ from casadi_contact.networks.training.trainer import Trainer
 class Fit:
     """A fitted network, and how the fit went.
 
-    rms, validation_rms: root-mean-square weighted residual on training and validation rows, in the unit of the
-    tolerance, the latter NaN without validation rows. history: training_rms, validation_error (`typical_error`),
-    gflop and size (index into the settings' sizes), one entry an iteration. stop_reason: see `settings`. gflop: work
-    done. cpu_s: CPU seconds of the thread that fitted; both count interrupted runs too.
+    rms: root-mean-square weighted residual on training rows, in the unit of the tolerance. history: training_rms,
+    validation_error (`typical_error`), gflop and size (index into the settings' sizes), one entry an iteration.
+    stop_reason: see `settings`. gflop: work done. cpu_s: CPU seconds of the thread that fitted; both count interrupted
+    runs too.
     """
 
     network: Network
     history: dict[str, Array]
     stop_reason: str
     rms: float
-    validation_rms: float
     gflop: float
     cpu_s: float
 
@@ -51,28 +50,6 @@ class Fit:
 def progress_text(hidden: tuple[int, ...], rms: float) -> str:
     """What an `Update` says beside the work of a fit: its unit, hidden layers and training RMS."""
     return f"Gflop, {size_text(hidden)} RMS {rms:.3g}"
-
-
-def check(regression: Regression) -> None:
-    """Raises ValueError, naming the regression, for data that cannot be fitted."""
-
-    def expect(holds: object, said: str) -> None:
-        if not holds:
-            raise ValueError(f"regression {regression.name}: {said}")
-
-    rows = len(regression.inputs)
-    per_row = (rows,) if np.ndim(regression.targets) == 1 else (rows, regression.outputs)
-    shapes = {"targets": per_row, "weights": per_row, "validation": (rows,)}
-    for column, shape in (shapes if regression.domain is None else shapes | {"domain": (rows,)}).items():
-        found = np.shape(getattr(regression, column))
-        expect(found == shape, f"{column} has shape {found}, expected {shape} like the inputs")
-    for column in ("inputs", "targets", "weights"):
-        bad = np.argwhere(~np.isfinite(getattr(regression, column)))[:3, 0].tolist()
-        expect(not bad, f"{column} holds NaN or infinity at rows {bad}, expected finite numbers")
-    sound = (regression.weights >= 0.0).all() and (regression.weights[~regression.validation] > 0.0).any()
-    expect(sound, "expected weights of 0 or more, and above 0 in some training row")
-    expect(np.all(np.asarray(regression.false_load) >= 0.0), "expected false_load of 0 or more")
-    expect(regression.tolerance >= 0.0, f"tolerance is {regression.tolerance!r}, expected 0 or more")
 
 
 def fit(
@@ -91,10 +68,9 @@ def fit(
     (workers are ended at once); a later call with the same regression and settings goes on from it (its budget too),
     or returns a finished fit at once. Higher limits than before continue a fit that those had ended.
 
-    Raises ValueError for what cannot be fitted, and for a checkpoint that is damaged or of other data.
+    Raises ValueError for data that are not finite, and for a checkpoint that is damaged or of other data.
     """
     settings = settings or TrainingSettings()
-    check(regression)
     identity = _identity(regression, settings, start)
     with threadpool_limits(1):  # keeps weights reproducible
         trainer = _begun(regression, settings, start, checkpoint, identity)
@@ -169,13 +145,9 @@ def _begun(
 
 def _result(regression: Regression, trainer: Trainer) -> Fit:
     network = trainer.best_network()
-    squares = regression.squares(network)
-    training, validation = (
-        float(np.sqrt(squares[rows].mean())) if rows.any() else np.nan
-        for rows in (~regression.validation, regression.validation)
-    )
+    rms = float(np.sqrt(regression.squares(network)[~regression.validation].mean()))
     history = {name: np.array(column) for name, column in trainer.history.items()}
-    return Fit(network, history, trainer.stop_reason, training, validation, trainer.gflop, trainer.cpu_s)
+    return Fit(network, history, trainer.stop_reason, rms, trainer.gflop, trainer.cpu_s)
 
 
 def fit_all(

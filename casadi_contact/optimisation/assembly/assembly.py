@@ -153,10 +153,10 @@ class Assembly:
             raise ValueError(f"got coordinates {', '.join(unknown)}, expected some of {', '.join(self.coordinates)}")
         return [self.coordinates.index(name) for name in names]
 
-    def places(self, bodies: Sequence[str], name: str = "places") -> ca.Function:
+    def places(self, bodies: Sequence[str]) -> ca.Function:
         """casadi.Function q -> transforms (3 x 4·bodies) [m] of bodies in the ground."""
         found = [self._chain.place(body, self.ground) for body in bodies]
-        return ca.Function(name, [self._q], [ca.horzcat(*(ca.horzcat(R, 1e-3 * t) for t, R in found))])
+        return ca.Function("places", [self._q], [ca.horzcat(*(ca.horzcat(R, 1e-3 * t) for t, R in found))])
 
     def function(
         self,
@@ -246,7 +246,7 @@ class Assembly:
 
     @cached_property
     def _pose_list(self) -> list[Any]:
-        return [self._pose(contact) for contact in self.contacts]
+        return [self.pose_between(c.fixed, c.fixed_frame, c.moving, c.moving_frame) for c in self.contacts]
 
     @cached_property
     def _poses(self) -> ca.Function:
@@ -290,9 +290,6 @@ class Assembly:
         """Pose (6) [mm, rad], in SX, of a frame of one body in a frame of another."""
         place = self._chain.place(moving, fixed)
         return pose_of(*compose(inverse(frame(fixed_frame)), compose(place, frame(moving_frame))))
-
-    def _pose(self, contact: Contact) -> Any:
-        return self.pose_between(contact.fixed, contact.fixed_frame, contact.moving, contact.moving_frame)
 
     def _wrench(self, contact: Contact, pose: ca.MX, rate: ca.MX) -> ca.MX:
         """Total wrench (6) [N, N·mm] on the fixed body, in the scene's frame; the pose's rate counts where its surface
