@@ -44,7 +44,7 @@ CACHE_VARIABLE = "CASADI_CONTACT_CACHE"
 
 
 class CompilerError(OSError):
-    """No compiler, or it refused."""
+    """There is no C compiler, or it failed."""
 
 
 def compiler_command() -> list[str]:
@@ -113,8 +113,8 @@ def shared_library(source: str, waited_for: str = "", data: bytes = b"", linked:
     waited_for: what stderr says is being compiled; silent if left out. data: content of the file DATA_FILE, which the
     source includes (`.incbin`). linked: a library whose functions the source calls. Raises CompilerError without a
     compiler, where it fails, and for a cache that other users can write to or whose disc may not hold programs."""
-    command, asked = compiler_command(), CFLAGS_VARIABLE in os.environ
-    chosen = tuple(_words_of(CFLAGS_VARIABLE)) if asked else NATIVE
+    command = compiler_command()
+    chosen = tuple(_words_of(CFLAGS_VARIABLE)) if CFLAGS_VARIABLE in os.environ else NATIVE
     libraries = ["-lm"] if linked is None else [str(linked)]
     settings = [*command, *FLAGS, *chosen, *libraries, _processor()]
     made_from = "\0".join([source, _compiler_version(tuple(command)), *settings])
@@ -174,7 +174,7 @@ def copied_library(library: Path, name: str) -> Path:
 
 def portable_library(folder: Path, sources: Sequence[str], library: str) -> Path:
     """Compile C files of a folder into a library for any processor of this kind, or as $CASADI_CONTACT_CFLAGS says;
-    raises CompilerError without a compiler, or where it refuses."""
+    raises CompilerError without a compiler, or where it fails."""
     run_compiler([*compiler_command(), *FLAGS, *_words_of(CFLAGS_VARIABLE), "-o", library, *sources, "-lm"], folder)
     return folder / library
 

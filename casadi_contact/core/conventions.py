@@ -37,7 +37,7 @@ POSE_IN_MM = np.array([1.0, 1.0, 1.0, LEVER_MM, LEVER_MM, LEVER_MM])  # pose par
 
 
 def stage_progress(update: Update | None, stage: str) -> Progress | None:
-    """What tells an `Update` how far a stage is; None where none listens."""
+    """A `Progress` that reports to an `Update` how far a stage is; None without one."""
     return None if update is None else lambda done, total: update(stage, done, total, "")
 
 
@@ -201,7 +201,7 @@ def loads_of_total(component: str, load_names: Sequence[str], patch_names: Seque
 
 
 def check_loads(load_names: Sequence[str], loads: Iterable[str] | None) -> tuple[str, ...]:
-    """The loads asked for (None: all of load_names); ValueError where one is not the scene's."""
+    """The chosen loads (None: all of load_names); ValueError for one that is not among load_names."""
     names = tuple(load_names) if loads is None else tuple([loads] if isinstance(loads, str) else loads)
     if not names or any(name not in load_names for name in names):
         raise ValueError(f"loads {', '.join(names) or '(none)'}, expected some of {', '.join(load_names)}")

@@ -1,4 +1,4 @@
-"""The machine: what a measurement was made on, and what matrix products are to know of its processor."""
+"""The machine: a record of what a measurement was made on, and environment variables for fast matrix products."""
 
 import os
 import platform

@@ -1,8 +1,8 @@
 """Quantities: what a named number measures, and its unit.
 
 Poses, loads and whatever else a model gives go by name ("rz", "Fy_med", "peak_pressure_lat"); the part of the name
-before the patch says what is measured. Units, labels, columns of files, error tables and conversions all ask here: a
-new output of contact models is a line in `KINDS`.
+before the patch says what is measured. Units, labels, columns of files, error tables and conversions are looked up
+here: a new output of contact models is a line in `KINDS`.
 """
 
 from collections.abc import Sequence

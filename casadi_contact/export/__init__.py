@@ -1,4 +1,4 @@
-"""Contact models in other programs: C, MEX, FMU, PyTorch, JAX; what the bridges ask of a model."""
+"""Contact models in other programs: C, MEX, FMU, PyTorch, JAX; checks that the bridges share."""
 
 from collections.abc import Sequence
 

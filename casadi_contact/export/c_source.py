@@ -44,7 +44,7 @@ def header(model: ExportedModel, name: str) -> str:
 
 
 def template_words(model: ExportedModel, name: str) -> dict[str, object]:
-    """What the templates ask for; raises ValueError for a name that C or CasADi refuses."""
+    """Values of the templates' placeholders; raises ValueError for a name that C or CasADi does not accept."""
     check_name(name)
     loads, units, listed = _with_units(model.load_names)
     pressures, pressure_units, of_pressure = _with_units(model.pressure_names)

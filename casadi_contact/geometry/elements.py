@@ -11,7 +11,7 @@ from casadi_contact.core.conventions import Array
 
 BLOCK_SIDE = 4  # elements per block edge: measured faster than 8 on grids from 40×30 to 320×160
 
-Cells = tuple[Array, Array, Array]  # centres (nx, nz, 3), unit normals (nx, nz, 3), areas (nx, nz) of a patch's cells
+CellGrid = tuple[Array, Array, Array]  # centres, unit normals (nx, nz, 3) and areas (nx, nz) of a patch's cells
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def _in_blocks(centres: Array, normals: Array, areas: Array, edge: Array, blocks
 # with area dA = dx·dz/n_y (midpoint rule, so that loads converge as h²).
 
 
-def plane(grid: tuple[int, int], extent: tuple[float, float]) -> Cells:
+def plane(grid: tuple[int, int], extent: tuple[float, float]) -> CellGrid:
     """The rectangle y = 0 of this extent (along x, along z) [mm] about the origin."""
     x, z, cell = _rectangle(grid, extent)
     normals = np.zeros((*grid, 3))
@@ -86,7 +86,7 @@ def plane(grid: tuple[int, int], extent: tuple[float, float]) -> Cells:
     return _cells(x, np.zeros_like(x), z, normals, cell)
 
 
-def dish(grid: tuple[int, int], extent: tuple[float, float], sagittal_radius: float, frontal_radius: float) -> Cells:
+def dish(grid: tuple[int, int], extent: tuple[float, float], sagittal_radius: float, frontal_radius: float) -> CellGrid:
     """Concave torus piece, lowest at y = 0: a frontal arc r swept about the axis y = R parallel to z."""
     x, z, cell = _rectangle(grid, extent)
     offset = sagittal_radius - frontal_radius
@@ -107,5 +107,5 @@ def _rectangle(grid: tuple[int, int], extent: tuple[float, float]) -> tuple[Arra
     return *np.meshgrid(x, z, indexing="ij"), (length / nx) * (width / nz)
 
 
-def _cells(x: Array, y: Array, z: Array, normals: Array, cell: float) -> Cells:
+def _cells(x: Array, y: Array, z: Array, normals: Array, cell: float) -> CellGrid:
     return np.stack([x, y, z], axis=-1), normals, cell / normals[..., 1]

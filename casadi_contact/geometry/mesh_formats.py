@@ -1,4 +1,4 @@
-"""Vertices and triangles of STL, OBJ, PLY, OFF, VTP and VTK files. What is not whole is refused, unlike by trimesh."""
+"""Readers of STL, OBJ, PLY, OFF, VTP and VTK files. Unlike in trimesh, a file that is not whole is an error."""
 
 import base64
 import re

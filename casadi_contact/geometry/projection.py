@@ -15,7 +15,7 @@ import numpy as np
 
 from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.distance_field import DistanceField, field_parts
-from casadi_contact.geometry.elements import Cells
+from casadi_contact.geometry.elements import CellGrid
 from casadi_contact.geometry.smooth_surface import SmoothSurface
 from casadi_contact.geometry.triangle_mesh import RayCaster, TriangleMesh, beside_creases
 
@@ -168,14 +168,14 @@ def grid_on_mesh(
     rounded_nodes: float = 2.0,
     step_mm: float = 0.5,
     step_share: float = 0.15,
-) -> Cells:
+) -> CellGrid:
     """Centres (nx, nz, 3), unit normals (nx, nz, 3) and areas (nx, nz) of equal cells in u and v, inside the box.
 
     A ray along the line of each cell's middle finds the mesh, and Newton's method along it the smooth surface, whose
     normal gives the area dA = du·dv·spread/cos(normal, line). A field rounds off creases: within ``rounded_nodes`` of
-    its spacing beside a crease, cells lie on the smooth surface itself, made by `surface`. Cells whose ray misses the
-    mesh or meets a wall have no area, nor have those whose smooth surface lies farther from the triangle than step_mm
-    and step_share of its longest edge (how far a coarse sphere bulges). Raises ValueError if no cell is left.
+    its spacing beside a crease, cells lie on the smooth surface itself, made by `surface`. Cells whose ray misses
+    the mesh or meets a wall have no area, nor have those whose smooth surface lies farther from the triangle than
+    step_mm and step_share of its longest edge (how far a coarse sphere bulges). Raises ValueError if no cell is left.
     """
     low, high, top = projection.bounds(mesh, box)
     step = (high - low) / grid

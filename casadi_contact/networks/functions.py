@@ -22,7 +22,7 @@ class ContactFunctions(ABC):
     load_names: tuple[str, ...]
 
     def check_loads(self, loads: Iterable[str] | None) -> tuple[str, ...]:
-        """The loads asked for (None: all); ValueError for one that the model does not give."""
+        """The chosen loads (None: all); ValueError for one that the model does not give."""
         return check_loads(self.load_names, loads)
 
     @abstractmethod

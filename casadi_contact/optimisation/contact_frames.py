@@ -80,12 +80,12 @@ class ContactFrames:
         function = model.load_and_root_function(self.load_names, compiled=compiled, batch=frames, parameters=parameters)
         rows = [self._row(*each) for each in parameters.items()]
         self.loads, self.roots = function.call([self.pose, ca.vertcat(*rows)] if rows else [self.pose])
-        self._errors: dict[str, ca.MX] = {}  # of every target that was asked for: what is carried less what was asked
+        self._errors: dict[str, ca.MX] = {}  # by name of the targets of `misfit`: load less target [N, N·mm, mm]
         low, high = (np.tile(bound[self.columns] / self._scales, frames) for bound in pose_bounds(model))
         self.lower, self.upper = low, high
 
     def load(self, name: str) -> ca.MX:
-        """A named load (1, n) [N, N·mm]; ValueError for one that was not asked for."""
+        """A named load (1, n) [N, N·mm]; ValueError for one that is not in ``load_names``."""
         if name not in self.load_names:
             raise ValueError(f"unknown load {name!r}, expected one of {', '.join(self.load_names)}")
         return self.loads[self.load_names.index(name), :]
@@ -117,9 +117,9 @@ class ContactFrames:
                 rows |= self._normal_rows(root, normal, [self._row(name, targets[name]) for name in normal.loads])
         for name, value in targets.items():
             if (centre := centre_of_pressure(name, normals)) is not None:
-                force, torque, asked = self._total(centre.force), self._total(centre.torque), self._row(name, value)
-                rows[name] = (torque - centre.sign * asked * force) / 10.0
-                self._errors[name] = centre.sign * torque / force - asked
+                force, torque, target = self._total(centre.force), self._total(centre.torque), self._row(name, value)
+                rows[name] = (torque - centre.sign * target * force) / 10.0
+                self._errors[name] = centre.sign * torque / force - target
                 continue
             if name in self.load_names or name not in rows:
                 self._errors[name] = self.load(name) - self._row(name, value)
@@ -128,9 +128,9 @@ class ContactFrames:
         return ca.vertcat(*(rows[name] for name in targets))
 
     def report(self, value: Callable[[ca.MX], Any]) -> str:
-        """What a solution is worth, a line for each finding: what each patch carries, how far off the loads are that
-        `misfit` was asked for, which frames lie on a bound, are not valid, or have no contact. value: of an expression
-        at the solution, such as ``solution.value`` of an Opti."""
+        """Findings about a solution, a line for each: the normal load of each patch, errors of the targets of `misfit`,
+        frames on a bound, frames that are not valid, frames without contact. value: gives the value of an expression at
+        the solution, such as ``solution.value`` of an Opti."""
         pose, roots = (np.reshape(value(of), (-1, self.frames), order="F") for of in (self.pose, self.roots))
         forces = self._scene.reference_load * np.maximum(roots, 0.0) ** 2
         patches = zip(self._scene.patch_names, forces.min(axis=1), forces.max(axis=1), strict=True)

@@ -82,13 +82,13 @@ class ContactInOpti(ContactFrames):
         return np.asarray(ca.DM(solution.value(self.pose))).reshape(6, self.frames).T
 
     def report(self, solution: ca.OptiSol) -> str:  # type: ignore[override]
-        """What a solution is worth, see `ContactFrames.report`; print it."""
+        """Findings about a solution (`ContactFrames.report`), to be printed."""
         return super().report(solution.value)
 
     @staticmethod
     def options(**ipopt: Any) -> dict[str, Any]:
         """Options for ``opti.solver("ipopt", ...)`` (`settled_options`); bounds reach IPOPT as bounds, so that it never
-        asks for loads outside the learned range."""
+        evaluates loads outside the learned range."""
         return {**settled_options(**ipopt), "detect_simple_bounds": True}
 
 

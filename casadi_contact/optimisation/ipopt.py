@@ -33,8 +33,8 @@ def ipopt_options(*, tolerance: float = 1e-8, max_iterations: int = 300, **more:
     """Options of ``casadi.nlpsol`` or ``Opti.solver("ipopt", ...)``: quiet, with the exact Hessian that a contact
     model's function gives; more: any other option of IPOPT by its name.
 
-    Variables and misfits are scaled already. IPOPT would scale by the gradient at the start: far out of contact, where
-    there is none, or at the solution, where its tolerance then asks for the impossible."""
+    Variables and misfits are scaled already. IPOPT would scale by the gradient at the start, which is zero far out of
+    contact, and so small at the solution that the scaled tolerance is out of reach."""
     ipopt = {
         "print_level": 0,
         "sb": "yes",
@@ -94,5 +94,5 @@ class FrameResult:
 
     @property
     def solved(self) -> np.ndarray:
-        """True (n,) for frames that meet what was asked of them, without overload."""
+        """True (n,) for frames that meet their targets or balance, without overload."""
         return np.asarray(self.outcome == FrameOutcome.SOLVED)

@@ -87,7 +87,7 @@ class PoseTargets:
     @property
     def loaded(self) -> np.ndarray:
         """True (n,) where something presses, by more than a millionth of the scene's boundary load. Where a normal load
-        is not among the targets it may press in any frame: then torques and centres of pressure tell too."""
+        is not among the targets it may press in any frame: then torques and centres of pressure count too."""
         all_known = all(set(normal.loads) <= set(self.values) for normal in self.scene.normal_loads)
         lever = {FORCE: 1.0} if all_known else {FORCE: 1.0, TORQUE: LEVER_MM}
         kinds = {name: quantity(name).kind for name in self.values}
@@ -180,7 +180,7 @@ class PoseEstimation:
 
     nlp: CasADi's x and f; contact: variables with bounds and scales (`ContactFrames`); residuals: scaled free
     parameters (f, n) -> r (targets, n) [N]. Raises ValueError for loads that the scene lacks, measured parameters that
-    contradict what it locks or ties, and a cycle that measures too little to tell the pose, or too much."""
+    contradict what it locks or ties, and a cycle that measures too little to determine the pose, or too much."""
 
     def __init__(
         self,

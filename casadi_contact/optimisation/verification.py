@@ -52,7 +52,7 @@ class Verification:
 
     @property
     def checked(self) -> bool:
-        """True where there was a contact model to ask."""
+        """True where there was a contact model to compare with."""
         return not np.isnan(self.errors).all()
 
     @property
@@ -95,7 +95,7 @@ class Verification:
 
     @property
     def words(self) -> list[str]:
-        """The verdict of each frame (n,), with the load that differs most against what is allowed."""
+        """The result of each frame (n,), with the load that differs most in proportion to what is allowed."""
         best = "solved and verified" if self.checked else "solved, not checked"
         words = np.select([self.without_load, ~self.solved], ["no load", "not solved"], best).tolist()
         for rows, said, sizes, _ in self._doubts():
@@ -106,7 +106,7 @@ class Verification:
 
     @property
     def exit_code(self) -> int:
-        """0: every frame verified, or solved with no model to ask; 3: some not solved; 4: solved, not all verified."""
+        """0: every frame verified, or solved with no model to compare; 3: some unsolved; 4: some not verified."""
         if not (self.solved | self.without_load).all():
             return 3
         return 0 if not self.checked or (self.verified | self.without_load).all() else 4

@@ -161,7 +161,7 @@ _LEAST_REACH = np.array([3.0, 3.0, 3.0, 0.1, 0.1, 0.1])  # of a slider to either
 
 
 class PageCycle(NamedTuple):
-    """poses (n, 6) over time_s (n,), and where they come from in words."""
+    """poses (n, 6) over time_s (n,), and a text that names their source."""
 
     time_s: Array
     poses: Array

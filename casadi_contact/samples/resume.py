@@ -110,7 +110,7 @@ class KeptMotion:
 
     @classmethod
     def read(cls, path: Path, space: PoseSpace) -> KeptMotion:
-        """Read ``motion.npz``; raises FileNotFoundError, and ValueError for a damaged file."""
+        """Read ``motion.npz``; raises FileNotFoundError, and ValueError for a damaged file or another pose space."""
         try:
             content = read_npz(path)
             point = SamplePoint(tuple(map(str, content["inputs"])), space.free_names)
@@ -122,4 +122,4 @@ class KeptMotion:
         except FileNotFoundError:
             raise
         except (ValueError, KeyError, IndexError, TypeError, OSError) as error:
-            raise ValueError(f"{path} is damaged ({error}): remove it and sample again") from None
+            raise ValueError(f"{path} is damaged, or of another scene ({error}): delete it and sample again") from None

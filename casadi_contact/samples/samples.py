@@ -26,10 +26,10 @@ COLUMNS = ("poses", "wrenches", "gaps", "domain", "role")
 
 @dataclass(frozen=True)
 class Dropped:
-    """Poses (m, 6) [mm, rad] that a plan asked for and that became no samples, with their domain (m,) 1..7.
+    """Poses (m, 6) [mm, rad] of a plan that became no samples, with their domain (m,) 1..7.
 
-    Where contact runs off the elements, pulls, or finds no equilibrium (then the pose of the last iteration): regions
-    that a surrogate does not know, however close its samples are. The reasons are counted in the provenance.
+    Contact runs off the elements there, pulls, or has no equilibrium (the pose is then that of the last iteration). A
+    surrogate is not valid in such regions, however close its samples are. The provenance counts the reasons.
     """
 
     poses: Array = field(default_factory=lambda: np.empty((0, 6)))
@@ -187,10 +187,10 @@ def mirrored(samples: Samples) -> Samples:
 
 
 def either_side(samples: Samples) -> Samples:
-    """Half of the samples, chosen at random, in the mirror, so that one side knows what both have seen.
+    """The samples with half of them, chosen at random, mirrored, so that the network of one side learns from both.
 
-    Those in which a side bears nothing come as they are and in the mirror: a false contact may lie on either side, and
-    a surrogate that never saw it there predicts thousands of newtons.
+    Samples in which a side carries no load come both as they are and mirrored: without them a surrogate predicts
+    thousands of newtons of false contact on the other side.
     """
     reflected, chosen = mirrored(samples), np.random.default_rng(0).random(len(samples)) < 0.5
     free = (samples.wrenches == 0.0).all(axis=2).any(axis=1)

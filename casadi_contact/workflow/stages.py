@@ -93,7 +93,7 @@ def sample(
 
 @exclusive
 def take_table(project: Project, table: Path) -> Samples:
-    """Make the samples file from a table of samples (`dataset.read_sample_table`) instead of drawing them.
+    """Make the samples file from a table of samples (`samples.table.read_sample_table`) instead of drawing them.
 
     Raises ValueError for a folder in which other samples are drawn or learned already."""
     samples = read_sample_table(table, project.scene)

@@ -165,7 +165,7 @@ def fit_all(
     starts: networks to go on from instead of random weights, by the regression's name.
     progress: called here as by `fit`; for a fit that a worker has ended, at once, with the work done as the budget.
 
-    Raises ValueError for what `fit` refuses; the fits still waiting are then cancelled, those running go on in their
+    Raises ValueError as `fit` does; the fits still waiting are then cancelled, those running go on in their
     workers until the executor is shut down.
     """
     with tempfile.TemporaryDirectory(prefix="casadi_contact_") as temporary:
@@ -189,7 +189,7 @@ def _collect(
     checkpoints: Mapping[str, Path],
     progress: Update | None,
 ) -> dict[str, Fit]:
-    """The fits when all have ended; meanwhile progress is told from the checkpoints that workers write."""
+    """Wait for all fits; meanwhile report progress from the checkpoints that the workers write."""
     waiting = set(futures.values())
     while waiting:
         done, waiting = wait(waiting, timeout=1.0, return_when=FIRST_EXCEPTION)

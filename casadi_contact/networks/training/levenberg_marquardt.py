@@ -74,7 +74,7 @@ class LevenbergMarquardt:
         return State(self.parameters, self.damping, self._growth, self._iterations)
 
     def _precondition(self) -> Any | None:
-        """A Cholesky factor of JᵀJ from some rows, damped, more where rounding asks; None where none helps."""
+        """A Cholesky factor of JᵀJ from some rows, damped until it is positive definite; None where that fails."""
         gram = self.mlp.drawn_gram([self._seed, self._iterations])
         self._iterations += 1
         self._unit = float(np.diagonal(gram).mean()) or 1.0

@@ -55,7 +55,7 @@ class TrainingSettings:
             raise ValueError("no limit is set, expected an end to the fit: max_gflop, max_iterations or max_cpu_s")
 
     def gflop_at_end(self, gflop: float, cpu_s: float) -> float:
-        """Work allotted to a fit that took so much for gflop; where a clock ends it, what its pace leads to."""
+        """Work allotted to a fit that did gflop in cpu_s: max_gflop, or less if the clock ends it at this pace."""
         return min(self.max_gflop, gflop * self.max_cpu_s / cpu_s if cpu_s else inf)
 
 

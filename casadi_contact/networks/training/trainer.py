@@ -169,7 +169,7 @@ class Trainer:
         return self.level + 1 < len(self.settings.sizes)
 
     def _trend_misses(self) -> bool:
-        """True if the error's trend stays above the tolerance at the end; asked at every tenth iteration."""
+        """True if the error's trend stays above the tolerance at the end; evaluated at every tenth iteration."""
         if len(self.history["gflop"]) % 10:
             return False
         effort, end = self._effort()

@@ -33,7 +33,7 @@ from casadi_contact.optimisation.assembly.paths import Bundle, Muscle, MuscleCur
 from casadi_contact.optimisation.joint_mechanics import generalised_forces, total_selection
 from casadi_contact.scenes.material import Friction
 
-Loaded = str | tuple[str, str]  # a body, or with the body in whose frame its load is told
+Loaded = str | tuple[str, str]  # a body, or with the body in whose frame its load is given
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ class Assembly:
         loaded: Sequence[Loaded] = (),
         by_force: bool = False,
     ) -> ca.Function:
-        """casadi.Function q (n), u (n), udot (n), activations (m) -> the outputs asked for, some of `OUTPUTS`.
+        """casadi.Function q (n), u (n), udot (n), activations (m) -> the chosen outputs, some of `OUTPUTS`.
 
         forces (r) [N, N·m]: all that acts on each coordinate, inertia too; of_ligaments ... of_loads: its parts.
         ligament_lengths, muscle_lengths [m]; ligament_tensions, muscle_forces [N]; muscle_arms (m x r) = -∂L/∂q [m, 1].

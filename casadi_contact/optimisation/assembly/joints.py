@@ -139,7 +139,7 @@ def frame(pose: Array) -> Place:
 
 
 def compose(first: Place, second: Place) -> Place:
-    """A frame that lies in another frame, seen from where this one lies."""
+    """The second frame, given in the first, as given where the first one is."""
     return first[0] + ca.mtimes(first[1], second[0]), ca.mtimes(first[1], second[1])
 
 

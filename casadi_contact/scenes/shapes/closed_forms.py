@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.geometry.elements import Cells, cell_middles, dish, plane
+from casadi_contact.geometry.elements import CellGrid, cell_middles, dish, plane
 from casadi_contact.geometry.moving_surface import MovingSurface, cylinder, half_space, sphere, swept_arcs
 from casadi_contact.scenes.shapes.checks import fail
 from casadi_contact.scenes.shapes.shape import Geometry, Parameter, Shape
@@ -44,7 +44,7 @@ class BallInCup(Shape):
     def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
         return [sphere(geometry["ball_radius"])]
 
-    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
+    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[CellGrid]:
         """A spherical cap in cells of equal area, whose outermost rows and columns are its rim. The square's cells go
         to a disc (Shirley and Chiu 1997: concentric squares become circles) and from there to the sphere (Lambert:
         sin(θ/2) grows with the disc's radius); both keep areas."""
@@ -116,11 +116,11 @@ class ButtonInGroove(Shape):
         radii = [geometry["dome_sagittal_radius"]]
         return [swept_arcs(radii, [], geometry["dome_radius"], 0.0)] * 2
 
-    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
+    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[CellGrid]:
         return [_facet(geometry, side, *grid) for side in (1.0, -1.0)]
 
 
-def _facet(g: Geometry, side: float, nx: int, nz: int) -> Cells:
+def _facet(g: Geometry, side: float, nx: int, nz: int) -> CellGrid:
     """One facet of the groove, on the side z > 0 (1) or z < 0 (-1): cells equal in both angles, by the midpoint rule.
     The facet's arc about (ρ_c, z_c) in the plane of ρ (distance from the z axis) and z: ρ = ρ_c - R·cos α, z =
     side·(z_c + R·sin α), with α the facet's slope; the normal points to the arc's centre."""
@@ -145,7 +145,7 @@ class SphereOnPlane(Shape):
     def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
         return [sphere(geometry["radius"])]
 
-    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
+    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[CellGrid]:
         return [plane(grid, (geometry["patch_side"], geometry["patch_side"]))]
 
 
@@ -159,7 +159,7 @@ class CylinderOnPlane(Shape):
     def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
         return [cylinder(geometry["radius"])]
 
-    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
+    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[CellGrid]:
         return [plane(grid, (geometry["patch_side"], geometry["length"]))]
 
 
@@ -173,7 +173,7 @@ class PunchOnPlane(Shape):
     def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
         return [half_space()]
 
-    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
+    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[CellGrid]:
         side = geometry["area"] ** 0.5
         return [plane(grid, (side, side))]
 
@@ -196,6 +196,6 @@ class SphereInDish(Shape):
     def surfaces(self, geometry: Geometry) -> list[MovingSurface]:
         return [sphere(geometry["radius"])]
 
-    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
+    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[CellGrid]:
         radius, side = geometry["dish_radius"], geometry["patch_side"]
         return [dish(grid, (side, side), radius, radius)]

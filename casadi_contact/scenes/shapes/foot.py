@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.geometry.elements import Cells, cell_middles
+from casadi_contact.geometry.elements import CellGrid, cell_middles
 from casadi_contact.geometry.moving_surface import MovingSurface, half_space
 from casadi_contact.scenes.shapes.checks import fail
 from casadi_contact.scenes.shapes.shape import Geometry, Parameter, Shape
@@ -54,7 +54,7 @@ class FootOnGround(Shape):
     def start_pose(self, geometry: Geometry) -> Array:
         return np.array([0.0, -geometry["depth"], 0.0, 0.0, 0.0, 0.0])
 
-    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
+    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[CellGrid]:
         (nx, nz), low, high = grid, geometry["heel_x"], geometry["toe_x"]
         x = low + (high - low) * 0.5 * (1.0 + cell_middles(nx))
         u, v = np.meshgrid(x, cell_middles(nz), indexing="ij")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.geometry.elements import Cells, dish
+from casadi_contact.geometry.elements import CellGrid, dish
 from casadi_contact.geometry.moving_surface import MovingSurface, swept_arcs
 from casadi_contact.scenes.shapes.checks import fail, table_of
 from casadi_contact.scenes.shapes.shape import Geometry, Parameter, Shape
@@ -83,7 +83,7 @@ class Knee(Shape):
             surfaces.append(swept_arcs(g["sagittal_radii"], junctions, g["frontal_radius"], anchor[2]))
         return surfaces
 
-    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
+    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[CellGrid]:
         cells = []
         for side, anchor in zip(SIDES, self.anchors(geometry), strict=True):
             g = self.patch_geometry(geometry, side)

@@ -38,7 +38,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.geometry.elements import Cells, ElementGrid, grid_elements, scattered_elements
+from casadi_contact.geometry.elements import CellGrid, ElementGrid, grid_elements, scattered_elements
 from casadi_contact.geometry.mesh import FILE_AXES, MM_PER_UNIT, axes_rotation, file_digest
 from casadi_contact.geometry.moving_surface import MESH_FIELD, MovingSurface, half_space
 from casadi_contact.scenes.shapes.checks import fail, identifier, number, numbers, table_of
@@ -135,7 +135,7 @@ class Mesh(Shape):
     def start_pose(self, geometry: Geometry) -> Array:
         return np.array(geometry.get("start_pose", np.zeros(6)))
 
-    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
+    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[CellGrid]:
         """Grids laid over each patch of the fixed mesh, from where the moving body presses it."""
         from casadi_contact.geometry.projection import grid_on_mesh
         from casadi_contact.scenes.shapes import mesh_bodies as bodies

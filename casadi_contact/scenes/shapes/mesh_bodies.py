@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from casadi_contact.core.conventions import Array
 from casadi_contact.geometry.distance_field import DistanceField, kept_field
-from casadi_contact.geometry.elements import Cells
+from casadi_contact.geometry.elements import CellGrid
 from casadi_contact.geometry.mesh import FILE_AXES, Box, Placement, file_digest, load_mesh
 from casadi_contact.geometry.projection import DOWN, LEAST_UPWARD, Projection, projection_of
 from casadi_contact.geometry.smooth_surface import SmoothSurface
@@ -65,8 +65,8 @@ def backing_depths(
     geometry: Geometry, points_mm: Array, normals: Array, flattest: float = 0.3, least_mm: float = 0.2, rounds: int = 30
 ) -> Array:
     """The way (n,) [mm] from points (n, 3) of the fixed surface along minus their normals (n, 3) to the smooth surface
-    of the backing, at least least_mm: d ← d - g/g', with g its distance. Beyond its rim, where the normal no longer
-    leads to it, g falls by `flattest` at least: the way to what lies nearest, slanted."""
+    of the backing, at least least_mm, by Newton's method on its distance g: d ← d - g/g'. Beyond the backing's rim the
+    normal misses it; there g' is taken as `flattest` at least, which gives the slanted way to the nearest part."""
     field, way = body_field(geometry, "backing"), np.zeros(len(points_mm))
     for _ in range(rounds):
         g, slope = field(points_mm - way[:, None] * normals)
@@ -268,7 +268,7 @@ def check_patches(geometry: Geometry, least_mm2: float = 4.0, least_side_mm: flo
             )
 
 
-def check_shared(geometry: Geometry, elements: Sequence[Cells]) -> None:
+def check_shared(geometry: Geometry, elements: Sequence[CellGrid]) -> None:
     """Raise ValueError for two patches, with elements in their order, that share some surface: it would count twice.
     Seen from different sides they share what both see: a post's wall and the floor below it nothing."""
     patches = dict(zip(geometry["patches"], elements, strict=True))
@@ -286,7 +286,7 @@ def check_shared(geometry: Geometry, elements: Sequence[Cells]) -> None:
 def cut_cells(
     geometry: Geometry,
     patch: str,
-    cells: Cells,
+    cells: CellGrid,
     field: DistanceField,
     *,
     same_surface: float = 0.35,
@@ -336,7 +336,7 @@ def cut_cells(
     return cut
 
 
-def _along(cells: Cells, axis: int, rows: tuple[np.ndarray, ...]) -> Array:
+def _along(cells: CellGrid, axis: int, rows: tuple[np.ndarray, ...]) -> Array:
     """Steps (n, 3) [mm] of the grid along an axis at cells by their rows; the mean one where there is no neighbour."""
     centres, _, areas = cells
     both = (np.delete(areas, 0, axis) > 0.0) & (np.delete(areas, -1, axis) > 0.0)

@@ -1,7 +1,7 @@
 """The record of a shape: its [geometry], its patches, its moving surface and the elements of its fixed one.
 
-A scene names its shape; all that one shape has of its own stands in its record, and whatever holds for every shape
-asks the record. A new shape is a record and a line in `_MODULES`.
+A scene names its shape. What only this shape has stands in its record, which the code for all shapes reads. A new
+shape is a record and a line in `_MODULES`.
 """
 
 import math
@@ -15,7 +15,7 @@ from typing import Any, ClassVar, NoReturn
 import numpy as np
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.geometry.elements import Cells, ElementGrid, grid_elements
+from casadi_contact.geometry.elements import CellGrid, ElementGrid, grid_elements
 from casadi_contact.geometry.moving_surface import MovingSurface
 from casadi_contact.scenes.shapes.checks import fail, identifier, number, numbers, table_of
 
@@ -81,7 +81,7 @@ class Shape(ABC):
         """The moving surface that faces each patch, in patch order."""
 
     @abstractmethod
-    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[Cells]:
+    def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[CellGrid]:
         """The fixed surface of each patch in (nx, nz) cells, in patch order."""
 
     def elements(self, geometry: Geometry, grid: tuple[int, int]) -> list[ElementGrid]:
@@ -89,7 +89,7 @@ class Shape(ABC):
         return [grid_elements(*cells) for cells in self.cells(geometry, grid)]
 
     def thickness_at(self, geometry: Geometry, points_mm: Array, normals: Array) -> Array | None:
-        """Thickness (n,) [mm] of the fixed layer under points with normals (n, 3); None where [material] tells it."""
+        """Thickness (n,) [mm] of the fixed layer under points with normals (n, 3); None where [material] has it."""
         return None
 
     def locate_files(self, geometry: Geometry, folder: Path) -> Geometry:
