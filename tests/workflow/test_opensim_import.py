@@ -12,14 +12,16 @@ import pytest
 
 import casadi_contact as cc
 from casadi_contact.contact.cells.basis import Cells
+from casadi_contact.geometry.triangle_mesh import TriangleMesh
 from casadi_contact.optimisation.assembly.file import ray_casting, write_assembly
 from casadi_contact.optimisation.assembly.settling import CoordinateSettling
 from casadi_contact.scenes.opensim import read_opensim_table
+from casadi_contact.workflow.opensim_import.contacts import pressing
 from casadi_contact.workflow.opensim_import.importing import import_model, states_of
 from casadi_contact.workflow.opensim_import.model_file import read_model
 from casadi_contact.workflow.opensim_import.process import describe, measure
 from tests.support.compiler import needs_compiler
-from tests.support.meshes import cap_mesh, write_obj
+from tests.support.meshes import cap_mesh, sheet_mesh, slab_mesh, write_obj
 from tests.support.shared_data import shared_file
 from tests.support.small_model import RADIUS, random_states, write_model_with_disc, write_small_model
 
@@ -148,14 +150,38 @@ def test_a_loose_disc_between_two_bodies_is_pressed_on_both_faces(tmp_path):
     assert by_name["lower"] == pytest.approx(-by_name["upper"], abs=0.15)
 
 
-def test_another_side_without_contact_is_read_alike(tmp_path):
+def test_another_side_with_a_turned_roll_and_a_point_that_moves_is_read_alike(tmp_path):
     model = write_small_model(tmp_path, side="l", contact=False)
-    import_model(model, tmp_path / "out", joint="knee_l")
+    text, on = model.read_text(), "<socket_parent_frame>/bodyset/shank</socket_parent_frame>"
+    rolls = text[text.index("<WrapObjectSet>") : text.index("</WrapObjectSet>") + len("</WrapObjectSet>")]
+    turned = "<socket_parent>/bodyset/thigh</socket_parent><translation>0.001 0 0</translation>"
+    turned += f"<orientation>0.1 0.2 0</orientation>{rolls}"
+    turned = f'<components><PhysicalOffsetFrame name="turned">{turned}</PhysicalOffsetFrame></components>'
+    by, line = "/jointset/knee_l/flex_l", "<LinearFunction><coefficients>{} {}</coefficients></LinearFunction>"
+    moves = "".join(f"<socket_{axis}_coordinate>{by}</socket_{axis}_coordinate>" for axis in "xyz")
+    for axis, slope, at in (("x", -0.01, -0.04), ("y", 0.02, -0.01), ("z", 0.0, 0.0)):
+        moves += f"<{axis}_location>{line.format(slope, at)}</{axis}_location>"
+    last = f'<PathPoint name="p1">{on}<location>-0.02 -0.02 0.0'
+    moving = f'<MovingPathPoint name="moving">{on}{moves}</MovingPathPoint>'
+    model.write_text(text.replace(rolls, turned, 1).replace(last, moving + last))
+    report = import_model(model, tmp_path / "out", joint="knee_l")
+    assert "back: its MovingPathPoint" in report
     assembly = cc.load_assembly(tmp_path / "out")
     assert assembly.coordinates == ("hip_l", "flex_l", "sink_l")
-    assert assembly.ligaments[1].wrap is not None
-    with pytest.raises(ValueError, match="knee_l"):
+    (bare := tmp_path / "bare.osim").write_text(read_model(model).rest)
+    states = np.abs(random_states(assembly, 20)) * [1.0, 1.0, -1.0]  # within the joint's range
+    found = measure(bare, assembly.coordinates, states, ["front", "back"])
+    front, back = assembly.function(["ligament_lengths", "muscle_lengths"])(states.T, 0.0, 0.0, 0.5)
+    assert (found["stretches"][:, 0, 0] >= 0).any()
+    np.testing.assert_allclose(np.vstack([front[1, :].full(), back.full()]), found["lengths"].T, atol=1e-4)
+    with pytest.raises(ValueError, match="knee_r"):
         import_model(model, tmp_path / "out", joint="knee_r")
+
+
+def test_the_far_side_of_a_closed_mesh_does_not_tell_where_it_is_pressed():
+    ball = TriangleMesh("ball", *cap_mesh(20.0, 1.2, 1.0))
+    slab = TriangleMesh("slab", *slab_mesh(*sheet_mesh(8.0, 1.0), 2.0))
+    np.testing.assert_allclose(pressing(slab, ball, np.array([0.0, 19.9, 0.0, 0.0, 0.0, 0.0])), [0.0, -1.0, 0.0])
 
 
 @pytest.mark.parametrize(

@@ -154,12 +154,12 @@ def point_at(place: Place, point_mm: Any) -> Any:
 
 
 class Chain:
-    """Where bodies lie at coordinates by name [mm, rad], in each other or in the ground. Raises ValueError for a body
-    that two joints carry or none, and for joints in a circle."""
+    """Where bodies lie at coordinates by name [mm, rad], in each other or in the ground; above: the joint that carries
+    each. Raises ValueError for a body that two joints carry or none, and for joints in a circle."""
 
     def __init__(self, ground: str, bodies: Sequence[str], joints: Sequence[Joint], coordinates: Mapping[str, Any]):
-        self._above = {joint.child: joint for joint in joints}
-        if len(self._above) != len(joints) or set(self._above) != set(bodies):
+        self.above = {joint.child: joint for joint in joints}
+        if len(self.above) != len(joints) or set(self.above) != set(bodies):
             raise ValueError(
                 f"joints carry {', '.join(joint.child for joint in joints)}, expected each of {', '.join(bodies)} once"
             )
@@ -172,15 +172,11 @@ class Chain:
         """The body, its parent, and so on to the ground."""
         found = [body]
         while found[-1] != self._ground:
-            joint = self._above.get(found[-1])
+            joint = self.above.get(found[-1])
             if joint is None or joint.parent in found:
                 raise ValueError(f"body {body} hangs on {found[-1]}, expected joints up to {self._ground}")
             found.append(joint.parent)
         return found
-
-    def above(self, body: str) -> Joint:
-        """The joint that carries a body."""
-        return self._above[body]
 
     def place(self, body: str, within: str) -> Place:
         """A body in another one; expressions are made once, so that all that lies on the body shares them."""

@@ -152,10 +152,8 @@ class MuscleCurves:
 
     def functions(self) -> tuple[ca.Function, ca.Function, ca.Function]:
         """active(l), passive(l), of_speed(v), each a casadi.Function of one number."""
-        given = {"active": (self.lengths, self.active), "passive": (self.lengths, self.passive)}
-        given["of_speed"] = (self.speeds, self.of_speed)
-        made = [ca.interpolant(name, "bspline", [x.tolist()], y.tolist()) for name, (x, y) in given.items()]
-        active, passive, speed = made
+        given = ((self.lengths, self.active), (self.lengths, self.passive), (self.speeds, self.of_speed))
+        active, passive, speed = (ca.interpolant("curve", "bspline", [x.tolist()], y.tolist()) for x, y in given)
         return active, passive, speed
 
 

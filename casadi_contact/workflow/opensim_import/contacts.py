@@ -101,13 +101,14 @@ def layers(contact: ContactForce, casting: Body, target: Body) -> tuple[dict[str
 
 def pressing(casting: TriangleMesh, target: TriangleMesh, pose: Array) -> Array:
     """Where to the target presses the casting mesh, as a unit vector in the casting mesh's frame: against the mean
-    normal of the triangles from which a ray outwards, or a short one inwards, meets the target at rest, at its pose."""
+    normal of the triangles from which a ray outwards enters the target at rest, at its pose, or a short one inwards
+    leaves it: not those of the far side of a closed mesh."""
     t, R = pose[:3], rotation(pose[3:])
     caster, normals, centres = RayCaster(target), casting.normals, casting.corners_mm.mean(axis=1)
     near = np.zeros(len(normals), dtype=bool)
     for side, reach_mm in ((1.0, DEEPEST_MM), (-1.0, THIN_MM)):
         depth, face = caster.first_hits((centres - t) @ R, side * normals @ R)
-        near |= (face >= 0) & (depth < reach_mm)
+        near |= (face >= 0) & (depth < reach_mm) & (caster.leaves(side * normals @ R, face) == (side < 0.0))
     vectors = casting.area_vectors_mm2
     mean = -(vectors[near] if np.linalg.norm(vectors[near].sum(axis=0)) > 1.0 else vectors).sum(axis=0)
     return np.asarray(mean / max(float(np.linalg.norm(mean)), 1e-9))

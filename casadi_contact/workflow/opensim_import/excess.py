@@ -81,7 +81,7 @@ def fit_excesses(
     made = {}
     for k, (name, over) in enumerate(wraps.items()):
         path, stretch, body = paths[name], found["stretches"][:, k], over["body"]
-        wrapped = stretch[stretch[:, 0] >= 0]
+        wrapped = np.array([0, len(path.bodies) - 1]) if over.get("moves") else stretch[stretch[:, 0] >= 0]
         if not len(wrapped):
             continue
         points = list(range(int(wrapped.min()), int(wrapped.max()) + 1))
@@ -141,5 +141,5 @@ def described(errors_mm: Mapping[str, float], tolerance_mm: float = 0.1) -> list
     """Lines that say how well lengths are fitted, the worst by name."""
     worst = sorted(errors_mm.items(), key=lambda item: -item[1])
     over = [f"{name} {error:.2g} mm" for name, error in worst if error > tolerance_mm]
-    lines = [f"{len(worst)} paths wrap; RMS error of length near the joint's motion {worst[0][1]:.2g} mm at most"]
+    lines = [f"{len(worst)} paths are fitted; RMS error of length near the joint's motion {worst[0][1]:.2g} mm at most"]
     return lines + ([f"less exact than {tolerance_mm:g} mm: {', '.join(over)}"] if over else [])

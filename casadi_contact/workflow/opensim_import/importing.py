@@ -77,7 +77,8 @@ def import_model(
         centres, how = _centres(assembly, moving, following, motion)
         if progress:
             progress("model", 2.0, 3.0, "paths")
-        excess = fit_excesses(assembly, str(bare), said["wraps"], centres, [*moving, *following], progress)
+        about = [*moving, *following] if len(centres) > 1 else []  # else the whole ranges count
+        excess = fit_excesses(assembly, str(bare), said["wraps"], centres, about, progress)
     for name, (wrap, _) in excess.items():
         kind = "ligaments" if name in tables["ligaments"] else "muscles"
         tables[kind][name]["wrap"] = {key: value for key, value in vars(wrap).items() if key != "network"}
@@ -113,9 +114,11 @@ def _contacts(
     areas = {name: body.mesh.areas_mm2.sum() for name, body in bodies.items() if body.mesh}
     for contact in source.contacts:
         if not contact.applied:
-            lost.append(f"{contact.name}: appliesForce is false, so it is left out")
+            lost.append(f"{contact.name}: it applies no force, so it is left out")
             continue
-        name = re.sub(r"[\W_]+", "_", contact.name).strip("_")
+        name = re.sub(r"[\W_]+", "_", contact.name, flags=re.ASCII).strip("_")
+        name = name if name[:1].isalpha() else f"contact_{name or len(tables)}"
+        name += f"_{len(tables)}" if name in tables else ""
         if not contact.springs and areas[contact.casting] > FAR_LARGER * areas[contact.target]:
             contact = replace(contact, casting=contact.target, target=contact.casting)
             lost.append(f"{contact.name}: rays run from {contact.casting}, its far smaller mesh")
@@ -141,7 +144,8 @@ def _coordinates(assembly: Assembly, joint: str | None) -> tuple[list[str], list
     for contact in _within(assembly).contacts:
         up, down = (assembly._chain.ancestors(body) for body in contact.bodies)
         between = [*(body for body in up if body not in down), *(body for body in down if body not in up)]
-        counts.update(each.name for each in map(assembly._chain.above, between) if each.coordinates)
+        carriers = (assembly._chain.above[body] for body in between)
+        counts.update(each.name for each in carriers if each.coordinates)
     chosen = ([joint] if joint else []) + [name for name, _ in counts.most_common() if name != joint]
     names = list(dict.fromkeys(name for each in chosen for name in joints[each].coordinates))
     table = assembly.coordinate_table
@@ -170,7 +174,7 @@ def _centres(
     for turn in (turn for turn in PASSIVE if turn <= most):
         q = q.copy()
         q[row] = c.default + way * turn
-        found = rest(q, ACTIVATION, tolerance=1.0, max_iterations=100)
+        found = rest(q, ACTIVATION, tolerance=1.0)
         q, told = (found.q, told + 1) if found.converged else (q, told)
         centres.append(q)
     of = f"{moving[0]} to {np.degrees(abs(q[row] - c.default)):.0f} degrees"

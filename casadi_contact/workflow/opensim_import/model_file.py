@@ -138,8 +138,10 @@ def _text(element: ET.Element, key: str, default: str) -> str:
 
 
 def _values(element: ET.Element, key: str, default: str) -> tuple[float, ...]:
-    where = f"{element.get('name')}, {key}"
-    return tuple(finite_number(word, where) for word in _text(element, key, default).split())
+    where, words, count = f"{element.get('name')}, {key}", _text(element, key, default).split(), len(default.split())
+    if len(words) != count:
+        raise ValueError(f"{where}: got {' '.join(words)}, expected {count} numbers")
+    return tuple(finite_number(word, where) for word in words)
 
 
 def _flag(element: ET.Element, key: str, default: str) -> bool:

@@ -24,8 +24,8 @@ def run_opensim(*arguments: str) -> str:
     with tempfile.TemporaryDirectory(prefix="casadi_contact_") as folder:  # it leaves its log where it runs
         done = subprocess.run([sys.executable, *arguments], cwd=folder, capture_output=True, text=True)
     if done.returncode:
-        last = (done.stderr or done.stdout).strip().splitlines()[-1:] or [f"it ended with {done.returncode}"]
-        raise ValueError(f"OpenSim cannot take what it was given: {last[0]}")
+        said = " ".join((done.stderr or done.stdout).rpartition("Error: ")[2].split())
+        raise ValueError(f"OpenSim cannot take what it was given: {said or f'it ended with {done.returncode}'}")
     return done.stdout
 
 
@@ -34,8 +34,7 @@ def describe(model: Path) -> dict[str, Any]:
     with tempfile.TemporaryDirectory(prefix="casadi_contact_") as folder:
         reply = Path(folder) / "reply.json"
         run_opensim(str(WHEEL), "describe", str(model.resolve()), str(reply))
-        found: dict[str, Any] = json.loads(reply.read_text("utf-8"))
-        return found
+        return dict(json.loads(reply.read_text("utf-8")))
 
 
 def measure(

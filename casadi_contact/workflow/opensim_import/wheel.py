@@ -21,7 +21,6 @@ import opensim
 _ROTATIONS = {"PinJoint": "z", "UniversalJoint": "xy", "BallJoint": "xyz", "GimbalJoint": "xyz", "FreeJoint": "xyz"}
 _ROTATIONS |= {"WeldJoint": "", "PlanarJoint": "z", "SliderJoint": ""}
 _TRANSLATIONS = {"FreeJoint": "xyz", "PlanarJoint": "xy", "SliderJoint": "x"}
-_AXES = {"x": [1.0, 0.0, 0.0], "y": [0.0, 1.0, 0.0], "z": [0.0, 0.0, 1.0]}
 _LINES = ("Constant", "LinearFunction")
 CURVE_LENGTHS = np.linspace(0.0, 2.5, 501)  # of fibres, over their optimal length
 CURVE_SPEEDS = np.linspace(-1.5, 1.5, 301)  # over the greatest speed
@@ -94,7 +93,8 @@ def joint_axes(joint: Any) -> dict[str, Any]:
         raise ValueError(f"joint {joint.getName()} is a {kind}, expected one of CustomJoint, {', '.join(_ROTATIONS)}")
     letters = [("rotations", a) for a in _ROTATIONS[kind]] + [("translations", a) for a in _TRANSLATIONS.get(kind, "")]
     for (group, letter), name in zip(letters, coordinates, strict=True):
-        axes[group].append({"axis": _AXES[letter], "of": name, "offset": 0.0, "slope": 1.0})
+        along = [float(letter == each) for each in "xyz"]
+        axes[group].append({"axis": along, "of": name, "offset": 0.0, "slope": 1.0})
     return axes
 
 
@@ -128,12 +128,13 @@ class Model:
         self.wraps: dict[str, Any] = {}
         self.lost: list[str] = []
         self.surfaces: dict[str, Any] = {}
-        for frame in [self.model.getGround(), *(bodies.get(i) for i in range(bodies.getSize()))]:
-            objects = frame.getWrapObjectSet()
+        for frame in filter(None, map(opensim.PhysicalFrame.safeDownCast, self.model.getFrameList())):
+            objects, within = frame.getWrapObjectSet(), frame.findTransformInBaseFrame()
             for wrap in (objects.get(i) for i in range(objects.getSize())):
-                own = self.surfaces[wrap.getName()] = {"body": frame.getName()}
+                own = self.surfaces[wrap.getName()] = {"body": base(frame)}
                 if cylinder := opensim.WrapCylinder.safeDownCast(wrap):  # its axis is z
-                    own |= {"frame": pose(cylinder.getTransform()), "radius_mm": 1e3 * cylinder.get_radius()}
+                    place = pose(within.compose(cylinder.getTransform()))
+                    own |= {"frame": place, "radius_mm": 1e3 * cylinder.get_radius()}
         joints = {}
         for joint in self.model.getJointList():
             parent, child = joint.getParentFrame(), joint.getChildFrame()
@@ -155,8 +156,8 @@ class Model:
             "joints": joints,
             **self._forces(),
         }
-        constrained = (constraints.get(i).getName() for i in range(constraints.getSize()))
-        self.lost += [f"{name}: a constraint, which no longer holds" for name in constrained]
+        for each in (constraints.get(i) for i in range(constraints.getSize())):
+            self.lost.append(f"{each.getName()}: a constraint, which no longer holds")
         frames = {
             frame.getAbsolutePathString(): {"body": base(frame), "pose": pose(frame.findTransformInBaseFrame())}
             for frame in self.model.getFrameList()
@@ -184,8 +185,8 @@ class Model:
             spring = opensim.SpringGeneralizedForce.safeDownCast(force)
             if not (spring or ligament or opensim.Muscle.safeDownCast(force)):
                 self.lost.append(f"{name}: {kind}")
-            elif not force.get_appliesForce():
-                self.lost.append(f"{name}: appliesForce is false, so it is left out")
+            elif not force.get_appliesForce() or (ligament and not ligament.get_linear_stiffness()):
+                self.lost.append(f"{name}: it applies no force, so it is left out")
             elif spring:
                 values = {"stiffness": spring.getStiffness(), "rest": spring.getRestLength()}
                 values |= {"of": spring.get_coordinate(), "viscosity": spring.getViscosity()}
@@ -225,10 +226,9 @@ class Model:
         over = [self.surfaces[path.getWrapSet().get(i).getWrapObjectName()] for i in range(path.getWrapSet().getSize())]
         if over or moving:
             body = over[0]["body"] if over else bodies[0]
-            self.wraps[name] = over[0] if len(over) == 1 and not moving else {"body": body}
+            self.wraps[name] = over[0] if len(over) == 1 and not moving else {"body": body, "moves": bool(moving)}
         if moving:
-            what = f"{', '.join(moving)} stands still, but for what the fit of its length makes good"
-            self.lost.append(f"{name}: its {what}")
+            self.lost.append(f"{name}: its {', '.join(moving)} stands still, its length is fitted all the same")
         return {"bodies": bodies, "points_mm": points}
 
     def _curves(self, muscle: Any) -> str:
