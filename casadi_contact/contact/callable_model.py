@@ -63,9 +63,8 @@ class CallableModel(WrenchLoads):
             raise
         numbers = np.asarray(array, dtype=float)
         if numbers.shape != (len(poses), *columns):
-            raise ValueError(
-                f"the contact model returned {what} of shape {numbers.shape}, expected {(len(poses), *columns)}"
-            )
+            shape = (len(poses), *columns)
+            raise ValueError(f"the contact model returned {what} of shape {numbers.shape}, expected {shape}")
         return numbers
 
     def _differences(self, function: Callable[[Array], Array], poses: Array) -> Array:
@@ -98,8 +97,7 @@ class CallableModel(WrenchLoads):
             if len(lost := np.argwhere(~np.isfinite(gaps))):
                 said = self._gap_text(poses, gaps, *lost[0])
                 raise ValueError(
-                    f"the contact model returned the {said}, expected a finite number (a bound, 20 say, where nothing "
-                    "lies opposite)"
+                    f"the contact model returned the {said}, expected a finite number, 20 where nothing is near"
                 )
             return gaps
         directions = self._directions()
@@ -122,10 +120,9 @@ class CallableModel(WrenchLoads):
         pulls = normal < -np.maximum(0.5 * size, self.scene.boundary_load)
         if pulls.any() and not (normal > 0.0).any():
             row = int(pulls.argmax())
+            where = f"patch {self.patch_names[patch[row]]} pulls at {pose_text(moved[row], self.patch_names)}"
             raise ValueError(
-                f"the contact model's patch {self.patch_names[patch[row]]} pulls with {-normal[row]:.4g} N at "
-                f"{pose_text(moved[row], self.patch_names)}, on its way into contact, expected pressing: return "
-                "-wrenches, the loads on the fixed body"
+                f"the contact model's {where}, expected pressing: return -wrenches, loads on the fixed body"
             )
         return np.asarray(normal > 0.0)
 
@@ -138,10 +135,8 @@ class CallableModel(WrenchLoads):
         """Unit vectors (patches, 3) along which each patch is pressed."""
         directions = [load.direction for load in self.scene.normal_loads if load.direction is not None]
         if len(directions) < len(self.patch_names):
-            raise ValueError(
-                f"scene {self.scene.name}: a normal load without direction needs the model's gaps: "
-                "CallableModel(scene, wrenches, gaps)"
-            )
+            cure = "CallableModel(scene, wrenches, gaps)"
+            raise ValueError(f"scene {self.scene.name}: a normal load without direction needs gaps: {cure}")
         return np.stack(directions)
 
     def _wrenches_and_roots(self, poses: Array) -> tuple[Array, Array, Array, Array]:
@@ -151,10 +146,8 @@ class CallableModel(WrenchLoads):
         def gaps(rows: np.ndarray) -> tuple[Array, Array]:
             found, by_pose = self.gap_jacobian(poses[rows])
             if len(wrong := np.argwhere(overlaps_without_load(wrenches[rows], found))):
-                raise ValueError(
-                    f"the contact model returned the {self._gap_text(poses[rows], found, *wrong[0])}, where it "
-                    "returned no load, expected a gap above 0: is its sign the wrong way round?"
-                )
+                said = self._gap_text(poses[rows], found, *wrong[0])
+                raise ValueError(f"the contact model returned the {said}, where it returned no load, expected above 0")
             return found, by_pose
 
         return wrenches, jacobian, *signed_roots(self.scene, wrenches, jacobian, gaps)

@@ -114,10 +114,8 @@ def foundation(
 def _chosen(scene: Scene, compiled: bool) -> CompiledFoundation:
     """The foundation that a kept record names, else that which meets the tolerances."""
     if scene.shape not in _KINDS:
-        raise ValueError(
-            f"scene {scene.name} has the shape {scene.shape}, which has no foundation of its own: expected one of "
-            f"{', '.join(FOUNDATION_SHAPES)}; others take cc.ElasticFoundation"
-        )
+        known = f"expected one of {', '.join(FOUNDATION_SHAPES)}; others take cc.ElasticFoundation"
+        raise ValueError(f"scene {scene.name} has the shape {scene.shape}, which has no foundation of its own: {known}")
     kind, kept = _KINDS[scene.shape], scene.material.law in C_LAWS  # of any other law the scene holds but a name
     if kept and (record := kept_record(scene)) is not None:
         with suppress(KeyError, TypeError, ValueError):  # not as such a record is written: as good as absent

@@ -2,9 +2,10 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from casadi_contact.contact.friction import motion_functions
 from casadi_contact.contact.pressure_law import law_of
 from casadi_contact.core.conventions import load_selection
-from casadi_contact.networks.kernel.source import c_text, guards
+from casadi_contact.networks.kernel.source import c_of_functions, c_text, guards
 from casadi_contact.scenes.scene import Scene
 
 C_LAWS = ("linear", "log")
@@ -21,15 +22,16 @@ def kernel_source(
     """
     selection = load_selection(loads, scene.patch_names)
     _, modulus, thickness = law_of(scene.material)
-    sizes = {
+    sizes: dict[str, float | str] = {
         **{"LOADS": len(loads), "ROOTS": roots, "PATCHES": len(scene.patch_names), "WIDEST": 8, "WIDTH": 8},
         **{"LOGARITHMIC": int(scene.material.law == "log"), "MODULUS": modulus, "THICKNESS": thickness},
-        **{"MOST_LANES": lanes, "MOVING": int(inputs > 6), "COEFFICIENTS": 5 if inputs > 12 else 0},
+        **{"MOST_LANES": lanes, "MOVING": int(inputs > 6), "COEFFICIENTS": max(inputs - 12, 0)},
+        **{"VARIABLES": inputs, "LOCALS": inputs - 6, "FRAME_OF": "moving_frame" if inputs > 6 else "frame_of"},
         **{"REFERENCE_LOAD": float(scene.reference_load), "GAP_SLOPE": float(scene.gap_slope)},
     }
     picked = ", ".join(f"{{{', '.join(map(braces, selection[:, p]))}}}" for p in range(len(scene.patch_names)))
-    moves, coefficients = inputs > 6, braces(vars(scene.friction).values())
     components = ", ".join(str(-1 if n.index is None else n.index) for n in scene.normal_loads)
+    motion = c_of_functions(motion_functions(inputs, scene.friction)) if inputs > 6 else ""
     return "\n".join(
         [
             *definitions(sizes),
@@ -40,16 +42,15 @@ def kernel_source(
             f"static const double normal_sign[PATCHES] = {braces(n.sign for n in scene.normal_loads)};",
             c_text("lanes.h", C_FOLDER),
             c_text("foundation.h", C_FOLDER),
-            *([c_text("friction.h", C_FOLDER)] if moves else []),
+            *([motion, c_text("moving.h", C_FOLDER), c_text("friction.h", C_FOLDER)] if inputs > 6 else []),
             patch_source,
-            *([f"static const double friction[5] = {coefficients};", c_text("moving.h", C_FOLDER)] if moves else []),
             c_text("kernel.h", C_FOLDER),
             guards(inputs="VARIABLES"),
         ]
     )
 
 
-def definitions(sizes: Mapping[str, float], tables: Mapping[str, Iterable[float]] | None = None) -> list[str]:
+def definitions(sizes: Mapping[str, float | str], tables: Mapping[str, Iterable[float]] | None = None) -> list[str]:
     """C of numbers, by name, and of arrays of doubles, by name and size: ``ray_cos[RAYS]``."""
     defined = [f"#undef {name}\n#define {name} {value}" for name, value in sizes.items()]
     return defined + [f"static const double {name} = {braces(values)};" for name, values in (tables or {}).items()]

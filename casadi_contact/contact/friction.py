@@ -21,20 +21,16 @@ points. The C (``c/friction.h``) has the same formulas.
 """
 
 from collections.abc import Iterable, Sequence
+from functools import cache
 from typing import Any, NamedTuple
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from casadi_contact.contact.model import WrenchLoads
-from casadi_contact.core.conventions import (
-    Array,
-    angular_velocity_map,
-    batched,
-    finite_numbers,
-    twist_to_pose_gradient,
-    wrench_about_origin,
-)
+from casadi_contact.core.conventions import Array, batched, finite_numbers, twist_to_pose_gradient, wrench_about_origin
+from casadi_contact.networks.frames import angular_velocity_map
 from casadi_contact.scenes.material import FRICTION_NAMES, Friction
 
 
@@ -66,19 +62,30 @@ def friction_factor(coefficients: Any, square: Any, maths: Any = np) -> tuple[An
     return dry / transition + viscous, dry_slope / transition**3, by
 
 
-def twist_about_origin(poses: Array, velocities: Array) -> tuple[Array, Array]:
-    """(v - ω × t, ω) (n, 6) of poses and their rates (n, 6), and its derivatives by both (n, 6, 12)."""
-    t, E = poses[:, :3], angular_velocity_map(poses[:, 3:])
-    turn = np.einsum("nij,nj->ni", E, velocities[:, 3:])
-    twist = np.concatenate([velocities[:, :3] - np.cross(turn, t), turn], 1)
-    turns = np.zeros((len(poses), 3, 12))  # of ω: an axis turns with the angles before it
-    turns[:, :, 9:] = E
-    for i, j in ((0, 1), (0, 2), (1, 2)):
-        turns[:, :, 3 + i] += velocities[:, 3 + j, None] * np.cross(E[:, :, i], E[:, :, j])
-    slopes = np.concatenate([np.cross(t[:, :, None], turns, axis=1), turns], 1)
-    slopes[:, :3, :3] -= np.cross(turn[:, None], np.eye(3)).swapaxes(1, 2)
-    slopes[:, :3, 6:9] += np.eye(3)
-    return twist, slopes
+@cache
+def motion_functions(inputs: int, friction: Friction, *, by_pose: bool = False) -> list[ca.Function]:
+    """Of x, a pose, its rates and, of 17 inputs, coefficients: the motion (11), twist about the origin, then
+    coefficients; slopes (m × inputs) of its first m = inputs - 6 numbers; what second derivatives by x have of those by
+    these: gradient, mixed with the twist that displaces the body, or by_pose the pose (m × 6), second (m × m)."""
+    x, m = ca.SX.sym("x", inputs), inputs - 6
+    E = angular_velocity_map(x[3:6])
+    turn = ca.mtimes(E, x[9:12])
+    twist = ca.vertcat(x[6:9] - ca.cross(turn, x[:3]), turn)
+    motion = ca.vertcat(twist, x[12:] if inputs > 12 else coefficients_of(friction))
+    gradient, mixed, second = (ca.SX.sym("by", m, columns) for columns in (1, 6, m))
+    turned = ca.SX.eye(6) if by_pose else ca.diagcat(ca.SX.eye(3), E)
+    slopes, bend = ca.jacobian(motion[:m], x), ca.hessian(ca.dot(gradient, motion[:m]), x)[0]
+    half = slopes.T @ (ca.horzcat(mixed @ turned, ca.SX(m, m)) + 0.5 * second @ slopes)
+    made = {"value": ([x], motion), "slopes": ([x], slopes)}
+    made["bend"] = ([x, gradient, mixed, second], half + half.T + bend)
+    return [ca.Function(f"motion_{key}", given, [ca.densify(ca.cse(found))]) for key, (given, found) in made.items()]
+
+
+def motions(poses: Array, velocities: Array, coefficients: Array) -> tuple[Array, Array]:
+    """Motions (n, 11) of poses, their rates (n, 6) and coefficients (5,); derivatives by all three (n, 11, 17)."""
+    x = np.hstack([poses, velocities, np.broadcast_to(coefficients, (len(poses), 5))])
+    motion, slopes = (np.asarray(each(x.T)).T for each in motion_functions(17, Friction())[:2])
+    return motion, slopes.reshape(-1, 17, 11).swapaxes(1, 2)
 
 
 class PressedPoints(NamedTuple):
@@ -92,10 +99,10 @@ class PressedPoints(NamedTuple):
     forces: Array
     slopes: Array
 
-    def wrench(self, coefficients: Array, twist: Array, *, derivatives: bool = True) -> tuple[Array, ...]:
-        """Wrench (6,) on the fixed body under a twist about the origin (6,), and if asked its derivatives: by the twist
-        that displaces the body (6, 6), by the twist at which it moves (6, 6), by the coefficients (6, 5)."""
-        c, n, dissipation = self.places, self.normals, coefficients[4]
+    def wrench(self, motion: Array, *, derivatives: bool = True) -> tuple[Array, ...]:
+        """Wrench (6,) on the fixed body in motion (11,), and if asked its derivatives: by the twist that displaces the
+        body (6, 6), and by the motion (6, 11)."""
+        c, n, twist, coefficients, dissipation = self.places, self.normals, motion[:6], motion[6:], motion[10]
         x, y, z = twist[3:]
         w = twist[:3] + c @ np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # ω × c
         approach = -np.sum(n * w, 1)
@@ -116,9 +123,8 @@ class PressedPoints(NamedTuple):
         by_w -= (dissipation * rise)[:, None, None] * steady[:, :, None] * n[:, None]
         by_whole = (rise * approach)[:, None] * steady
         by_coefficients = np.stack([*(whole[:, None] * by[:, None] * drag for by in f_by), by_whole], -1)
-        parts = wrench_about_origin(by_w, c[:, None]), by_coefficients
-        by_motion, by_coefficients = (np.einsum("m,mka->ka", self.forces, part) for part in parts)
-        return self.forces @ load, load.T @ self.slopes, by_motion, by_coefficients
+        by_motion = np.concatenate([wrench_about_origin(by_w, c[:, None]), by_coefficients], -1)
+        return self.forces @ load, load.T @ self.slopes, np.einsum("m,mka->ka", self.forces, by_motion)
 
 
 def checked_velocities(poses: Array, velocities: ArrayLike) -> Array:
@@ -146,11 +152,11 @@ class SlidingContact(WrenchLoads):
         theta = coefficients_of(self.scene.friction) if coefficients is None else coefficients
         shape = (len(poses), len(self.patch_names), 6)
         wrenches, slopes = np.zeros(shape), np.zeros((*shape, 17))
-        twists, by_inputs = twist_about_origin(poses, velocities)
-        for n, patches in enumerate(self.pressed_points(poses)):
+        moving = zip(self.pressed_points(poses), *motions(poses, velocities, theta), strict=True)
+        for n, (patches, motion, by_inputs) in enumerate(moving):
             for p, points in enumerate(patches):
-                wrenches[n, p], placed, motion, slopes[n, p, :, 12:] = points.wrench(theta, twists[n])
-                slopes[n, p, :, :12] = motion @ by_inputs[n]
+                wrenches[n, p], placed, moved = points.wrench(motion)
+                slopes[n, p] = moved @ by_inputs
                 slopes[n, p, :, :6] += twist_to_pose_gradient(placed[None], poses[n, None])[0]
         return wrenches, slopes
 
@@ -168,7 +174,7 @@ class SlidingContact(WrenchLoads):
 
     def moving_wrenches(self, poses: Array, velocities: Array) -> Array:
         """Wrenches (n, patches, 6) of poses that change at these rates (n, 6)."""
-        theta, twists = coefficients_of(self.scene.friction), twist_about_origin(poses, velocities)[0]
-        found = zip(self.pressed_points(poses), twists, strict=True)
-        loads = [[points.wrench(theta, twist, derivatives=False)[0] for points in each] for each, twist in found]
+        moving = motions(poses, velocities, coefficients_of(self.scene.friction))[0]
+        found = zip(self.pressed_points(poses), moving, strict=True)
+        loads = [[points.wrench(motion, derivatives=False)[0] for points in each] for each, motion in found]
         return np.array(loads).reshape(len(poses), len(self.patch_names), 6)

@@ -31,13 +31,8 @@ from casadi_contact.core.quantities import FORCE, newton_scales, of_kind, two_di
 TORQUE_REMEDIES: Mapping[tuple[float, bool], str] = {
     (1000.0, True): "in N·m, expected N·mm: return 1000 times the torques",
     (-1.0, True): "of the wrong sign: return the negative torques, with forces as they are",
-    (1.0, False): (
-        "about the moving body's origin, expected the fixed body's: return T + t × F with the pose's translation t"
-    ),
-    (1000.0, False): (
-        "in N·m about the moving body's origin, expected N·mm about the fixed body's: return 1000·T + t × F with the "
-        "pose's translation t"
-    ),
+    (1.0, False): "about the moving body's origin, expected the fixed body's: return T + t × F with the translation t",
+    (1000.0, False): "in N·m about the moving body's origin, expected N·mm about the fixed: return 1000·T + t × F",
 }
 """What may be wrong, by the factor that mends the torques and whether they are about the fixed body's origin."""
 
@@ -95,9 +90,8 @@ def _check_sign(
     if (ahead < (1.0 - clearly) * behind).all():
         where = _text(model, poses[0], patches[0], forces[0])
         raise ValueError(
-            f"the contact model's loads are those on the moving body: its {where} is {behind[0]:.4g} N {step_mm} mm "
-            f"behind and {ahead[0]:.4g} N {step_mm} mm ahead, expected more ahead: return -wrenches, the loads on the "
-            "fixed body"
+            f"the contact model's loads are those on the moving body: its {where} falls to {ahead[0]:.4g} N "
+            f"{step_mm} mm ahead, expected more than behind: return -wrenches, the loads on the fixed body"
         )
     return np.asarray((ahead - behind) / (2.0 * step_mm))
 

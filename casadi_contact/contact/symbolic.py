@@ -243,10 +243,10 @@ def check_parameters(parameters: Iterable[str], material: Material, *, moving: b
         and (material.thickness_map or material.law != "linear")
         and not set(names) <= {*PLACEMENT, *FRICTION_NAMES}
     ):
-        raise ValueError(
-            f"{', '.join(names)}: the fixed layer in series with the moving one is no factor of the loads where its "
-            "thickness varies, or under the law log; expected a placement alone, or one layer"
+        cause = (
+            "in series with the moving layer it is no factor of the loads where thickness varies or under the law log"
         )
+        raise ValueError(f"{', '.join(names)}: {cause}; expected a placement alone, or one layer")
     return names
 
 

@@ -43,17 +43,12 @@ class Network:
             width = len(bias)
         if len(self.input_scale) != len(self.input_shift) or np.shape(self.output_scale) not in ((), (width,)):
             scales = f"{len(self.input_scale)} input scales, output scales of shape {np.shape(self.output_scale)}"
-            raise ValueError(
-                f"network of {len(self.input_shift)} inputs and {width} outputs has {scales}, expected one for each"
-            )
+            raise ValueError(f"network of {len(self.input_shift)} inputs and {width} outputs has {scales}")
         arrays = (self.input_shift, self.input_scale, *self.weights, *self.biases, np.array(self.output_scale))
         if not all(np.isfinite(array).all() for array in arrays):
             raise ValueError("network holds NaN or infinity in its weights or scales, expected finite numbers")
         if not self.weights or not np.all(self.input_scale):
-            raise ValueError(
-                f"network of {len(self.weights)} layers has input scales {np.asarray(self.input_scale).tolist()}, "
-                "expected at least one layer, and no scale of 0"
-            )
+            raise ValueError(f"{len(self.weights)} layers, scales {self.input_scale}, expected a layer, no scale of 0")
         object.__setattr__(self, "hidden", tuple(len(bias) for bias in self.biases[:-1]))
         object.__setattr__(self, "outputs", len(self.biases[-1]))
 

@@ -103,18 +103,13 @@ class Surrogate(SurrogateFunctions):
         known, outputs = self.network_inputs(scene), self.network_outputs(scene)
         for name, network in self.networks.items():
             if name not in known:
-                raise ValueError(
-                    f"unknown network {name!r} for a {self.structure} surrogate of scene {scene.name!r}, "
-                    f"expected one of {', '.join(known)}"
-                )
+                wanted = f"a {self.structure} surrogate of {scene.name!r}, expected one of {', '.join(known)}"
+                raise ValueError(f"unknown network {name!r} for {wanted}")
             size, expected = (len(network.input_shift), network.outputs), (known[name], outputs[name])
             if size != expected:
                 raise ValueError(f"network {name!r} has (inputs, outputs) {size}, expected {expected}")
         if missing := [name for name in self.required_networks(scene) if name not in self.networks]:
-            raise ValueError(
-                f"a {self.structure} surrogate of scene {scene.name!r} lacks the networks {', '.join(missing)}: "
-                "give all that it is made of"
-            )
+            raise ValueError(f"a {self.structure} surrogate of {scene.name!r} lacks the networks {', '.join(missing)}")
         self.load_names = scene.load_names
 
     def __repr__(self) -> str:

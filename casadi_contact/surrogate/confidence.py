@@ -87,10 +87,8 @@ class Confidence:
         expected.append((columns + patches, 1 + loads))
         for name, shape, wanted in zip((*self.numbers(), "network"), found, expected, strict=True):
             if shape != wanted:
-                raise ValueError(
-                    f"confidence: {name} has shape {shape}, expected {wanted} for {patches} patches and {loads} loads: "
-                    "build or calibrate the surrogate again"
-                )
+                cure = f"for {patches} patches and {loads} loads: calibrate the surrogate again"
+                raise ValueError(f"confidence: {name} has shape {shape}, expected {wanted} {cure}")
 
     @property
     def scales(self) -> Array:

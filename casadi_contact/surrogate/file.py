@@ -72,10 +72,8 @@ def read_file(path: str | Path) -> Content:
     """
     path = existing_file(path, "surrogate file", "a surrogate's .h5")
     if path.suffix == ".toml":
-        raise ValueError(
-            f"{path} is a scene file, expected a surrogate's .h5: casadi-contact show draws a scene, casadi-contact "
-            "build makes a surrogate of it"
-        )
+        cure = "casadi-contact show draws a scene, casadi-contact build makes a surrogate of it"
+        raise ValueError(f"{path} is a scene file, expected a surrogate's .h5: {cure}")
     with open_hdf5(path) as file:
         if file.attrs.get("kind") != KIND:
             raise ValueError(f"{path} is not a surrogate file, expected one written by casadi_contact")

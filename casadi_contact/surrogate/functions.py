@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, ClassVar
 import casadi as ca
 import numpy as np
 
+from casadi_contact.contact.friction import motion_functions
 from casadi_contact.contact.symbolic import SymbolicContact
 from casadi_contact.core.conventions import WRENCH_NAMES, loads_of_total, wrench_names
 from casadi_contact.networks.functions import checked_batch
 from casadi_contact.networks.graph import nan_if_not_finite
-from casadi_contact.networks.kernel.source import ExportedModel, Kernel
+from casadi_contact.networks.kernel.source import ExportedModel, Kernel, external_function
 from casadi_contact.networks.names import c_name, check_name
 from casadi_contact.networks.network import Network
 from casadi_contact.scenes.material import FRICTION_NAMES
@@ -43,17 +44,15 @@ class SurrogateFunctions(SymbolicContact):
     structure: ClassVar[str]
     networks: dict[str, Network]
     confidence: Confidence | None
-    _kernels: dict[tuple[tuple[str, ...], bool], SurrogateArrays | None]
+    _kernels: dict[tuple[tuple[str, ...], int], SurrogateArrays | None]
     ready_name = ""
     """Name under which `load_surrogate` finds it; empty for one that does not come with the library."""
 
     def require_confidence(self) -> Confidence:
         """The numbers behind validity and expected error; raises ValueError for a surrogate without."""
         if self.confidence is None:
-            raise ValueError(
-                "this surrogate has no validity and expected error, because it was never calibrated: build it again, "
-                "or run casadi-contact calibrate on its samples"
-            )
+            cure = "build it again, or run casadi-contact calibrate on its samples"
+            raise ValueError(f"this surrogate was never calibrated, it has no validity and expected error: {cure}")
         return self.confidence
 
     @abstractmethod
@@ -128,8 +127,17 @@ class SurrogateFunctions(SymbolicContact):
             raise ValueError(
                 f"{self!r} knows no wrench of each patch, of which friction is made: expected a patch surrogate"
             )
-        still = self._function(f"{name}_at_rest", wrench_names(self.patch_names), ("loads",), compiled, None)
-        return self.sliding.function(still, name, loads, size, self.scene.friction, compiled=compiled)
+        wrenches, key = wrench_names(self.patch_names), (tuple(loads), size)
+        motion = motion_functions(size, self.scene.friction, by_pose=True)
+        if compiled and key not in self._kernels:
+            source = self.sliding.source(self._kernel(wrenches, roots=False), loads, motion)
+            self._kernels[key] = compiled_arrays(source, loads, 0, f"friction of {self.scene.name}, some seconds")
+        if compiled and (kernel := self._kernels[key]):
+            return external_function(
+                kernel.library, name, {"loads": len(loads), "roots": 0}, ["loads"], 1, "moving_", size
+            )
+        still = self._function(f"{name}_at_rest", wrenches, ("loads",), compiled, None)
+        return self.sliding.function(still, name, loads, motion[0])
 
     def _compiled_kernel(self, loads: Sequence[str], *, roots: bool = True) -> SurrogateArrays | None:
         """The loads' kernel, compiled once; of all loads there is one that gives root loads and confidence as well."""

@@ -15,18 +15,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation
-from casadi_contact.contact.friction import coefficients_of, friction_factor, twist_about_origin, whole_pressure
-from casadi_contact.core.compiler import CompilerError, shared_library, warn_once
+from casadi_contact.contact.foundation_source import C_FOLDER, definitions
+from casadi_contact.contact.friction import coefficients_of, friction_factor, motions, whole_pressure
 from casadi_contact.core.conventions import Array, load_selection
 from casadi_contact.geometry.elements import ElementGrid
-from casadi_contact.networks.frames import angular_velocity_map
-from casadi_contact.scenes.material import Friction
+from casadi_contact.networks.kernel.source import Kernel, c_of_functions, c_text, guards, table
 from casadi_contact.scenes.scene import Scene
 
 
@@ -46,38 +45,9 @@ def fitted_quadric(elements: ElementGrid) -> tuple[Array, Array, float]:
     return 0.5 * (A + A.T), found[6:9], size * float(found[9])
 
 
-class Spread(NamedTuple):
-    """Of one patch: its fixed surface (A, b, d), its axis (3,), α (2,) and κ (2,); arrays, or CasADi's symbols."""
-
-    surface: tuple[Any, Any, Any]
-    axis: Any
-    level: Any
-    power: Any
-
-    @property
-    def numbers(self) -> Array:
-        """All of it (20,), one after another."""
-        return np.concatenate([np.ravel(part) for part in (*self.surface, self.axis, self.level, self.power)])
-
-    def points(self, wrench: Any) -> tuple[Any, Any, Any]:
-        """N, n (3) and the four points (3 x 4) of a wrench (6)."""
-        force, (A, b, d) = wrench[:3], self.surface
-        square = ca.sumsqr(force) + 1e-12
-        size = ca.sqrt(square)
-        n, foot = -force / size, ca.cross(force, wrench[3:]) / square
-        steep = ca.dot(2.0 * ca.mtimes(A, foot) + b, n)
-        left = ca.dot(foot, ca.mtimes(A, foot) + b) + d
-        under = ca.fmax(steep**2 - 4.0 * ca.bilin(A, n, n) * left, 1e-6)
-        centre = foot - 2.0 * left / (steep + ca.sqrt(under)) * n
-        across = self.axis - n * ca.dot(self.axis, n)
-        first = across / ca.sqrt(ca.sumsqr(across) + 1e-12)
-        reach = [ca.exp(self.level[k]) * size ** self.power[k] for k in range(2)]
-        ways = [side * way for way in (reach[0] * first, reach[1] * ca.cross(n, first)) for side in (1.0, -1.0)]
-        return size, n, ca.horzcat(*(centre + way for way in ways))
-
-
-def measured_spreads(model: ElasticFoundation, poses: Array) -> list[Spread]:
-    """Of each patch, from pressures at poses (n, 6); raises ValueError for a patch that three of them do not press."""
+def measured_spreads(model: ElasticFoundation, poses: Array) -> Array:
+    """Of each patch A, b, d of its surface, its axis, α and κ (patches, 20), from pressures at poses (n, 6); raises
+    ValueError for a patch that three of them do not press."""
     seen: list[list[tuple[float, Array]]] = [[] for _ in model.patch_names]
     for found in map(model.pressure_maps, poses):
         for p, patch in enumerate(found):
@@ -93,41 +63,72 @@ def measured_spreads(model: ElasticFoundation, poses: Array) -> list[Spread]:
         axes = np.linalg.eigh(moments.mean(axis=0))[1]
         across = np.stack([np.einsum("i,nij,j->n", axes[:, k], moments, axes[:, k]) for k in (2, 1)], 1)
         power, level = np.polyfit(np.log(force), 0.5 * np.log(2.0 * np.maximum(across, 1e-6)), 1)
-        spreads.append(Spread(fitted_quadric(elements), axes[:, 2], level, power))
-    return spreads
+        A, b, d = fitted_quadric(elements)
+        spreads.append(np.concatenate([A.ravel(), b, [d], axes[:, 2], level, power]))
+    return np.array(spreads)
+
+
+class Steps(list[tuple[ca.SX, ca.SX]]):
+    """Symbols that stand for steps of a formula, in turn. Derivatives are products of those of steps, half as long as
+    what CasADi finds through the whole formula."""
+
+    def __call__(self, expression: Any) -> ca.SX:
+        """A symbol (m) in place of an expression (m)."""
+        self.append((ca.SX.sym("step", expression.numel()), expression))
+        return self[-1][0]
+
+    def derivatives(self, value: Any, by: Any) -> list[Any]:
+        """Value (1) by symbols (n): it, its gradient (n), its Hessian (n × n), without the steps."""
+        H, gradient = ca.hessian(value, x := ca.vertcat(by, *(symbol for symbol, _ in self)))
+        for symbol, expression in reversed(self):
+            m = x.numel() - symbol.numel()
+            x, of = x[:m], gradient[m:]
+            J, bend = ca.jacobian(expression, x), ca.hessian(ca.dot(symbol, expression), x)[0]
+            half = J.T @ (H[m:, :m] + 0.5 * H[m:, m:] @ J)
+            H = ca.triu2symm(ca.triu(H[:m, :m] + half + half.T + ca.substitute(bend, symbol, of)))
+            gradient = gradient[:m] + J.T @ of
+        symbols, expressions = map(list, zip(*self, strict=True))
+        return ca.substitute_inplace(symbols, expressions, [value, gradient, H])[1]
 
 
 @cache
-def sliding_law(*, compiled: bool) -> ca.Function:
-    """casadi.Function (twist about the origin (6), wrench at rest (6), coefficients (5)) of one patch, numbers of its
-    `Spread` (20) -> its wrench (6). Compiled: C that CasADi writes of it and of its derivatives, once for all scenes;
-    without a compiler, with one warning, CasADi runs it."""
-    x, numbers = ca.SX.sym("x", 17), ca.SX.sym("numbers", 20)
-    twist, wrench, coefficients = x[:6], x[6:12], x[12:]
+def law_functions(size: int) -> list[ca.Function]:
+    """Of one patch, from its motion (`motion_functions`), wrench at rest (6), numbers (20) of `measured_spreads`
+    and weights (6): law_value, its wrench; law_first, also derivatives by the motion's first `size` numbers and the
+    wrench at rest; law_second, of Σ weights·wrench by the one, the other, the one twice, both, the other twice."""
+    motion, wrench, numbers, weights = (ca.SX.sym("given", count) for count in (11, 6, 20, 6))
     A, b, d, axis, level, power = ca.vertsplit(numbers, np.cumsum([0, 9, 3, 1, 3, 2, 2]).tolist())
-    size, n, points = Spread((ca.reshape(A, 3, 3), b, d), axis, level, power).points(wrench)
-    total = 0.0
-    for c in ca.horzsplit(points):
-        w = twist[:3] + ca.cross(twist[3:], c)
-        approach = -ca.dot(n, w)
-        slide = w + approach * n
-        f = friction_factor(ca.vertsplit(coefficients), ca.sumsqr(slide), ca)[0]
-        whole = whole_pressure(1.0 + coefficients[4] * approach, ca)[0]
-        total += 0.25 * whole * (wrench + size * f * ca.vertcat(slide, ca.cross(c, slide)))
-    constant: dict[str, Any] = {"is_diff_in": [True, False]}
-    law = ca.Function("sliding", [x, numbers], [total], constant)
-    if not compiled:
-        return law
-    generator, adjoint = ca.CodeGenerator("sliding"), law.reverse(1)
-    for each in (law, law.jacobian(), adjoint, adjoint.jacobian()):
-        generator.add(each)
-    try:
-        library = shared_library(generator.dump(), "friction of surrogates, some seconds")
-    except CompilerError as error:
-        warn_once(f"{error}; friction of surrogates runs in CasADi, which is slower")
-        return law
-    # Forward sensitivities are products with the Jacobian, which is in the library.
-    return ca.external("sliding", str(library), constant | {"enable_forward": False, "jac_penalty": -1.0})
+    A, step = ca.reshape(A, 3, 3), Steps()
+    force = step(ca.sqrt(ca.sumsqr(wrench[:3]) + 2.0**-40))
+    n = step(-wrench[:3] / force)
+    foot, lean = step(ca.cross(wrench[3:] / force, n)), step(ca.dot(axis, n))
+    steep, left = step(ca.dot(2.0 * A @ foot + b, n)), step(ca.dot(foot, A @ foot + b) + d)
+    under = step(ca.bilin(A, n, n))
+    drop = step(2.0 * left / (steep + ca.sqrt(ca.fmax(steep**2 - 4.0 * under * left, 1e-6))))
+    across = step(ca.sumsqr(axis - lean * n))
+    reach = step(ca.exp(level + power * ca.log(force)) / ca.sqrt(across + 1e-12))
+    centre = step(foot - drop * n)
+    first, second = step(reach[0] * (axis - lean * n)), step(reach[1] * ca.cross(n, axis))
+    pressed, total = step(ca.dot(weights, wrench)), ca.SX(0.0)
+    for c in (centre + first, centre - first, centre + second, centre - second):
+        c = step(c)
+        w, pull = (step(way[:3] + ca.cross(way[3:6], c)) for way in (motion, weights))
+        approach = step(-ca.dot(n, w))
+        square, dragged = step(ca.sumsqr(w) - approach**2), step(ca.dot(pull, w + approach * n))
+        f = step(friction_factor(ca.vertsplit(motion[6:]), square, ca)[0])
+        whole = step(whole_pressure(1.0 + motion[10] * approach, ca)[0])
+        total += 0.25 * whole * (pressed + (force - 2.0**-40 / force) * f * dragged)  # nothing where the patch is free
+    _, gradient, H = step.derivatives(total, ca.vertcat(motion, wrench, weights))
+    L, of, given = slice(0, size), slice(11, 17), [motion, wrench, numbers, weights]
+    # The wrench is the gradient by the weights, whatever these are.
+    moved, slopes = ca.substitute([gradient[17:], H[17:, :17]], [weights], [ca.SX.zeros(6)])
+    found = {
+        "law_value": [moved],
+        "law_first": [moved, ca.horzcat(slopes[:, L], slopes[:, of])],
+        "law_second": [gradient[L], gradient[of], H[L, L], H[of, L], H[of, of]],
+    }
+    constant = {"is_diff_in": [True, True, False, False]}
+    return [ca.Function(name, given, [*map(ca.densify, ca.cse(parts))], constant) for name, parts in found.items()]
 
 
 class SlidingPatches:
@@ -136,35 +137,47 @@ class SlidingPatches:
 
     def __init__(self, scene: Scene, poses: Array) -> None:
         self.patch_names = scene.patch_names
-        sliding = scene.with_overrides(
-            static_friction=1.0, dynamic_friction=1.0, transition_velocity=0.1, dissipation=0.0
-        )
+        rough = {"static_friction": 1.0, "dynamic_friction": 1.0, "transition_velocity": 0.1, "dissipation": 0.0}
+        sliding = scene.with_overrides(**rough)
         model = ElasticFoundation(sliding, sliding.grids["settle"])
         self.spreads = measured_spreads(model, poses)
         rates = np.random.default_rng(0).normal(size=poses.shape) * [30.0, 30.0, 30.0, 1.0, 1.0, 1.0]
-        still, moving = model.wrenches(poses), model.wrenches(poses, rates)
-        twists, coefficients = twist_about_origin(poses, rates)[0], coefficients_of(sliding.friction)
-        at_rest, found = ca.MX.sym("at_rest", still[0].size), ca.MX.sym("twist", 6)
-        law = ca.Function("law", [at_rest, found], [self.wrenches(at_rest, found, ca.DM(coefficients))])
+        still, moving, coefficients = (
+            model.wrenches(poses),
+            model.wrenches(poses, rates),
+            coefficients_of(sliding.friction),
+        )
+        at_rest, motion = ca.MX.sym("at_rest", still[0].size), ca.MX.sym("motion", 11)
+        law = ca.Function("law", [at_rest, motion], [self.wrenches(at_rest, motion)])
         loads = load_selection(scene.load_names, scene.patch_names).reshape(len(scene.load_names), -1)
-        made = np.asarray(law(still.reshape(len(poses), -1).T, twists.T)).T
+        made = np.asarray(law(still.reshape(len(poses), -1).T, motions(poses, rates, coefficients)[0].T)).T
         force = np.linalg.norm(still[..., :3], axis=2).sum(axis=1)
         missed = np.abs((made - moving.reshape(made.shape)) @ loads.T)[force > scene.boundary_load]
         self.shares = np.quantile(missed / force[force > scene.boundary_load, None], 0.95, axis=0)
 
-    def wrenches(self, at_rest: Any, twist: Any, coefficients: Any, *, compiled: bool = False) -> Any:
-        """Wrenches (6·P) of the patches, from those at rest."""
-        law, parts = sliding_law(compiled=compiled), zip(self.spreads, ca.vertsplit(at_rest, 6), strict=True)
-        return ca.vertcat(*(law(ca.vertcat(twist, own, coefficients), spread.numbers) for spread, own in parts))
+    def wrenches(self, at_rest: Any, motion: Any) -> Any:
+        """Wrenches (6·P) of the patches, from those at rest, of a twist about the origin and coefficients (11)."""
+        law, parts = law_functions(6)[0], zip(self.spreads, ca.vertsplit(at_rest, 6), strict=True)
+        return ca.vertcat(*(law(motion, own, spread, 0.0) for spread, own in parts))
 
-    def function(
-        self, still: ca.Function, name: str, loads: Sequence[str], size: int, friction: Friction, *, compiled: bool
-    ) -> ca.Function:
-        """casadi.Function pose, its rates, and with size 17 coefficients -> loads, from one of the wrenches at rest."""
-        x, given = ca.SX.sym("x", 12), ca.MX.sym("x", size)
-        turn = ca.mtimes(angular_velocity_map(x[3:6]), x[9:])
-        twist = ca.Function("twist", [x], [ca.vertcat(x[6:9] - ca.cross(turn, x[:3]), turn)])(given[:12])
-        coefficients = given[12:] if size > 12 else ca.DM(coefficients_of(friction))
-        moving = self.wrenches(still(given[:6]), twist, coefficients, compiled=compiled)
+    def function(self, still: ca.Function, name: str, loads: Sequence[str], motion: ca.Function) -> ca.Function:
+        """casadi.Function x -> loads, from that of the wrenches at rest and that of the motion of x."""
+        given = ca.MX.sym("x", motion.numel_in(0))
         selection = ca.sparsify(ca.DM(load_selection(loads, self.patch_names).reshape(len(loads), -1)))
+        moving = self.wrenches(still(given[:6]), motion(given))
         return ca.Function(name, [given], [selection @ moving], ["x"], ["loads"])
+
+    def source(self, still: Kernel, loads: Sequence[str], motion: Sequence[ca.Function]) -> str:
+        """C of the same, from the kernel of the wrenches at rest: `moving_guarded_value` and its like."""
+        patches, inputs = len(self.patch_names), motion[0].numel_in(0)
+        sizes = {"PATCHES": patches, "MOVED": len(loads), "MOVING": 1, "VARIABLES": inputs, "LOCALS": inputs - 6}
+        code = [
+            table("selection", load_selection(loads, self.patch_names).swapaxes(0, 1)),
+            table("spreads", self.spreads),
+            c_of_functions([*motion, *law_functions(inputs - 6)]),
+            c_text("moving.h", C_FOLDER),
+            c_text("sliding.h", __package__),
+            guards("moving_", loads="MOVED", roots="0", inputs="VARIABLES"),
+        ]
+        beside = Kernel([], "\n".join(code))
+        return "\n".join([*definitions(sizes), still.source(loads=6 * patches, roots=0, beside=beside)])

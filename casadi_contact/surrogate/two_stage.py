@@ -50,10 +50,8 @@ class TwoStageSurrogate(Surrogate):
     def network_inputs(cls, scene: Scene) -> dict[str, int]:
         """The pose (6); for loads of the second stage the sensitive loads as well. ValueError: no fit."""
         if not cls.fits(scene):
-            raise ValueError(
-                f"scene {scene.name}: loads.sensitive has other loads than negative forces (-Fy_med), which two_stage "
-                "clamps, or [pose] locks pose parameters, which it cannot: use the patch structure"
-            )
+            needed = "two_stage takes loads.sensitive of negative forces (-Fy_med) alone and no locked pose parameters"
+            raise ValueError(f"scene {scene.name}: {needed}: use the patch structure")
         names = dict.fromkeys((*scene.sensitive_loads, *scene.load_names))
         inputs = {name: 6 if name in scene.sensitive_loads else 6 + len(scene.sensitive_loads) for name in names}
         return inputs | {root_name(patch): 6 for patch in scene.patch_names}

@@ -3,12 +3,6 @@
  * where it is apart and the gap is asked for, the gap; from these come named loads and root loads, with derivatives by
  * the pose. */
 enum { VALUE, FIRST, SECOND, GAPS };
-#if MOVING
-#define LOCALS (6 + COEFFICIENTS) /* numbers of a motion */
-#define VARIABLES (12 + COEFFICIENTS)
-#else
-#define VARIABLES 6
-#endif
 
 typedef struct {
   double wrench[6], stiffness[6][6], curvature[6][6]; /* curvature: of the weighted wrench, [a][b]: b acts last */

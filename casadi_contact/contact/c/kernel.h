@@ -32,10 +32,6 @@ INLINE double normal_load(int patch, const double wrench[6], double slope[3]) {
   return size;
 }
 
-#if !MOVING
-#define FRAME_OF(pose) frame_of(pose)
-#endif
-
 INLINE void kernel_loads(const double *pose, int order, double *loads, double *roots, double (*loads_jacobian)[VARIABLES],
                          double (*roots_jacobian)[VARIABLES]) {
   const Frame frame = FRAME_OF(pose);
@@ -43,7 +39,7 @@ INLINE void kernel_loads(const double *pose, int order, double *loads, double *r
   if (loads && order == FIRST) memset(loads_jacobian, 0, LOADS * sizeof(double[VARIABLES]));
 #if MOVING
   double slopes[VARIABLES][LOCALS];
-  if (order == FIRST) motion_slopes(pose, &frame, slopes);
+  if (order == FIRST) motion_slopes((const double *[]){pose}, (double *[]){slopes[0]}, 0, 0, 0);
 #endif
   for (int p = 0; p < PATCHES; p++) {
     PatchLoads of;
@@ -121,7 +117,7 @@ FUNCTION void kernel_hessian(const double *pose, const double *loads_weight, con
     patch_loads(p, pose, &frame, SECOND, roots_weight != 0, weights, &of);
     add_by_pose(&frame, of.curvature, hessian);
 #if MOVING
-    bend_by_motion(pose, &frame, &of, (double(*)[VARIABLES])hessian);
+    add_bend_of_motion(pose, of.gradient, of.mixed, of.local, hessian);
 #endif
     if (roots_weight) {
       for (int a = 0; a < 6; a++) for (int b = 0; b < 6; b++) of.gap_curvature[a][b] *= -GAP_SLOPE * roots_weight[p];

@@ -239,10 +239,8 @@ class _Truth:
                 f"tolerances allow in every pose that was tried, so that no cells can be chosen: {remedy(scene)}"
             )
         if not len(self.at_rim):
-            raise ValueError(
-                f"scene {scene.name}: the moving body, near its start pose, touches no patch when it comes down on it; "
-                "check the axes and the patches' boxes, or take cc.ElasticFoundation"
-            )
+            cure = "check axes and the patches' boxes, or take cc.ElasticFoundation"
+            raise ValueError(f"scene {scene.name}: from its start pose the moving body comes down on no patch; {cure}")
 
     def errors(self, cells: Cells) -> Errors:
         """Of the named loads, each pose with one patch pressed."""

@@ -80,10 +80,8 @@ def cell_patches(
     """
     law = law_of(scene.material)
     if scene.varies and scene.material.law != "linear":
-        raise ValueError(
-            f"scene {scene.name}: cells take a thickness that varies under the law linear alone, "
-            "expected that law, or cc.ElasticFoundation"
-        )
+        cure = "expected the law linear, or cc.ElasticFoundation"
+        raise ValueError(f"scene {scene.name}: cells take no thickness that varies under another law, {cure}")
     body = scene.surfaces()[0]  # one body faces every patch
     if body.family == MESH_FIELD:  # as its kernel stores it
         body = MovingSurface(body.family, in_single_precision(body.parameters))

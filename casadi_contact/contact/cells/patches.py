@@ -83,10 +83,8 @@ def patch_charts(scene: Scene) -> list[Chart]:
         return [PlaneChart(g["area"] ** 0.5, g["area"] ** 0.5)]
     if scene.shape in CELL_SHAPES:
         return [PlaneChart(g["patch_side"], g.get("length", g["patch_side"]))]
-    raise ValueError(
-        f"scene {scene.name} has the shape {scene.shape}, which cubic cells do not cover: expected one of "
-        f"{', '.join(CELL_SHAPES)}; others take cc.ElasticFoundation"
-    )
+    known = f"expected one of {', '.join(CELL_SHAPES)}; others take cc.ElasticFoundation"
+    raise ValueError(f"scene {scene.name} has the shape {scene.shape}, which cubic cells do not cover: {known}")
 
 
 def lay_cells(chart: Chart, cells: Cells, cut: int = 3) -> CellPatch:

@@ -98,9 +98,9 @@ class SmoothPatch:
 def smooth_patches(scene: Scene) -> list[SmoothPatch]:
     """The patches of a scene of one of `POLAR_SHAPES`, in patch order; raises ValueError for another shape."""
     if scene.shape not in POLAR_SHAPES:
+        known = f"expected one of {', '.join(POLAR_SHAPES)}; others take cc.ElasticFoundation"
         raise ValueError(
-            f"scene {scene.name} has the shape {scene.shape}, which polar quadrature does not cover: expected one of "
-            f"{', '.join(POLAR_SHAPES)}; others take cc.ElasticFoundation"
+            f"scene {scene.name} has the shape {scene.shape}, which polar quadrature does not cover: {known}"
         )
     laid = _facet if scene.shape == "button_in_groove" else _upright
     return [laid(scene, p, surface) for p, surface in enumerate(scene.surfaces())]

@@ -55,6 +55,14 @@ def guards(before: str = "", loads: str = "LOADS", roots: str = "ROOTS", inputs:
     return Template(c_text("guards.h")).substitute(before=before, loads=loads, roots=roots, inputs=inputs)
 
 
+def c_of_functions(functions: Sequence[ca.Function]) -> str:
+    """C that CasADi writes of functions of SX: ``name(given, found, 0, 0, 0)``, two arrays of pointers."""
+    generator = ca.CodeGenerator("written")
+    for function in functions:
+        generator.add(function)
+    return f"#define CASADI_SYMBOL_EXPORT FUNCTION\n{generator.dump()}"
+
+
 @dataclass(frozen=True)
 class ExportedModel:
     """C of a contact model, and what a header must say of it (see the room `export`).

@@ -66,10 +66,8 @@ def patch_regressions(samples: Samples, *, deeper: bool = True) -> list[Regressi
         contact = normal > 0.0
         lost = ~contact & ~np.isfinite(gap_mm)
         if lost.any():
-            raise ValueError(
-                f"samples: gap of patch {patch.name!r} is unknown at row {np.flatnonzero(rows)[np.argmax(lost)]}, out "
-                "of contact; expected a contact model with gaps, or the two_stage structure"
-            )
+            where = f"of patch {patch.name!r} is unknown at row {np.flatnonzero(rows)[np.argmax(lost)]}, out of contact"
+            raise ValueError(f"samples: gap {where}; expected a contact model with gaps, or the two_stage structure")
         root_tolerance, ratio_tolerances = tolerances[p]
         inputs = local_poses(poses, patch.anchor_mm)[:, list(scene.pose_space.free)]
         target = root_target(normal, gap_mm, scene)
@@ -128,10 +126,8 @@ def _check_space(poses: Array, scene: Scene) -> None:
     off = np.abs(poses - scene.pose_space.project(poses)).max(axis=0)
     if off.max() > _ON_SPACE:
         worst = int(np.argmax(off))
-        raise ValueError(
-            f"samples: {POSE_NAMES[worst]} is off its locked or tied value by up to {off[worst]:.3g}, expected poses "
-            "that keep to the scene's [pose]"
-        )
+        wrong = f"{POSE_NAMES[worst]} is off its locked or tied value by up to {off[worst]:.3g}"
+        raise ValueError(f"samples: {wrong}, expected poses that keep to the scene's [pose]")
 
 
 def _tolerances(scene: Scene, wrenches: Array) -> list[tuple[float, dict[int, float]]]:
