@@ -119,10 +119,8 @@ def build_field(
     low = mesh.vertices_mm.min(axis=0) - MARGIN_MM
     counts = _node_counts(mesh, spacing_mm)
     if not field_fits(mesh, spacing_mm):
-        raise ValueError(
-            f"mesh {mesh.name}: a distance field with a spacing of {spacing_mm:g} mm needs {counts.prod()} nodes, too "
-            "many for memory: choose a larger spacing, or cut the mesh to what touches"
-        )
+        got = f"a distance field of {spacing_mm:g} mm spacing has {counts.prod()} nodes, too many for memory"
+        raise ValueError(f"mesh {mesh.name}: {got}: choose a larger spacing, or cut the mesh to what touches")
     axes = [origin + spacing_mm * np.arange(count) for origin, count in zip(low, counts, strict=True)]
     values = _node_values(surface or SmoothSurface(mesh), axes, spacing_mm)
     coefficients = ndimage.spline_filter(values, order=3, mode="mirror")

@@ -82,9 +82,7 @@ def load_mesh(
 def file_digest(path: Path) -> str:
     """SHA-256 of a mesh file; raises FileNotFoundError, and ValueError for a file larger than any mesh's."""
     if not path.is_file():
-        raise FileNotFoundError(
-            f"mesh file {path} does not exist: a scene's mesh paths are absolute or relative to the scene file"
-        )
+        raise FileNotFoundError(f"mesh file {path} does not exist: paths are absolute, or relative to the scene file")
     checked_size(path, MOST_MESH)
     return sha256_of(path)
 
@@ -137,10 +135,8 @@ def checked_mesh(
         sizes = {unit: across * size / MM_PER_UNIT[units] for unit, size in MM_PER_UNIT.items()}
         fitting = [unit for unit, size in sizes.items() if smallest_mm < size < largest_mm]
         remedy = f"is the file in {' or '.join(fitting)}?" if fitting else "which no unit makes a joint's: scale it"
-        raise ValueError(
-            f"mesh {name} is {across:.3g} mm across with units = {units!r}, expected {smallest_mm:g} to "
-            f"{largest_mm:g} mm: {remedy}"
-        )
+        expected = f"expected {smallest_mm:g} to {largest_mm:g} mm: {remedy}"
+        raise ValueError(f"mesh {name} is {across:.3g} mm across with units = {units!r}, {expected}")
     if 2 * mesh.dropped > len(faces):
         dropped = f"{mesh.dropped} of {len(faces)} triangles are degenerate or repeated"
         raise ValueError(f"mesh {name}: {dropped}, expected half at most: the file is damaged, export it again")
@@ -173,9 +169,7 @@ def check_joined(mesh: TriangleMesh, few_pieces: int = 20) -> None:
     """The triangles form surfaces: pieces have more than two triangles on average, if there are more than a few."""
     pieces = int(mesh.pieces.max()) + 1
     if pieces > few_pieces and 2 * pieces > len(mesh.faces):
-        raise ValueError(
-            f"mesh {mesh.name}: {pieces} pieces share no edges, expected a surface: merge vertices that lie close"
-        )
+        raise ValueError(f"mesh {mesh.name}: {pieces} pieces share no edges, expected a surface: merge close vertices")
 
 
 def check_manifold(mesh: TriangleMesh, contact: Sequence[Box] | None) -> None:
@@ -196,9 +190,7 @@ def check_orientation(mesh: TriangleMesh) -> None:
     twice = directed[(count > 1) & ~np.isin(np.sort(directed, axis=1) @ [size, 1], mesh.nonmanifold_edges @ [size, 1])]
     if len(twice):
         at = point_words(mesh.vertices_mm[twice[0]].mean(axis=0))
-        raise ValueError(
-            f"mesh {mesh.name}: neighbours face opposite ways at {len(twice)} edges, first at {at} mm: turn them"
-        )
+        raise ValueError(f"mesh {mesh.name}: {len(twice)} edges join opposite faces, first at {at} mm: turn them")
 
 
 def check_outside(mesh: TriangleMesh, flat_mm: float = 1e-6) -> None:

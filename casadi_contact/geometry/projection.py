@@ -151,9 +151,8 @@ def _facing(mesh: TriangleMesh, centre_mm: Array) -> Array:
     size = np.linalg.norm(middle, axis=1) * np.linalg.norm(area, axis=1)
     faces = np.einsum("nk,nk->n", middle, area) < -LEAST_UPWARD * size
     if not faces.any():
-        raise ValueError(
-            f"mesh {mesh.name}: none of it faces geometry.cup_centre = {centre_mm.tolist()}, {CentralProjection.remedy}"
-        )
+        centre = f"geometry.cup_centre = {centre_mm.tolist()}"
+        raise ValueError(f"mesh {mesh.name}: none of it faces {centre}, {CentralProjection.remedy}")
     return np.asarray(corners[faces].reshape(-1, 3))
 
 
@@ -188,9 +187,7 @@ def grid_on_mesh(
     if not (face >= 0).any():
         raise ValueError(f"mesh {mesh.name}: no ray from {seen_from} meets it on a {grid[0]}×{grid[1]} grid: {remedy}")
     if caster.leaves(down, face).sum() > 0.5 * (face >= 0).sum():
-        raise ValueError(
-            f"mesh {mesh.name} shows its inside to {seen_from}, expected the outside of the surface: {remedy}"
-        )
+        raise ValueError(f"mesh {mesh.name} shows its inside to {seen_from}, expected its outside: {remedy}")
     met = np.flatnonzero(np.isfinite(distance) & ~caster.leaves(down, face))
     centres, normals, areas = tops.copy(), up.copy(), np.zeros(len(tops))
     h, along = top - distance[met], up[met]

@@ -112,9 +112,7 @@ def as_weights(weights: ArrayLike, count: int, loads: Sequence[str]) -> Array:
     """Weights (count, L), from as many or (L,); raises ValueError for another shape."""
     given = np.asarray(weights, dtype=float)
     if given.shape not in ((len(loads),), (count, len(loads))):
-        raise ValueError(
-            f"weights has shape {given.shape}, expected ({len(loads)},) or ({count}, {len(loads)}): {', '.join(loads)}"
-        )
+        raise ValueError(f"weights has shape {given.shape}, expected ({len(loads)},) or ({count}, {len(loads)})")
     return np.ascontiguousarray(np.broadcast_to(given, (count, len(loads))))
 
 

@@ -58,9 +58,8 @@ DEFAULT_NAMES = tuple(f"contact_{given}{frames}" for given in _GIVEN for frames 
 def check_name(name: str) -> str:
     """A name that CasADi and C accept; raises ValueError otherwise."""
     if not name.isascii() or not ca.Function.check_name(name) or name in RESERVED_NAMES:
-        raise ValueError(
-            f"function name {name!r} is not usable, expected letters, digits and single underscores, and no word of C"
-        )
+        expected = "letters, digits and single underscores, and no word of C"
+        raise ValueError(f"function name {name!r} is not usable, expected {expected}")
     return name
 
 

@@ -126,21 +126,17 @@ def check_same_model(model: WrenchModel, samples: Samples, where: Path) -> None:
         limit = max(before.scene.tolerances[name], 0.01 * size[WRENCH_NAMES.index(name.partition("_")[0])])
         rms = float(np.sqrt(np.mean(off**2))) if len(off) else 0.0
         if not rms <= limit:
-            raise ValueError(
-                f"{where} was drawn from another contact model: {name} differs by {rms:.3g} RMS at {len(off)} of its "
-                f"samples, expected at most {limit:.3g}: give the same model, or delete {where}"
-            )
+            got = f"{name} differs by {rms:.3g} RMS, expected at most {limit:.3g}"
+            raise ValueError(f"{where} was drawn from another contact model: {got}: give the same one, or delete it")
 
 
 def check_rejection_rate(samples: Samples, most: float) -> None:
     """Raise ValueError where more than the share `most` of a domain's plan became no samples, with the reasons."""
     for domain, share in samples.dropped_shares().items():
         if share > most:
-            raise ValueError(
-                f"{share:.1%} of the samples of {domain} were dropped, expected at most {most:.1%}: "
-                f"{samples.dropped_reasons(domain)}. They are kept: mend patches or loads, draw closer to the motion "
-                "(d3_fraction, d2_offset), or allow most_dropped"
-            )
+            got = f"{share:.1%} of the samples of {domain} were dropped, expected at most {most:.1%}"
+            cure = "mend patches or loads, draw closer to the motion (d3_fraction, d2_offset), or allow most_dropped"
+            raise ValueError(f"{got}: {samples.dropped_reasons(domain)}. They are kept: {cure}")
 
 
 def _draw_missing(

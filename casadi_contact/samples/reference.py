@@ -83,10 +83,8 @@ def reference_motion(
     point = settings.sample_point(model.scene)
     curves = _on_frames(cycles, settings.frames)
     if missing := [name for name in point.load_inputs if name not in curves]:
-        raise ValueError(
-            f"the cycles hold no load {', '.join(missing)}, only {', '.join(cycles[0].targets())}: give its column in "
-            "the cycle files, or choose other sampling.inputs in the scene"
-        )
+        got = f"the cycles hold no load {', '.join(missing)}, only {', '.join(cycles[0].targets())}"
+        raise ValueError(f"{got}: add its column to the files, or choose other sampling.inputs")
     loads = Envelopes.over(point.load_inputs, np.stack([curves[name] for name in point.load_inputs], axis=-1))
     if zero := [name for name, width in _assumed(loads, settings).items() if not width]:
         raise ValueError(f"{', '.join(zero)} without any load in all cycles: give it a sampling.fixed_offsets entry")

@@ -71,10 +71,8 @@ class SamplePoint:
             raise ValueError(f"{scene.name} has no sensitive_pose: use cc.sensitive_directions or sampling.inputs")
         loads = [name for normal in scene.controllable_normal_loads for name in normal.loads]
         if len(scene.sensitive_pose) != len(loads):
-            raise ValueError(
-                f"scene {scene.name} has {len(scene.sensitive_pose)} sensitive pose parameters for "
-                f"{len(loads)} sensitive loads, expected as many; give sampling.inputs"
-            )
+            got = f"{len(scene.sensitive_pose)} sensitive pose parameters for {len(loads)} sensitive loads"
+            raise ValueError(f"scene {scene.name} has {got}, expected as many; give sampling.inputs")
         swap = dict(zip(scene.sensitive_pose, loads, strict=True))
         movable = scene.pose_space.free_names
         return cls(tuple(swap.get(name, name) for name in movable), movable)

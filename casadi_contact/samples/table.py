@@ -61,10 +61,8 @@ def read_sample_table(path: str | Path, scene: Scene) -> Samples:
     )
     missing = [f"{number} ({name})" for number, name in enumerate(ROLES) if not (samples.role == number).any()]
     if missing:
-        raise ValueError(
-            f"{path} has {len(np.unique(poses, axis=0))} poses, none of them with role {', '.join(missing)}, expected "
-            "hundreds, some of each role (or no column role)"
-        )
+        got = f"{len(np.unique(poses, axis=0))} poses, none of them with role {', '.join(missing)}"
+        raise ValueError(f"{path} has {got}, expected hundreds, some of each role (or no column role)")
     _check_units(samples, str(path))
     check_no_pull(samples, str(path))
     check_gaps(samples, str(path))
@@ -94,17 +92,13 @@ def _check_units(samples: Samples, where: str) -> None:
         name = POSE_NAMES[3 + int(largest.argmax())]
         raise ValueError(f"{where}: {name} reaches {largest.max():g}, expected radians: convert degrees")
     if (travel_mm := float(np.ptp(poses[:, :3], axis=0).max())) < _LEAST_TRAVEL_MM:
-        raise ValueError(
-            f"{where}: tx, ty and tz vary by {travel_mm:.2g} at most, expected mm and at least {_LEAST_TRAVEL_MM:g}: "
-            "convert m to mm (and N·m to N·mm)"
-        )
+        got = f"tx, ty and tz vary by {travel_mm:.2g} at most, expected mm and at least {_LEAST_TRAVEL_MM:g}"
+        raise ValueError(f"{where}: {got}: convert m to mm (and N·m to N·mm)")
     normal = normal_forces(scene.normal_loads, samples.wrenches)
     force_n = float(np.abs(normal).max(initial=0.0))
     if 0.0 < force_n < _LEAST_FORCE_SHARE * scene.reference_load:
-        raise ValueError(
-            f"{where}: the largest normal load is {three_digits(force_n)} N, expected N and at least "
-            f"{_LEAST_FORCE_SHARE:g} of reference_load = {scene.reference_load:g} N: convert kN to N"
-        )
+        expected = f"{_LEAST_FORCE_SHARE:g} of reference_load = {scene.reference_load:g} N at least: convert kN to N"
+        raise ValueError(f"{where}: the largest normal load is {three_digits(force_n)} N, expected {expected}")
     for p, patch in enumerate(scene.patches):
         force, torque = samples.wrenches[:, p, :3], samples.wrenches[:, p, 3:]
         pressed = (force != 0.0).any(axis=1)
@@ -114,10 +108,9 @@ def _check_units(samples: Samples, where: str) -> None:
         about_anchor = np.linalg.norm(torque[pressed] - np.cross(anchor, force[pressed]), axis=1)
         lever_mm = float(np.median(about_anchor / np.linalg.norm(force[pressed], axis=1)))
         if torque.any() and lever_mm > _MOST_LEVER_MM:
-            raise ValueError(
-                f"{where}: the force of {patch.name} acts {lever_mm:.3g} mm from its anchor (median), expected torques "
-                f"about the fixed body's origin, in N·mm, within {_MOST_LEVER_MM:g} mm: shift or convert them"
-            )
+            got = f"the force of {patch.name} acts {lever_mm:.3g} mm from its anchor (median)"
+            expected = f"{_MOST_LEVER_MM:g} mm at most: give torques about the fixed body's origin, in N·mm"
+            raise ValueError(f"{where}: {got}, expected {expected}")
         if patch.normal.component is None:
             _check_resistance(poses[pressed, 3:], anchor, force[pressed], where, patch.name)
 
@@ -129,12 +122,10 @@ def check_no_pull(samples: Samples, where: str, *, share: float = 0.01) -> None:
     pulls = normal < -share * samples.scene.boundary_load
     if pulls.any():
         row, p = np.unravel_index(int(np.nanargmin(normal)), normal.shape)
-        raise ValueError(
-            f"{where}, row {row + 1}: {patches[p].name} pulls with {three_digits(-normal[row, p])} N, expected "
-            f"{patches[p].normal.component} {'>' if patches[p].normal.sign > 0.0 else '<'}= 0 "
-            f"({int(pulls.any(axis=1).sum())} such rows): give the loads on the fixed body (turn all signs), and 0 out "
-            "of contact"
-        )
+        name, of, rows = patches[p].name, patches[p].normal, int(pulls.any(axis=1).sum())
+        got = f"{name} pulls with {three_digits(-normal[row, p])} N ({rows} such rows)"
+        expected = f"{of.component} {'>' if of.sign > 0.0 else '<'}= 0, and 0 out of contact"
+        raise ValueError(f"{where}, row {row + 1}: {got}, expected {expected}: give loads on the fixed body (turn all)")
 
 
 def check_gaps(samples: Samples, where: str, *, rounding_mm: float = 1e-6) -> None:
@@ -148,11 +139,9 @@ def check_gaps(samples: Samples, where: str, *, rounding_mm: float = 1e-6) -> No
     wrong |= negative & (2 * negative.sum(axis=0) > free.sum(axis=0))
     if wrong.any():
         row, patch = np.argwhere(wrong)[0]
-        raise ValueError(
-            f"{where}, row {row + 1}: {samples.scene.patches[patch].name} carries no load and has the gap "
-            f"{samples.gaps[row, patch]:g} mm, expected a gap above 0 out of contact ({int(wrong.any(axis=1).sum())} "
-            "such rows): turn the signs of the gaps, or leave them out"
-        )
+        name, rows = samples.scene.patches[patch].name, int(wrong.any(axis=1).sum())
+        got = f"{name} carries no load and has the gap {samples.gaps[row, patch]:g} mm ({rows} such rows)"
+        raise ValueError(f"{where}, row {row + 1}: {got}, expected a gap above 0: turn the signs, or leave gaps out")
 
 
 def _check_resistance(angles: Array, anchor: Array, force: Array, where: str, name: str) -> None:
@@ -165,7 +154,5 @@ def _check_resistance(angles: Array, anchor: Array, force: Array, where: str, na
     dx, df = (values - terms @ np.linalg.lstsq(terms, values, rcond=None)[0] for values in (anchor, force))
     size = float(np.linalg.norm(dx) * np.linalg.norm(df))
     if len(angles) >= 40 and size > 0.0 and (correlation := float(np.sum(dx * df)) / size) < -0.2:
-        raise ValueError(
-            f"{where}: the force of {name} falls as the moving body moves along it (correlation {correlation:.2f}), "
-            "expected the loads on the fixed body: turn the signs of all loads"
-        )
+        got = f"the force of {name} falls as the moving body moves along it (correlation {correlation:.2f})"
+        raise ValueError(f"{where}: {got}, expected the loads on the fixed body: turn the signs of all loads")

@@ -151,9 +151,7 @@ def check_rising(where: str, time_s: Array) -> None:
         raise ValueError(f"{where} has {len(time_s)} frames, expected at least 2")
     if np.any(still := np.diff(time_s) <= 0.0):
         frame = int(still.argmax()) + 1
-        raise ValueError(
-            f"{where}: time does not rise at frame {frame}, {time_s[frame]:g} s: sort rows, remove repeated ones"
-        )
+        raise ValueError(f"{where}: time does not rise at frame {frame}, {time_s[frame]:g} s: sort rows, drop repeats")
 
 
 def checked_curves(cycle: str, curves: Mapping[str, ArrayLike]) -> dict[str, Array]:

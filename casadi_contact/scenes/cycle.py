@@ -105,10 +105,9 @@ def _check_knee(name: str, values: Mapping[str, Array]) -> None:
     if slope_mm < 6.0:
         units = [unit for unit, size in _LENGTHS_MM.items() if 0.5 < slope_mm * size / CONDYLE_MM < 2.0]
         cure = f"is its unit {units[0]}?" if units else "check its unit, sign and sides, and whether it is a left knee"
-        raise ValueError(
-            f"cycle {name}: cop_ml contradicts Fy_med and Fy_lat: between all load lateral and all medial it moves by "
-            f"{2.0 * slope_mm:.2g} mm, expected the distance of the condyles, about {2.0 * CONDYLE_MM:g} mm: {cure}"
-        )
+        got = f"between all load lateral and all medial it moves by {2.0 * slope_mm:.2g} mm"
+        expected = f"the distance of the condyles, about {2.0 * CONDYLE_MM:g} mm"
+        raise ValueError(f"cycle {name}: cop_ml contradicts Fy_med and Fy_lat: {got}, expected {expected}: {cure}")
 
 
 def driving_loads(scene: Scene | None) -> tuple[str, ...]:
@@ -149,10 +148,9 @@ def read_cycle(path: str | Path, scene: Scene | None = None) -> Cycle:
                 raise ValueError(f"{path} has {name} in two columns, {column} and another, expected one: leave one out")
             curves[name] = units[unit] * table.numbers(column)
     if not set(loads) & set(curves):
-        raise ValueError(
-            f"{path} has no load of scene {scene.name if scene else 'knee'}, expected some of "
-            f"{', '.join(quantity(name).column for name in loads)}; it has {short(', '.join(table.header))}"
-        )
+        columns = ", ".join(quantity(name).column for name in loads)
+        has = f"it has {short(', '.join(table.header))}"
+        raise ValueError(f"{path} has no load of {scene.name if scene else 'a knee'}, expected one of {columns}; {has}")
     try:
         return cycle_from_curves(path.stem, curves, scene)
     except ValueError as error:

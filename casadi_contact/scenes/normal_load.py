@@ -183,9 +183,7 @@ def centre_of_pressure(name: str, normals: Sequence[NormalLoad]) -> CentreOfPres
     known = {f"cop_{_AXES[b]}": b for b in range(3) if b != a}
     known |= {alias: known[of] for alias, of in _ANATOMICAL.items() if a == 1}
     if name not in known:
-        raise ValueError(
-            f"unknown centre of pressure {name!r} of a scene pressed along {axis}, expected {', '.join(known)}"
-        )
+        raise ValueError(f"unknown centre of pressure {name!r} of pressing along {axis}, expected {', '.join(known)}")
     b = known[name]
     k = 3 - a - b
     return CentreOfPressure(b, axis, f"T{_AXES[k]}", 1.0 if (b - k) % 3 == 1 else -1.0, pressing)

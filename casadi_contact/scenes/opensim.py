@@ -51,9 +51,7 @@ class Table:
             if not label or label != label.strip().strip(",;") or {*'"\t'} & {*label} or len(label.splitlines()) > 1:
                 raise ValueError(f"column label {label!r} is empty or holds tabs, line ends, quotes or outer spaces")
             if curve.shape != checked[TIME].shape or curve.ndim != 1:
-                raise ValueError(
-                    f"column {label!r} has shape {curve.shape}, expected that of {checked[TIME].shape} times"
-                )
+                raise ValueError(f"column {label!r} has shape {curve.shape}, expected {checked[TIME].shape}, as time")
         object.__setattr__(self, "columns", checked)
 
     def __len__(self) -> int:

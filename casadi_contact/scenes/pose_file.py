@@ -52,9 +52,7 @@ def _opensim_curves(path: Path) -> dict[str, Array]:
     missing = [name for name in POSE_NAMES if name not in table.columns]
     if missing:
         there = ", ".join(table.columns)
-        raise ValueError(
-            f"{path} lacks {', '.join(missing)}; it has {there}: name them with casadi-contact cycle --map"
-        )
+        raise ValueError(f"{path} lacks {', '.join(missing)}; it has {there}: map them by casadi-contact cycle --map")
     return mapped_curves(table, [ColumnMap(name, name) for name in POSE_NAMES])
 
 
@@ -64,9 +62,8 @@ def poses_from_curves(curves: Mapping[str, Array]) -> Array:
     angles beyond 200 degrees, and lengths beyond 1 m."""
     missing = [name for name in POSE_NAMES if name not in curves]
     if missing:
-        raise ValueError(
-            f"without loads these are poses, which need the curves {', '.join(missing)}; there are {', '.join(curves)}"
-        )
+        need = f"poses need the curves {', '.join(missing)}, and there are no loads"
+        raise ValueError(f"{need}; there are {', '.join(curves)}")
     poses = as_poses(np.stack([curves[name] for name in POSE_NAMES], axis=1))
     if not len(poses):
         raise ValueError("there is no row, expected a pose in each")

@@ -80,10 +80,8 @@ class PoseSpace:
         constrained = [name for name in names if self.constraint_text(name)]
         if constrained:
             texts = ", ".join(f"{name} is {self.constraint_text(name)}" for name in constrained)
-            raise ValueError(
-                f"{what}: {texts} by the scene, expected free ones ({', '.join(self.free_names)}): leave out "
-                f"{', '.join(constrained)}, or change the scene's [pose]"
-            )
+            cure = f"leave out {', '.join(constrained)}, or change the scene's [pose]"
+            raise ValueError(f"{what}: {texts} by the scene, expected free ones ({', '.join(self.free_names)}): {cure}")
 
     def free_curves(self, curves: Mapping[str, Array], what: str) -> dict[str, Array]:
         """The curves of free pose parameters, by name; what: their source, for messages. Raises ValueError for the

@@ -56,7 +56,7 @@ def damaged(vertex=None, value=None, scale=1.0, faces=TETRAHEDRON[1]):
         (damaged(), "m", "is the file in mm?"),
         (damaged(), "foot", "units = 'foot', expected m or mm"),
         (damaged(faces=TETRAHEDRON[1][:, ::-1]), "mm", "inside-out"),
-        (damaged(faces=np.vstack([TETRAHEDRON[1][:3], [[1, 3, 2]]])), "mm", "face opposite ways"),
+        (damaged(faces=np.vstack([TETRAHEDRON[1][:3], [[1, 3, 2]]])), "mm", "opposite"),
         (damaged(faces=np.vstack([TETRAHEDRON[1], [[1, 2, 0]]])), "mm", "not manifold"),
         (damaged(faces=np.array([[0, 1, 1]])), "mm", "all 1 triangles are degenerate"),
         (damaged(faces=np.vstack([*2 * [TETRAHEDRON[1]], [[0, 2, 1]]])), "mm", "repeated"),

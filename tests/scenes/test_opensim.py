@@ -104,7 +104,7 @@ def test_counts_that_are_off_and_angles_without_a_unit_are_said_and_only_columns
         ("", "endheader"),
         ({"a": [1.0]}, "time"),
         ({"time": [0.0], "a\tb": [1.0]}, "tabs"),
-        ({"time": [0.0], "a": [1.0, 2.0]}, "times"),
+        ({"time": [0.0], "a": [1.0, 2.0]}, "as time"),
     ],
 )
 def test_a_fault_of_a_file_is_named_by_line_and_a_table_that_no_file_can_hold_is_refused(tmp_path, text, word):

@@ -137,9 +137,7 @@ def _begun(
     digest, sums, expected = str(saved.get("digest")), saved.get("sums", np.empty(0)), identity["sums"]
     same = digest == identity["digest"] and (sums.shape, sums.dtype) == (expected.shape, expected.dtype)
     if not same or not (np.abs(sums - expected) <= 1e-9 * np.repeat(expected[::2], 2)).all():  # up to rounding
-        raise ValueError(
-            f"checkpoint {checkpoint} belongs to other data or settings: delete it, or choose another folder"
-        )
+        raise ValueError(f"checkpoint {checkpoint} belongs to other data or settings: delete it, or move the folder")
     return Trainer(regression, settings, saved, start)
 
 

@@ -65,9 +65,7 @@ def check_sizes(sizes: Sequence[Sequence[int]]) -> tuple[tuple[int, ...], ...]:
     """The sizes to grow through; ValueError unless every one contains the one before it."""
     checked = tuple(tuple(int(n) for n in size) for size in sizes)
     if not checked or any(not size or min(size) < 1 for size in checked):
-        raise ValueError(
-            f"sizes is {sizes!r}, expected hidden layers such as ((8,), (12, 12)), each of 1 neuron or more"
-        )
+        raise ValueError(f"sizes is {sizes!r}, expected hidden layers of 1 neuron or more, as ((8,), (12, 12))")
     for small, large in pairwise(checked):
         contained = len(large) >= len(small) and all(b >= a for a, b in zip(small, large, strict=False))
         if not contained or small == large:

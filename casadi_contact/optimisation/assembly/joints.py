@@ -160,9 +160,8 @@ class Chain:
     def __init__(self, ground: str, bodies: Sequence[str], joints: Sequence[Joint], coordinates: Mapping[str, Any]):
         self.above = {joint.child: joint for joint in joints}
         if len(self.above) != len(joints) or set(self.above) != set(bodies):
-            raise ValueError(
-                f"joints carry {', '.join(joint.child for joint in joints)}, expected each of {', '.join(bodies)} once"
-            )
+            carried = ", ".join(joint.child for joint in joints)
+            raise ValueError(f"joints carry {carried}, expected each of {', '.join(bodies)} once")
         self._known: dict[tuple[str, str], Place] = {}
         self._ground, self._places = ground, {joint.child: joint.place(coordinates) for joint in joints}
         for body in bodies:

@@ -79,10 +79,8 @@ class Path:
 
     def __post_init__(self) -> None:
         if len(self.bodies) < 2 or np.shape(self.points_mm) != (len(self.bodies), 3):
-            raise ValueError(
-                f"{self.name} has points of shape {np.shape(self.points_mm)} on {len(self.bodies)} bodies, expected "
-                "two points or more, and a body for each"
-            )
+            got = f"points of shape {np.shape(self.points_mm)} on {len(self.bodies)} bodies"
+            raise ValueError(f"{self.name} has {got}, expected two points or more, and a body for each")
 
     def straight(self, chain: Chain) -> Any:
         """Length [mm] from point to point."""

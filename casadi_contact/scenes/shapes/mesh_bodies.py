@@ -159,10 +159,8 @@ def _mesh(source: _Source) -> TriangleMesh:
         return mesh
     outer, both = outer_side(mesh, np.array(source.about_mm))
     if both > MOST_BOTH_SIDES:
-        raise ValueError(
-            f"scene: geometry.shell = 'outer' keeps both sides of {mesh.name} over {both:.0%}, expected one: "
-            "cut the mesh to the side that touches, or set it to 'whole' where overlaps are far smaller"
-        )
+        got = f"geometry.shell = 'outer' keeps both sides of {mesh.name} over {both:.0%}, expected one"
+        raise ValueError(f"scene: {got}: cut the mesh to what touches, or set it to 'whole' for small overlaps")
     return mesh.part(outer)
 
 
@@ -257,15 +255,10 @@ def check_patches(geometry: Geometry, least_mm2: float = 4.0, least_side_mm: flo
         inside, thin = _in_box(geometry, patch, mesh.corners_mm.mean(axis=1)), (high - low).min() < least_side_mm
         area_mm2 = mesh.areas_mm2[inside].sum()
         if area_mm2 < least_mm2 or thin:
-            remedy = (
-                "are its bounds in m? They are in mm"
-                if thin
-                else f"the mesh reaches {body_mesh(geometry, 'fixed').extent}: check"
-            )
-            raise ValueError(
-                f"scene: geometry.patches.{patch} holds {area_mm2:.2g} mm² of the mesh {mesh.name} within its bounds, "
-                f"expected {least_mm2:g} mm² at least, and bounds {least_side_mm:g} mm apart: {remedy}"
-            )
+            remedy = "are they in m?" if thin else f"the mesh reaches {body_mesh(geometry, 'fixed').extent}"
+            got = f"{area_mm2:.2g} mm² of the mesh {mesh.name} within its bounds"
+            expected = f"{least_mm2:g} mm² at least, and bounds {least_side_mm:g} mm apart: {remedy}"
+            raise ValueError(f"scene: geometry.patches.{patch} holds {got}, expected {expected}")
 
 
 def check_shared(geometry: Geometry, elements: Sequence[CellGrid]) -> None:
@@ -277,10 +270,8 @@ def check_shared(geometry: Geometry, elements: Sequence[CellGrid]) -> None:
         points, normals = centres.reshape(-1, 3), normals.reshape(-1, 3)
         both = _in_box(geometry, other, points) & _seen(geometry, other, points, normals)
         if (shared := areas.ravel()[both].sum()) > 0.0:
-            raise ValueError(
-                f"scene: geometry.patches.{one} and {other} share {shared:.3g} mm² of the mesh "
-                f"{body_mesh(geometry, 'fixed').name}, which would carry load twice: let one begin where the other ends"
-            )
+            got = f"share {shared:.3g} mm² of the mesh, which would carry load twice"
+            raise ValueError(f"scene: geometry.patches.{one} and {other} {got}: let one begin where the other ends")
 
 
 def cut_cells(

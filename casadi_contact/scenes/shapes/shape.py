@@ -153,9 +153,8 @@ class OwnModel(Shape):
         values = table_of("geometry", table, ("patches",), complete=True)
         patches = values["patches"]
         if not isinstance(patches, Mapping) or not patches:
-            raise fail(
-                "geometry.patches", patches, "a table for each patch, e.g. contact = { anchor = [0.0, 0.0, 0.0] }"
-            )
+            expected = "a table for each patch, e.g. contact = { anchor = [0.0, 0.0, 0.0] }"
+            raise fail("geometry.patches", patches, expected)
         for name, patch in patches.items():
             identifier("geometry.patches (a patch's name)", name)
             if "_" in name:
