@@ -92,7 +92,7 @@ def scene(
         given = {"name": name, "side": side, "kind": joint, "material": material, "units": units}
         along = None if axes is None else [axis.strip() for axis in axes.split(",")]
         proposal = propose(moving, fixed, **given, axes=along, progress=progress)  # type: ignore[arg-type]
-    remarks = [f"Proposed from {moving.name} (moving) and {fixed.name} (fixed):", *str(proposal).splitlines()]
+    remarks = ["Proposed from two meshes:", *str(proposal).splitlines()]
     write_text(path, scene_text(proposal.scene, remarks, path.parent))
     draw_contact(ElasticFoundation(load_scene(path)), proposal.rest_pose[None], picture)
     say(proposal, f"scene in {path}, picture in {picture}")

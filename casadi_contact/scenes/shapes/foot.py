@@ -98,11 +98,8 @@ def sole_surface(geometry: Geometry) -> Callable[[Array, Array], tuple[Array, Ar
 def _half_width(g: Geometry, share: Array) -> tuple[Array, Array, Array]:
     """Half of the width at shares (m,) of the length, two derivatives: a smooth step, 0.6 of it at both ends."""
     x = np.clip(share / WIDEST, 0.0, 1.0)
-    step, slope, bend = (
-        x**3 * (10.0 - 15.0 * x + 6.0 * x * x),
-        30.0 * (x - x * x) ** 2,
-        60.0 * x - 180.0 * x**2 + 120.0 * x**3,
-    )
+    step, slope = x**3 * (10.0 - 15.0 * x + 6.0 * x * x), 30.0 * (x - x * x) ** 2
+    bend = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x)
     more = 0.5 * (g["ball_width"] - g["heel_width"])
     w, w_1, w_2 = 0.5 * g["heel_width"] + more * step, more * slope / WIDEST, more * bend / WIDEST**2
     e = 2.0 * share - 1.0

@@ -48,8 +48,6 @@ def frame_of(geometry: JointGeometry, side: str | None = None, axes: Sequence[st
         questions.append("which body is the fixed one: it is domed, the moving one flat or hollow: files exchanged?")
     if patches.plane:
         findings.append(f"the {patches.plane} body is a plane wherever they touch")
-    if patches.plane == "fixed":
-        questions.append("how far contact moves: elements lie where it is now; a plane that is given first has no end")
     if axes is not None:
         findings.append(f"the moving body presses along the file's {axis_name(geometry.placement.pressing)}")
     if axes is None and (others := [axis_name(way) for way in geometry.placement.doubtful]):

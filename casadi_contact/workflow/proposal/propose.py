@@ -72,11 +72,16 @@ def propose(
     if np.array_equal(meshes["moving"].vertices_mm, meshes["fixed"].vertices_mm):
         raise ValueError(f"{files['moving']} and {files['fixed']} hold the same body, expected two that touch")
     geometry = joint_geometry(meshes, kind, axes)
+    wider = extent_mm(meshes["fixed"]) > extent_mm(meshes["moving"])
+    if geometry.patches.plane == "fixed" and geometry.joint.kind == "other" and wider:  # a plane that moves has no end
+        files, meshes = ({"moving": of["fixed"], "fixed": of["moving"]} for of in (files, meshes))
+        geometry = joint_geometry(meshes, kind, axes)
     frame = frame_of(geometry, side, axes)
     if axes is not None and geometry.joint.kind == "other" and geometry.joint.pressing:
         along = axis_name(frame.directions(geometry.placement.pressing))
         geometry = replace(geometry, joint=replace(geometry.joint, pressing=along))
-    made_of = material or ("cartilage" if geometry.placement.together else "polyethylene")
+    on_ground = geometry.patches.plane == "moving" and extent_mm(meshes["fixed"]) > 150.0
+    made_of = material or ("sole" if on_ground else "cartilage" if geometry.placement.together else "polyethylene")
     findings, questions = _remarks(geometry, frame, unit, made_of, chosen=material is not None)
     tables = first_tables(geometry, frame, files, unit, MATERIALS[made_of], name)
     joint, direction = geometry.joint, direction_of(geometry, frame)
@@ -160,8 +165,9 @@ def _remarks(
     together = geometry.placement.together
     findings = [f"both files are in {unit}", *frame.findings]
     findings.insert(1, "the files place both bodies in one frame" if together else "each body has its own frame")
-    why = "" if chosen else f", since the files {'share' if together else 'do not share'} a frame, as a scan's do"
-    taken = f"the material's stiffness and thickness: taken as {material}{why} (--material)"
+    scan = f"the files {'share' if together else 'do not share'} a frame, as a scan's do"
+    since = "" if chosen else f", since {'a plane touches what is long' if material == 'sole' else scan}"
+    taken = f"the material's stiffness and thickness: taken as {material}{since} (--material)"
     questions = [*frame.open_questions, taken]
     if geometry.pair.scale < 1.0:
         questions.insert(0, f"the size and the loads: taken for a small joint's, in {unit} (--units)")

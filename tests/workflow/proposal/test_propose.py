@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,6 +16,7 @@ from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.cycle import scene_cycles
 from casadi_contact.scenes.shapes.mesh_bodies import body_mesh, shell_thickness
+from casadi_contact.workflow.proposal import pair
 from casadi_contact.workflow.proposal import propose as proposing
 from casadi_contact.workflow.proposal.propose import thin_spacing
 from casadi_contact.workflow.proposal.tables import scene_text
@@ -148,3 +150,22 @@ def test_a_ball_on_a_thin_plate_carries_its_closed_form(tmp_path, monkeypatch):
     assert -cc.ElasticFoundation(scene).wrenches(pressed)[0, 1] == pytest.approx(EXACT_N, rel=0.015)
     monkeypatch.setattr(proposing, "field_fits", lambda mesh, spacing_mm: spacing_mm > 0.2)
     assert thin_spacing(meshes, thickness, 0.75)["fixed"] == pytest.approx(0.3)
+
+
+def test_a_sole_that_is_given_before_its_ground(folder, monkeypatch):
+    """Outline, heel and toe rise, round edges: the ground is what moves. Fields and grids are coarse, to save time."""
+    monkeypatch.setattr(proposing, "CANDIDATES", ((40, 40),))
+    monkeypatch.setattr(proposing, "CONVERGED", (60, 60))
+    monkeypatch.setattr(proposing, "thin_spacing", lambda *_: {"moving": 1.33, "fixed": 1.33})
+    monkeypatch.setattr(pair, "SETTINGS", replace(pair.SETTINGS, spacing_mm=4.0, most_points=2000))
+    sheet, faces = sheet_mesh(20.0, 1.0, lambda x, z: -(np.maximum(np.abs(x) - 6.0, 0.0) ** 2) - 0.08 * z**2)
+    sheet[:, 2] *= 2.5 + np.exp(-(((sheet[:, 0] - 4.0) / 5.0) ** 2))
+    sole, faces = slab_mesh(sheet * [8.0, 1.0, 1.0], faces, 20.0)
+    write_obj(folder / "sole.obj", sole * [1.0, -1.0, -1.0], faces)
+    write_obj(folder / "ground.obj", *slab_mesh(*sheet_mesh(180.0, 180.0), 20.0))
+    output, scene = proposed(folder, "sole", "ground")
+    assert "202 of 202 reference frames settle" in output
+    assert "taken as sole" in output
+    assert [scene.geometry[body].rpartition("/")[2] for body in ("moving", "fixed")] == ["ground.obj", "sole.obj"]
+    pressed = cc.ElasticFoundation(scene)(scene.start_pose)
+    assert pressed[scene.load_names.index("Fy")] == pytest.approx(-300.0, rel=0.1)
