@@ -55,24 +55,23 @@ class FootOnGround(Shape):
         return np.array([0.0, -geometry["depth"], 0.0, 0.0, 0.0, 0.0])
 
     def cells(self, geometry: Geometry, grid: tuple[int, int]) -> list[CellGrid]:
-        (nx, nz), low, high = grid, geometry["heel_x"], geometry["toe_x"]
-        x = low + (high - low) * 0.5 * (1.0 + cell_middles(nx))
+        (nx, nz), low, length = grid, geometry["heel_x"], geometry["toe_x"] - geometry["heel_x"]
+        x = low + length * 0.5 * (1.0 + cell_middles(nx))
         u, v = np.meshgrid(x, cell_middles(nz), indexing="ij")
         c, tangents, _ = sole_surface(geometry)(u.ravel(), v.ravel())
         N = np.cross(tangents[:, 0], tangents[:, 1])  # x forward, z right: down
         size = np.linalg.norm(N, axis=1)
-        areas = size * (high - low) / nx * 2.0 / nz
-        return [(c.reshape(nx, nz, 3), (N / size[:, None]).reshape(nx, nz, 3), areas.reshape(nx, nz))]
+        areas = (size * length / nx * 2.0 / nz).reshape(nx, nz)
+        return [(c.reshape(nx, nz, 3), (N / size[:, None]).reshape(nx, nz, 3), areas)]
 
 
-def sole_surface(geometry: Geometry) -> Callable[[Array, Array], tuple[Array, Array, Array]]:
+def sole_surface(g: Geometry) -> Callable[[Array, Array], tuple[Array, Array, Array]]:
     """(x (m,), v (m,) from -1 at the left edge to 1) -> points c = (x, y(x, v), z(x, v)) (m, 3) of a sole and their
     derivatives by x and v (m, 2, 3), (m, 2, 2, 3):
 
         y = -depth + s(heel_start - x)²/2R_heel + s(x - toe_start)²/2R_toe + edge_rise·v²,   s(t) = (t + √(t² + ε²))/2
         z = m(x) + v·w(x)
     """
-    g = geometry
     length = g["toe_x"] - g["heel_x"]
     toe_in = (g["middle_z"][1] - g["middle_z"][0]) / length
 

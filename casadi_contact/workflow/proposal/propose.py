@@ -74,7 +74,8 @@ def propose(
     geometry = joint_geometry(meshes, kind, axes)
     wider = extent_mm(meshes["fixed"]) > extent_mm(meshes["moving"])
     if geometry.patches.plane == "fixed" and geometry.joint.kind == "other" and wider:  # a plane that moves has no end
-        files, meshes = ({"moving": of["fixed"], "fixed": of["moving"]} for of in (files, meshes))
+        files = {"moving": files["fixed"], "fixed": files["moving"]}
+        meshes = {"moving": meshes["fixed"], "fixed": meshes["moving"]}
         geometry = joint_geometry(meshes, kind, axes)
     frame = frame_of(geometry, side, axes)
     if axes is not None and geometry.joint.kind == "other" and geometry.joint.pressing:

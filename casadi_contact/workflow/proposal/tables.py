@@ -16,8 +16,7 @@ from casadi_contact.workflow.proposal.joint_geometry import JointGeometry
 
 MATERIALS: Mapping[str, Mapping[str, Any]] = {
     "polyethylene": {"youngs_modulus": 463.0, "poissons_ratio": 0.46, "thickness": 8.0, "law": "linear"},
-    # Both layers together, as of Smith et al. 2018 (OpenSim JAM).
-    "cartilage": {"youngs_modulus": 10.0, "poissons_ratio": 0.45, "thickness": 6.0, "law": "linear"},
+    "cartilage": {"youngs_modulus": 10.0, "poissons_ratio": 0.45, "thickness": 6.0, "law": "linear"},  # JAM's, both
     "sole": {"youngs_modulus": 0.35, "poissons_ratio": 0.3, "thickness": 20.0, "law": "linear"},  # as in foot_on_ground
 }
 
