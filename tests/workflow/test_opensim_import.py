@@ -178,10 +178,14 @@ def test_another_side_with_a_turned_roll_and_a_point_that_moves_is_read_alike(tm
         import_model(model, tmp_path / "out", joint="knee_r")
 
 
-def test_the_far_side_of_a_closed_mesh_does_not_tell_where_it_is_pressed():
-    ball = TriangleMesh("ball", *cap_mesh(20.0, 1.2, 1.0))
+@pytest.mark.parametrize("turned", [False, True])
+def test_neither_the_far_side_of_a_closed_mesh_nor_a_target_inside_out_turns_what_presses(turned):
+    points, faces = cap_mesh(20.0, 1.2, 1.0)
+    ball = TriangleMesh("ball", points, faces[:, ::-1] if turned else faces)
     slab = TriangleMesh("slab", *slab_mesh(*sheet_mesh(8.0, 1.0), 2.0))
-    np.testing.assert_allclose(pressing(slab, ball, np.array([0.0, 19.9, 0.0, 0.0, 0.0, 0.0])), [0.0, -1.0, 0.0])
+    way, inside_out = pressing(slab, ball, np.array([0.0, 19.9, 0.0, 0.0, 0.0, 0.0]))
+    np.testing.assert_allclose(way, [0.0, -1.0, 0.0], atol=1e-9)
+    assert inside_out == turned
 
 
 @pytest.mark.parametrize(
@@ -192,6 +196,7 @@ def test_the_far_side_of_a_closed_mesh_does_not_tell_where_it_is_pressed():
         ("contactgeometryset/ball", "contactgeometryset/none", "names the mesh none"),
         ("</Model>", "", "no XML"),
         ("model-thigh-ball.stl", "other.stl", "--geometry"),
+        ("<thickness>0.002", "<thickness>0.002 0.003", "numbers"),
     ],
 )
 def test_a_bad_model_is_refused_with_the_cure(tmp_path, before, after, message):

@@ -148,12 +148,6 @@ class MuscleCurves:
     speeds: Array
     of_speed: Array
 
-    def functions(self) -> tuple[ca.Function, ca.Function, ca.Function]:
-        """active(l), passive(l), of_speed(v), each a casadi.Function of one number."""
-        given = ((self.lengths, self.active), (self.lengths, self.passive), (self.speeds, self.of_speed))
-        active, passive, speed = (ca.interpolant("curve", "bspline", [x.tolist()], y.tolist()) for x, y in given)
-        return active, passive, speed
-
 
 @dataclass(frozen=True)
 class Muscle(Path):
@@ -182,20 +176,21 @@ def muscle_forces(
     )
     width = optimum * ca.sin(ca.DM([muscle.pennation_rad for muscle in muscles]))
     rows = {name: [i for i, muscle in enumerate(muscles) if muscle.curves == name] for name in curves}
-    functions = {name: curve.functions() for name, curve in curves.items()}
 
-    def evaluated(which: int, x: Any) -> Any:
+    def evaluated(part: str, over: str, x: Any) -> Any:
         """A curve of every muscle, by groups that share it."""
-        order = [i for own in rows.values() for i in own]
-        parts = [functions[name][which](x[own].T).T for name, own in rows.items() if own]
+        order, parts = [i for own in rows.values() for i in own], []
+        for name, own in rows.items():
+            places, values = (getattr(curves[name], key).tolist() for key in (over, part))
+            parts += [ca.interpolant(part, "bspline", [places], values)(x[own].T).T] if own else []
         return ca.vertcat(*parts)[np.argsort(order).tolist()]
 
     def forces(length: Any, rate: Any, activation: Any) -> tuple[Any, Any]:
         along = ca.fmax(length - tendon, 0.0)
         fibre = ca.sqrt(along**2 + width**2 + 1e-12)
-        cosine = along / fibre
-        stretch, v = fibre / optimum, rate * cosine / (fastest * optimum)
-        active = force * cosine * activation * evaluated(0, stretch) * ca.fmax(evaluated(2, v), 0.0)
-        return active, force * cosine * (evaluated(1, stretch) + damping * v)
+        cosine, stretch = along / fibre, fibre / optimum
+        v = rate * cosine / (fastest * optimum)
+        active = activation * evaluated("active", "lengths", stretch) * ca.fmax(evaluated("of_speed", "speeds", v), 0.0)
+        return force * cosine * active, force * cosine * (evaluated("passive", "lengths", stretch) + damping * v)
 
     return forces

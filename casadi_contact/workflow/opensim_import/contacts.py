@@ -28,6 +28,7 @@ from casadi_contact.scenes.shapes.mesh_bodies import THIN_MM, shell_thickness
 from casadi_contact.workflow.opensim_import.model_file import SPRINGS_MM, ContactForce, Surface
 
 LOADS = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
+PRESSED = {"reference_load": 1000.0, "gap_slope": 1.0, "boundary_load": 5.0}  # N, √N/mm, N
 SPACING_MM = 0.75
 
 
@@ -99,23 +100,33 @@ def layers(contact: ContactForce, casting: Body, target: Body) -> tuple[dict[str
     return {**vars(own), "law": law or "linear", "moving": vars(moving)}, lost
 
 
-def pressing(casting: TriangleMesh, target: TriangleMesh, pose: Array) -> Array:
+def pressing(casting: TriangleMesh, target: TriangleMesh, pose: Array) -> tuple[Array, bool]:
     """Where to the target presses the casting mesh, as a unit vector in the casting mesh's frame: against the mean
     normal of the triangles from which a ray outwards enters the target at rest, at its pose, or a short one inwards
-    leaves it: not those of the far side of a closed mesh."""
-    t, R = pose[:3], rotation(pose[3:])
-    caster, normals, centres = RayCaster(target), casting.normals, casting.corners_mm.mean(axis=1)
-    near = np.zeros(len(normals), dtype=bool)
-    for side, reach_mm in ((1.0, DEEPEST_MM), (-1.0, THIN_MM)):
-        depth, face = caster.first_hits((centres - t) @ R, side * normals @ R)
-        near |= (face >= 0) & (depth < reach_mm) & (caster.leaves(side * normals @ R, face) == (side < 0.0))
+    leaves it, which those of the far side of a closed mesh do not. And whether the target is inside out, an open one
+    that most rays outwards leave: JAM takes it either way round."""
+    caster, R, areas = RayCaster(target), rotation(pose[3:]), casting.areas_mm2
+    origins, out = (casting.corners_mm.mean(axis=1) - pose[:3]) @ R, casting.normals @ R
+    (ahead, face), (behind, back) = (caster.first_hits(origins, side * out) for side in (1.0, -1.0))
+    enters, leaves = (ahead < DEEPEST_MM) & ~caster.leaves(out, face), caster.leaves(-out, back)
+    turned = len(target.boundary_edges) > 0 and bool(areas @ ((ahead < DEEPEST_MM) & ~enters) > areas @ enters)
+    near = ((ahead < DEEPEST_MM) & (enters != turned)) | ((behind < THIN_MM) & (leaves != turned))
     vectors = casting.area_vectors_mm2
     mean = -(vectors[near] if np.linalg.norm(vectors[near].sum(axis=0)) > 1.0 else vectors).sum(axis=0)
-    return np.asarray(mean / max(float(np.linalg.norm(mean)), 1e-9))
+    return np.asarray(mean / max(float(np.linalg.norm(mean)), 1e-9)), turned
 
 
 def write_scene(path: Path, contact: ContactForce, casting: Body, target: Body, pose: Array) -> list[str]:
     """Write a contact's scene; pose (6,) [mm, rad]: of the target at rest. Returns what is lost."""
+    assert casting.mesh is not None
+    way, thickness = rotation(pose[3:])[:, 1], {"moving": THIN_MM}  # the ground presses upwards
+    if target.mesh is not None and target.file is not None:
+        way, turned = pressing(casting.mesh, target.mesh, pose)
+        if turned:
+            file = path.with_name(f"{path.stem}_{target.file.stem}.obj")
+            _write_obj(file, 1e-3 * target.mesh.vertices_mm, target.mesh.faces[:, ::-1])
+            target = replace(target, file=file, mesh=load_mesh(file, "m"))
+        thickness["moving"] = shell_thickness(target.mesh)
     material, lost = layers(contact, casting, target)
     files = {"moving": target.file, "fixed": casting.file}
     if material["law"] == "linear" and not contact.springs:
@@ -125,10 +136,6 @@ def write_scene(path: Path, contact: ContactForce, casting: Body, target: Body, 
         for body, file in files.items()
         if file is not None
     }
-    assert casting.mesh is not None
-    way, thickness = rotation(pose[3:])[:, 1], {"moving": THIN_MM}  # the ground presses upwards
-    if target.mesh is not None:
-        way, thickness = pressing(casting.mesh, target.mesh, pose), {"moving": shell_thickness(target.mesh)}
     thickness["fixed"] = shell_thickness(casting.mesh)
     geometry |= {"units": "m", "elements": "grid", "pressing": [round(float(v), 3) + 0.0 for v in way]}
     geometry |= {"start_pose": pose.tolist(), "patches": {"all": {}}}
@@ -143,13 +150,7 @@ def write_scene(path: Path, contact: ContactForce, casting: Body, target: Body, 
         "material": material,
         "friction": dict(contact.friction) if Friction(**contact.friction) != Friction() else {},
         "grids": {grid: [80, 80] for grid in ("fine", "coarse", "settle", "teacher")},
-        "loads": {
-            "names": list(LOADS),
-            "sensitive": ["F"],
-            "reference_load": 1000.0,
-            "gap_slope": 1.0,
-            "boundary_load": 5.0,
-        },
+        "loads": {"names": list(LOADS), "sensitive": ["F"], **PRESSED},
         "tolerances": {load: 2.0 if load[0] == "F" else 50.0 for load in LOADS},
     }
     of = f"# Contact {contact.name} of an OpenSim model: {contact.target} on {contact.casting}\n"
