@@ -27,7 +27,7 @@ from casadi_contact.core.conventions import Array
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.assembly.assembly import Assembly
 from casadi_contact.optimisation.assembly.balance import FrameBalance
-from casadi_contact.optimisation.assembly.file import ray_casting
+from casadi_contact.optimisation.assembly.file import ray_casting, trained_in
 from casadi_contact.optimisation.ipopt import IpoptOutcome, settled_options
 from casadi_contact.pictures.page import FOUNDATION, SURROGATE, TARGET, frame, new_page, save_page
 from casadi_contact.scenes.columns import write_columns
@@ -223,24 +223,23 @@ def main(
     coordinates: Path,
     loads: Path | None = None,
     against: Path | None = None,
-    networks: list[Path] | None = None,
+    networks: Path | None = None,
     whole: bool = True,
     out: Path = Path("results/comak"),
 ) -> None:
     """Find muscle and contact forces of a measured motion with an imported model.
 
     model: the folder that `casadi-contact import` wrote; settings: of COMAK, .xml; coordinates: measured, .mot or .sto;
-    loads: ExternalLoads, .xml; against: a folder with COMAK's values.sto and force.sto, to compare with; networks:
-    surrogates of the contacts' scenes, to solve with as well, from the same start. no-whole: each frame given the last,
-    as COMAK has it. Exit status 3: not solved.
+    loads: ExternalLoads, .xml; against: a folder with COMAK's values.sto and force.sto, to compare with; networks: a
+    folder that `casadi-contact build` wrote, to solve with as well, from the same start. no-whole: each frame given the
+    last, as COMAK has it. Exit status 3: not solved.
     """
     assembly, told, begun = cc.load_assembly(model), Settings.read(settings), time.process_time()
     walk = Walk(assembly, read_motion(assembly, told, coordinates, loads), told)
     start, walks = walk.frame_by_frame(), {"cells": walk}
     rays = cc.load_assembly(model, contact=ray_casting) if against or networks else assembly
     if networks:
-        known = {surrogate.scene.name: surrogate for surrogate in map(cc.load_surrogate, networks)}
-        learned = cc.load_assembly(model, contact=lambda scene: known.get(scene.name))
+        learned = cc.load_assembly(model, contact=trained_in(networks))
         walks["networks"] = Walk(learned, walk.motion, told, walk.before)
     summary: dict[str, Any] = {"frames": len(start.reserves), "CPU time of the start [s]": time.process_time() - begun}
     others = {"COMAK": read_result(walk, against)} if against else {}

@@ -50,11 +50,19 @@ def build(
         str | None, typer.Option(help="foundation: learn what it misses, without networks, from 30 samples or more")
     ] = None,
 ) -> None:
-    """Sample, train, evaluate and export; run again after an interruption to go on."""
+    """Sample, train, evaluate and export; run again after an interruption to go on.
+
+    Of an assembly's folder, as import writes it, each contact is built around motions: --cycles, .sto or .mot."""
     if on not in (None, "foundation"):
         raise ValueError(f"got --on {on}, expected foundation")
     files, to_tolerance = [*(cycles or []), *(more_cycles or [])], force_tol is not None or torque_tol is not None
     pipeline.check_single_source(table, files, model)
+    if (Path(scene) / "assembly.toml").is_file():
+        if table is not None or model != "elements" or to_tolerance or on is not None:
+            raise ValueError(f"{scene} is an assembly: expected --preset, --cycles and --out alone")
+        with progress_bars(console) as update:
+            built = pipeline.build_contacts(scene, files, preset or DEFAULT_PRESET, folder=out, progress=update)
+        return say(*(f"{name}: {surrogate.info().fitness}" for name, surrogate in built.items()))
     if to_tolerance:
         refused: dict[str, object] = {"--preset": preset, "--table": table, "--on": on}
         project = _project_to_tolerance(scene, out, refused, force_tol, torque_tol)

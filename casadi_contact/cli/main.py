@@ -18,6 +18,7 @@ scene head.stl cup.stl --joint hip --axes=-x,z,y --material cartilage
 import lenhart2015.osim --joint knee_r --geometry Geometry --out my_knee
 build knee
 build knee --preset standard --cycles walk1.csv walk2.csv
+build my_knee --cycles results/comak/values.sto
 build my_joint.toml --table samples.csv --out results/my_joint
 sample knee --preset full --model foundation
 train knee --preset standard

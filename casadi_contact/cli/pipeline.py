@@ -5,6 +5,7 @@ cycles -> motion.npz, samples.h5 -> training/ -> patch.h5, two_stage.h5 -> evalu
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from functools import partial
 from pathlib import Path
 
 import casadi as ca
@@ -12,17 +13,22 @@ import casadi as ca
 from casadi_contact.contact.choice import foundation
 from casadi_contact.contact.compiled_foundation import CompiledFoundation
 from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import Update
 from casadi_contact.core.files.writing import folder_lock, writable_folder, write_text
 from casadi_contact.core.workers import worker_pool
 from casadi_contact.export.c_source import export_c
 from casadi_contact.export.fmu import export_fmu
+from casadi_contact.optimisation.assembly.file import load_assembly
 from casadi_contact.pictures.charts import draw_speed_accuracy, save
 from casadi_contact.pictures.contact_picture import contact_pose
 from casadi_contact.pictures.surrogate_page import surrogate_page
-from casadi_contact.samples.models import DrawnModel, model_name_of, teacher_of
+from casadi_contact.samples.models import model_name_of, teacher_of
 from casadi_contact.samples.samples import TEST, LoadErrors, load_errors, read_samples
 from casadi_contact.scenes.columns import write_columns
+from casadi_contact.scenes.opensim import TIME, read_opensim_table
+from casadi_contact.scenes.pose_file import write_poses
+from casadi_contact.scenes.scene import Scene
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import calibrate as calibrated
 from casadi_contact.surrogate.on_foundation import OnFoundation
@@ -30,6 +36,7 @@ from casadi_contact.workflow.benchmark.candidates import refuse_without_elements
 from casadi_contact.workflow.benchmark.front_file import FILE_NAME, read_front, shipped_front
 from casadi_contact.workflow.benchmark.measure import Peers, measure_project
 from casadi_contact.workflow.benchmark.measure import evaluate as evaluate_models
+from casadi_contact.workflow.opensim_import.importing import states_of
 from casadi_contact.workflow.project import (
     Project,
     available_poses,
@@ -44,12 +51,12 @@ _EXAMPLE_FRAME = 25  # a quarter of the first cycle: in contact
 
 
 def build(
-    scene: str | Path,
+    scene: str | Path | Scene,
     preset: str = "quick",
     *,
     cycles: Sequence[str | Path] = (),
     table: str | Path | None = None,
-    model: DrawnModel | str = "elements",
+    model: ContactModel | str = "elements",
     folder: str | Path | None = None,
     progress: Update | None = None,
     executor: Executor | None = None,
@@ -57,7 +64,7 @@ def build(
     """Sample, train, evaluate and export, as ``casadi-contact build`` does, going on where an earlier call stopped;
     return the surrogates by structure.
 
-    scene: a ready name or the path of a scene file. cycles: measured cycles to sample around. table: samples of any
+    scene: itself, a ready name or the path of a file. cycles: measured cycles to sample around. table: samples of any
     contact model, instead of drawing them. model: what samples are drawn from, a name as in the command, or a contact
     model of the same scene, in this process. folder: of all results, results/SCENE-PRESET if left out. progress: called
     as (what, done, all, remark). Raises ValueError for input that cannot be used, OSError for a folder in use."""
@@ -73,6 +80,38 @@ def build(
         export(project)
         report(project)
     return project_surrogates(project)
+
+
+def build_contacts(
+    assembly: str | Path,
+    motions: Sequence[str | Path],
+    preset: str = "quick",
+    *,
+    folder: str | Path | None = None,
+    progress: Update | None = None,
+    executor: Executor | None = None,
+) -> dict[str, Surrogate]:
+    """Build a surrogate of each contact of an assembly (its folder) that touches along motions, OpenSim's files of
+    coordinates: of the contact's own model, around its poses there. Returned by the contacts' names, which are their
+    folders' in ``folder``, results/ASSEMBLY-PRESET if left out; `assembly.file.trained_in` takes them from there.
+    progress, executor, errors: as of `build`, also ValueError where nothing touches."""
+    loaded, found = load_assembly(assembly), dict[str, Surrogate]()
+    function, tables = loaded.function(["contact_poses"]), {Path(path): read_opensim_table(path) for path in motions}
+    moved = {path: function.map(len(t))(states_of(loaded, t).T, 0.0, 0.0, 0.0).full() for path, t in tables.items()}
+    out = Path("results") / f"{Path(assembly).resolve().name}-{preset}" if folder is None else Path(folder)
+    for k, part in enumerate(loaded.contacts):
+        poses = {path: each[:, k :: len(loaded.contacts)].T for path, each in moved.items()}
+        if not any(part.model(each).any() for each in poses.values()):
+            continue
+        writable_folder(here := out / part.name)
+        files = [here / f"{path.stem}.csv" for path in poses]
+        for file, (path, each) in zip(files, poses.items(), strict=True):
+            write_poses(tables[path].columns[TIME], each, file)
+        run = partial(build, part.model.scene, preset, cycles=files, model=part.model, folder=here)
+        found |= {part.name: run(progress=progress, executor=executor)["patch"]}
+    if not found:
+        raise ValueError(f"no contact of {assembly} touches along {', '.join(map(str, motions)) or 'no motion'}")
+    return found
 
 
 @exclusive

@@ -13,7 +13,7 @@ import numpy as np
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.settle import settle
 from casadi_contact.core.conventions import Array
-from casadi_contact.samples.chunk import WrenchModel, wrenches_of
+from casadi_contact.samples.chunk import wrenches_of
 from casadi_contact.samples.draw import teacher_job
 from casadi_contact.samples.models import model_name_of
 from casadi_contact.samples.reference import Cycle, reference_poses
@@ -112,7 +112,7 @@ def cycle_poses(surrogate: ContactModel, samples: Samples, count: int = 3) -> Ar
 
 
 def label_poses(
-    model: WrenchModel, samples: Samples, poses: Array, executor: Executor | None = None, *, slow_s: float = 1e-3
+    model: ContactModel, samples: Samples, poses: Array, executor: Executor | None = None, *, slow_s: float = 1e-3
 ) -> Samples:
     """Poses (n, 6) with the loads of the samples' model, off its elements too; validation and test rows in turn.
 

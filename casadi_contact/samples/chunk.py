@@ -4,14 +4,13 @@ import hashlib
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 
 from casadi_contact.contact.approach import advance_to_contact
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.settle import NOT_FINITE, settle
-from casadi_contact.core.conventions import Array, pose_index
+from casadi_contact.core.conventions import POSE_IN_MM, Array, pose_index
 from casadi_contact.samples.domains import plan_domains
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import DOMAINS
@@ -20,16 +19,6 @@ from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.scenes.scene import Scene
 
 _PULL_N = 1e-9
-
-
-class WrenchModel(Protocol):
-    """The model that samples are evaluated on.
-
-    Optional: gaps(poses), at_edge(poses) and edge_share(poses), all (n, patches).
-    """
-
-    def wrenches(self, poses: Array) -> Array:
-        """Wrench of each patch on the fixed body (n, patches, 6)."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +50,8 @@ def plan_chunks(scene: Scene, motion: ReferenceMotion, settings: SamplingSetting
     """The sampling plan in chunks of at most `chunk_size` static analyses; ValueError for one that cannot be drawn."""
     chunks = []
     point = motion.point
-    for block in plan_domains(motion.envelopes, scene.controllable_normal_loads, scene.boundary_load, settings):
+    normals = scene.controllable_normal_loads if point.free else [n.as_number for n in scene.normal_loads]
+    for block in plan_domains(motion.envelopes, normals, scene.boundary_load, settings, not point.free):
         starts = motion.starts(block.inputs)
         for k in range(0, len(block.inputs), settings.chunk_size):
             rows = slice(k, k + settings.chunk_size)
@@ -98,11 +88,11 @@ class _Drawn:
 
 
 def draw_chunk(
-    settle_model: ContactModel, teacher: WrenchModel, chunk: Chunk, settings: SamplingSettings
+    settle_model: ContactModel, teacher: ContactModel, chunk: Chunk, settings: SamplingSettings
 ) -> DrawnChunk:
     """Settle, lift off (D4, D5), evaluate and check the samples of one chunk."""
     drawn, scene = _settled(settle_model, chunk, settings), settle_model.scene
-    if len(drawn.poses):
+    if len(drawn.poses) and chunk.free:  # of known poses, edges belong to the motion
         beyond = edge_share(teacher, drawn.poses) > settings.most_edge_share
         drawn.drop(np.where(beyond, "load at the edge of the elements", ""))
     wrenches, gaps = (of(teacher, drawn.poses, len(scene.patches)) for of in (wrenches_of, gaps_of))
@@ -119,11 +109,17 @@ def draw_chunk(
 
 def _settled(model: ContactModel, chunk: Chunk, settings: SamplingSettings) -> _Drawn:
     """The chunk's poses settled under their loads; those of D4 and D5 then lifted off in several steps."""
-    # The whole reach has no reference pose nearby to start from.
-    starts = advance_to_contact(model, chunk.starts, chunk.loads) if settings.reach else chunk.starts
-    poses, report = settle(model, starts, chunk.free, chunk.loads, tolerance=settings.settle_tolerance_n)
+    if chunk.free:
+        # The whole reach has no reference pose nearby to start from.
+        starts = advance_to_contact(model, chunk.starts, chunk.loads) if settings.reach else chunk.starts
+        poses, report = settle(model, starts, chunk.free, chunk.loads, tolerance=settings.settle_tolerance_n)
+        reasons = np.array([why and f"not settled: {why.partition(':')[0]}" for why in report.reason], dtype=object)
+    else:
+        poses = pressed(model, chunk.starts, chunk.loads)
+        known = np.asarray(np.isfinite(poses).all(axis=1))
+        poses, reasons = np.where(known[:, None], poses, chunk.starts), np.where(known, "", "not pressed")
     drawn = _Drawn(poses, chunk.role)
-    drawn.drop(np.array([why and f"not settled: {why.partition(':')[0]}" for why in report.reason], dtype=object))
+    drawn.drop(reasons)
     if DOMAINS[chunk.domain - 1] in ("D4", "D5"):
         lifted = _lifted(model, drawn.poses, chunk, settings)
         known = np.asarray(np.isfinite(lifted).all(axis=2))
@@ -131,6 +127,12 @@ def _settled(model: ContactModel, chunk: Chunk, settings: SamplingSettings) -> _
         drawn.role = np.repeat(drawn.role, settings.liftoff_steps)
         drawn.drop(np.where(known.ravel(), "", "not lifted off"))
     return drawn
+
+
+def pressed(model: ContactModel, poses: Array, loads: Mapping[str, Array]) -> Array:
+    """Poses (n, 6) moved as little as it takes until patches carry normal loads (n,), in their order; NaN as `lift`."""
+    roots = np.sqrt(np.abs(np.stack([*loads.values()], axis=1)) / model.scene.reference_load)
+    return lift(model, poses, np.full(roots.shape, np.nan), roots)
 
 
 def _lifted(model: ContactModel, poses: Array, chunk: Chunk, settings: SamplingSettings) -> Array:
@@ -149,18 +151,25 @@ def _lifted(model: ContactModel, poses: Array, chunk: Chunk, settings: SamplingS
     return lift(model, each, gaps).reshape(len(poses), steps, 6)
 
 
-def lift(model: ContactModel, poses: Array, gaps_mm: Array, newton_steps: int = 8) -> Array:
-    """Move poses (n, 6) along the sensitive pose parameters until patches are gaps_mm (n, P) away; NaN keeps the load.
+def lift(
+    model: ContactModel, poses: Array, gaps_mm: Array, kept_roots: Array | None = None, newton_steps: int = 8
+) -> Array:
+    """Move poses (n, 6) along the sensitive pose parameters, of a scene that names none along all, until patches are
+    gaps_mm (n, P) away; NaN keeps the load, or gives the patch that of kept_roots (n, P).
 
     Newton's method on the root loads, which are -c·gap out of contact; those of a model without gaps are continued
-    there along their slope at the start. Steps are of least squares, in mm and rad. Returns poses (n, 6): NaN where
+    there along their slope at the start. Steps are of least squares, turns at 25 mm, 1 mm long or as the widest gap.
+    Returns poses (n, 6): NaN where
     loads or slopes are not finite, where all slopes are zero, and where a kept load ends more than 0.1 % off.
     """
-    scene, columns = model.scene, [pose_index(name) for name in model.scene.sensitive_pose]
+    scene = model.scene
+    columns = [pose_index(name) for name in scene.sensitive_pose or scene.pose_space.free_names]
+    size, most_mm = 1.0 / POSE_IN_MM[columns], np.nanmax(gaps_mm, initial=1.0)
     begin, rise = model.root_loads(poses)
     per_mm = scene.gap_slope if model.has_gaps else np.linalg.norm(rise[..., :3], axis=2)
     kept, usable = np.isnan(gaps_mm), np.ones(len(poses), dtype=bool)
-    wanted, found = np.where(kept, begin, -per_mm * np.nan_to_num(gaps_mm)), poses.copy()
+    given = begin if kept_roots is None else kept_roots
+    wanted, found = np.where(kept, given, -per_mm * np.nan_to_num(gaps_mm)), poses.copy()
     for step in range(newton_steps + 1):
         s, slope = model.root_loads(found)
         if not model.has_gaps:
@@ -169,31 +178,30 @@ def lift(model: ContactModel, poses: Array, gaps_mm: Array, newton_steps: int = 
             slope = np.where(off[..., None], rise, slope)
         if step == newton_steps:
             break
-        by_pose = scene.pose_space.pull_back(slope)[..., columns]
+        by_pose = scene.pose_space.pull_back(slope)[..., columns] * size
         finite = np.isfinite(by_pose).all(axis=(1, 2)) & np.isfinite(s).all(axis=1)
         usable &= finite & (by_pose != 0.0).any(axis=(1, 2))
-        moves = np.linalg.pinv(by_pose[usable]) @ (wanted - s)[usable][..., None]
-        found[np.ix_(np.flatnonzero(usable), np.array(columns))] += moves[..., 0]
+        moves = (np.linalg.pinv(by_pose[usable]) @ (wanted - s)[usable][..., None])[..., 0]
+        moves *= np.minimum(1.0, most_mm / np.maximum(np.linalg.norm(moves, axis=1, keepdims=True), 1e-300))
+        found[np.ix_(np.flatnonzero(usable), np.array(columns))] += size * moves
     usable &= (~kept | (np.abs(s - wanted) <= 1e-3 * np.abs(wanted))).all(axis=1)
     found = scene.pose_space.project(found)
     found[~usable] = np.nan
     return found
 
 
-def edge_share(teacher: WrenchModel, poses: Array) -> Array:
+def edge_share(teacher: ContactModel, poses: Array) -> Array:
     """The largest share of a patch's load (n,) at edges: the model's edge_share, else 1 where contact is at_edge."""
-    share = getattr(teacher, "edge_share", getattr(teacher, "at_edge", None))
-    return np.zeros(len(poses)) if share is None else share(poses).max(axis=1).astype(float)
+    share = getattr(teacher, "edge_share", teacher.at_edge)
+    return np.asarray(share(poses).max(axis=1).astype(float))
 
 
-def wrenches_of(teacher: WrenchModel, poses: Array, patches: int) -> Array:
+def wrenches_of(teacher: ContactModel, poses: Array, patches: int) -> Array:
     """Wrenches (n, patches, 6); a user's own model need not accept no poses."""
     return teacher.wrenches(poses) if len(poses) else np.zeros((0, patches, 6))
 
 
-def gaps_of(teacher: WrenchModel, poses: Array, patches: int) -> Array:
+def gaps_of(teacher: ContactModel, poses: Array, patches: int) -> Array:
     """Gaps (n, patches), NaN for a model without gaps."""
-    gaps = getattr(teacher, "gaps", None)
-    if gaps is None or not getattr(teacher, "has_gaps", True) or not len(poses):
-        return np.full((len(poses), patches), np.nan)
-    return np.asarray(gaps(poses))
+    known = teacher.has_gaps and len(poses)
+    return teacher.gaps(poses) if known else np.full((len(poses), patches), np.nan)

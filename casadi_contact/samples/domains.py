@@ -16,6 +16,9 @@ of contact: D4 and D6 are then left out (`left_out`).
 The plan `reach` (``[sampling.reach]``) follows no motion: the box of D3 to D7 has the given ranges, wide enough for
 every pose whose contact lies on the fixed surface (others are dropped where it runs off), and normal loads are drawn
 evenly in their roots √N, for light and heavy contact alike. D5 lifts each patch by its own gap. D1, D2 are left out.
+
+Along a motion whose poses are known (inputs are whole poses), D3 to D7 fill the boxes of D2 in place of one
+big box, with normal loads of the whole motion, evenly in their roots.
 """
 
 from __future__ import annotations
@@ -138,11 +141,16 @@ class Block:
 
 
 def plan_domains(
-    envelopes: Envelopes, normals: Sequence[NormalLoad], boundary_load: float, settings: SamplingSettings
+    envelopes: Envelopes,
+    normals: Sequence[NormalLoad],
+    boundary_load: float,
+    settings: SamplingSettings,
+    along_poses: bool = False,
 ) -> list[Block]:
     """The inputs of all domains, in domain order.
 
-    normals: the normal load of each patch, in patch order; boundary_load: its size [N] at the contact boundary.
+    normals: the normal load of each patch, in patch order; boundary_load: its size [N] at the contact boundary;
+    along_poses: poses are known along the motion.
     """
     fixed = {d: {name: pair[d] for name, pair in settings.fixed_offsets.items()} for d in (0, 1)}
     if settings.reach:
@@ -150,6 +158,10 @@ def plan_domains(
     else:
         box = envelopes.extremes(settings.d3_fraction, settings.d2_offset, fixed[1])
         box = box.at_least(settings.d3_minimum_widths)
+    if along_poses:
+        tube = envelopes.expand(settings.d2_fraction, settings.d2_offset, fixed[1])
+        loads = np.isin(envelopes.names, [normal.loads[0] for normal in normals])
+        box = Envelopes(box.names, np.where(loads, box.lower, tube.lower), np.where(loads, box.upper, tube.upper))
     box = box.without_pull(normals, boundary_load)
     missing = [name for normal in normals for name in normal.loads if name not in envelopes.names]
     skipped = left_out(normals, settings)
@@ -163,7 +175,7 @@ def plan_domains(
         if domain in (1, 2):
             rules = (settings.d1_fraction, settings.d1_offset), (settings.d2_fraction, settings.d2_offset)
             boxes = envelopes.expand(*rules[domain - 1], fixed[domain - 1]).without_pull(normals, boundary_load)
-            parts = [(-1, _cluster(boxes, domain, count, settings))]
+            parts = [(-1, _fill(boxes, [], count, None) if along_poses else _cluster(boxes, domain, count, settings))]
         elif domain == 3:
             parts = [(-1, _fill(box, [], count, None))]
         else:
@@ -172,7 +184,7 @@ def plan_domains(
             for (lifted, held), n in zip(groups, _shares(count, len(groups)), strict=True):
                 shift = _rng(settings, domain, _FILLING, max(lifted, 0)).random(len(envelopes.names))
                 parts.append((lifted, _at_boundary(box, held, int(n), shift, boundary_load)))
-        if settings.reach:
+        if settings.reach or (along_poses and domain >= 3):
             parts = [(lifted, _rooted(inputs, box, normals)) for lifted, inputs in parts]
         roles = _roles(sum(len(inputs) for _, inputs in parts), domain, settings)
         for lifted, inputs in parts:
@@ -247,11 +259,12 @@ def _cluster(boxes: Envelopes, domain: int, count: int, settings: SamplingSettin
 
 
 def _fill(box: Envelopes, held: Sequence[str], count: int, shift: Array | None) -> Array:
-    """Hammersley points in a box's inputs; those held stay at their upper bound."""
-    inputs = np.tile(box.upper[0], (count, 1))
+    """Hammersley points in a box's inputs, of several boxes in one each; those held stay at their upper bound."""
     moving = [column for column, name in enumerate(box.names) if name not in held]
     points = hammersley(count, len(moving), None if shift is None else shift[moving])
-    inputs[:, moving] = box.lower[0, moving] + points * (box.upper[0, moving] - box.lower[0, moving])
+    of = np.random.default_rng(0).permutation(count) % len(box.lower)
+    lower, inputs = box.lower[of], box.upper[of]
+    inputs[:, moving] = lower[:, moving] + points * (inputs - lower)[:, moving]
     return inputs
 
 

@@ -19,15 +19,7 @@ import numpy as np
 from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import WRENCH_NAMES, Array, Progress, evenly_spaced_indices
 from casadi_contact.core.workers import cancelled_if_left, one_thread, worker_pool
-from casadi_contact.samples.chunk import (
-    Chunk,
-    DrawnChunk,
-    WrenchModel,
-    draw_chunk,
-    plan_chunks,
-    plan_digest,
-    wrenches_of,
-)
+from casadi_contact.samples.chunk import Chunk, DrawnChunk, draw_chunk, plan_chunks, plan_digest, wrenches_of
 from casadi_contact.samples.domains import left_out
 from casadi_contact.samples.models import (
     MODELS,
@@ -56,7 +48,7 @@ from casadi_contact.scenes.scene import Scene
 @lru_cache(maxsize=2)
 def _worker_models(
     scene_toml: str, settings_json: str, models: ModelPair
-) -> tuple[ContactModel, WrenchModel, SamplingSettings]:
+) -> tuple[ContactModel, ContactModel, SamplingSettings]:
     """The models to settle and to evaluate on, made once in each process, and the settings."""
     settings = SamplingSettings(**json.loads(settings_json))
     return *models(Scene.from_toml(scene_toml), settings), settings
@@ -82,9 +74,6 @@ def draw_samples(
     """
     path = Path(path)
     settings = SamplingSettings.from_scene(scene) if settings is None else settings
-    expected = settings.sample_point(scene)
-    if motion.point != expected:
-        raise ValueError(f"the reference motion has inputs {motion.point.inputs}, the settings {expected.inputs}")
     chunks = plan_chunks(scene, motion, settings)
     identity = {"scene": scene.digest, "settings": settings.to_table(), **models_identity(models)}
     identity["plan_digest"] = plan_digest(chunks)
@@ -113,7 +102,7 @@ def draw_samples(
     return samples
 
 
-def check_same_model(model: WrenchModel, samples: Samples, where: Path) -> None:
+def check_same_model(model: ContactModel, samples: Samples, where: Path) -> None:
     """Raise ValueError where a user's model gives other loads than samples drawn from it.
 
     At up to 10 samples with a load each may differ by its tolerance, or by 1 % of the largest force (torque), RMS.

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -11,27 +11,26 @@ from casadi_contact.contact.approach import touching_start
 from casadi_contact.contact.choice import foundation
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.samples.chunk import WrenchModel
 from casadi_contact.samples.samples import Samples
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.scene import Scene
 
 # Makes the model that poses are settled on and the one that samples are evaluated on, in each worker process.
-ModelPair = Callable[[Scene, SamplingSettings], tuple[ContactModel, WrenchModel]]
+ModelPair = Callable[[Scene, SamplingSettings], tuple[ContactModel, ContactModel]]
 
 
-def elastic_foundations(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
+def elastic_foundations(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, ContactModel]:
     """Elastic foundations on the settings' settle grid and teacher grid."""
     return ElasticFoundation(scene, settings.settle_grid), ElasticFoundation(scene, settings.teacher_grid)
 
 
-def foundations(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
+def foundations(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, ContactModel]:
     """The scene's `cc.foundation`, both to settle on and to evaluate samples on."""
     model = foundation(scene)
     return model, model
 
 
-def finite_elements(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
+def finite_elements(scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, ContactModel]:
     """Springs that carry as much as `cc.FiniteElements` where the patches have just touched, to settle on, and the
     latter to evaluate samples on: these need loads about those of the plan, and springs take a thousandth of the time.
     """
@@ -53,16 +52,12 @@ MODELS: dict[str, ModelPair] = {
 }
 
 
-class DrawnModel(ContactModel, WrenchModel, Protocol):
-    """A contact model that samples can be drawn from."""
-
-
-def _given(model: DrawnModel, scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, WrenchModel]:
+def _given(model: ContactModel, scene: Scene, settings: SamplingSettings) -> tuple[ContactModel, ContactModel]:
     """A user's own model, to settle on and to evaluate samples on."""
     return model, model
 
 
-def model_pair(model: str | DrawnModel) -> ModelPair:
+def model_pair(model: str | ContactModel) -> ModelPair:
     """The model pair of a name in `MODELS`, or of a user's own model; raises ValueError for another name."""
     if not isinstance(model, str):
         return partial(_given, model)
@@ -89,7 +84,7 @@ def model_name_of(samples: Samples) -> str | None:
     return name if name in MODELS else None
 
 
-def teacher_of(samples: Samples) -> WrenchModel | None:
+def teacher_of(samples: Samples) -> ContactModel | None:
     """The contact model that samples were evaluated on; None for a user's own, and for samples from a table."""
     name = model_name_of(samples)
     return None if name is None else MODELS[name](samples.scene, settings_of(samples))[1]

@@ -82,6 +82,8 @@ def reference_motion(
     loads from the measured ones. progress: as in `reference_poses`."""
     point = settings.sample_point(model.scene)
     curves = _on_frames(cycles, settings.frames)
+    if not point.free:
+        return _along_poses(model, point, curves)
     if missing := [name for name in point.load_inputs if name not in curves]:
         got = f"the cycles hold no load {', '.join(missing)}, only {', '.join(cycles[0].targets())}"
         raise ValueError(f"{got}: add its column to the files, or choose other sampling.inputs")
@@ -94,6 +96,22 @@ def reference_motion(
     columns = [poses[..., pose_index(name)] if name in POSE_NAMES else curves[name] for name in point.inputs]
     motion = ReferenceMotion(point, np.stack(columns, axis=-1), poses)
     return motion, replace(report, assumed=_assumed(motion.envelopes, settings))
+
+
+def _along_poses(
+    model: ContactModel, point: SamplePoint, curves: Mapping[str, Array]
+) -> tuple[ReferenceMotion, ReferenceReport]:
+    """The motion of known poses, all cycles in a row as one, with the model's normal loads there."""
+    poses = model.scene.pose_space.project(np.stack([curves[name].ravel() for name in POSE_NAMES], axis=1))
+    roots, _ = model.root_loads(poses)
+    if not (roots > 0.0).any():
+        raise ValueError(f"{model.scene.name}: the bodies touch in none of {len(poses)} poses of the cycles")
+    signs = [normal.sign for normal in model.scene.normal_loads]
+    loads = signs * (model.scene.reference_load * np.maximum(roots, 0.0) ** 2)
+    inputs = np.column_stack([poses[:, [pose_index(name) for name in point.pose_inputs]], loads])
+    settled = np.ones((1, len(poses)), dtype=bool)
+    report = ReferenceReport(("known poses",), settled, np.full(settled.shape, "", dtype=object))
+    return ReferenceMotion(point, inputs[None], poses[None]), report
 
 
 def _assumed(envelopes: Envelopes, settings: SamplingSettings) -> dict[str, float]:

@@ -17,6 +17,9 @@ PAPER_COUNTS = {"D1": 24000, "D2": 24000, "D3": 24000, "D4": 30000, "D5": 300, "
 ALONE_COUNTS = {"D5": 6000, "D7": 3000}
 """Of joints with one patch, which have no D4 and D6: only D5 and D7 show what is out of contact."""
 
+AROUND_POSES = {name: (0.5, 2.0) if name[0] == "t" else (0.02, 0.08) for name in POSE_NAMES}
+"""Offsets [mm, rad] in D1 and D2 from poses that are known."""
+
 # Least and greatest of each number among the settings.
 _RANGES: dict[str, tuple[float, float]] = {
     **{"seed": (0, 2**63 - 1), "frames": (2, 10_000), "liftoff_steps": (1, 1000), "chunk_size": (1, 100_000)},
@@ -32,7 +35,8 @@ class SamplePoint:
     """Inputs (pose parameters and loads, any mix) and the free pose parameters that a static analysis finds for them.
 
     Every movable pose parameter is an input or free, and there is one load for each free parameter: the knee's is
-    {tx, Fy_med, tz, Fy_lat, ry, rz} -> (ty, rx).
+    {tx, Fy_med, tz, Fy_lat, ry, rz} -> (ty, rx). Where none is free, inputs are whole poses and each patch's normal
+    load, which the pose takes by its least move (`chunk.pressed`).
     """
 
     inputs: tuple[str, ...]
@@ -43,9 +47,9 @@ class SamplePoint:
             raise ValueError(f"inputs are {', '.join(self.inputs)}, expected each once, and poses that can move")
         loads, free = self.load_inputs, self.free
         for name in loads:
-            if name.partition("_")[0] not in WRENCH_NAMES:
+            if name.partition("_")[0] not in (*WRENCH_NAMES, "F"):
                 raise ValueError(f"sample point input {name!r} is neither a pose parameter nor a load")
-        if len(loads) != len(free):
+        if len(loads) != len(free) and free:
             raise ValueError(f"got {len(loads)} loads for {len(free)} free pose parameters, expected as many")
 
     @property
@@ -139,8 +143,6 @@ class SamplingSettings:
         plain: dict[str, Any] = {"counts": counts, "inputs": inputs, "d3_minimum_widths": widths, **pairs, **grids}
         for name, value in plain.items():
             object.__setattr__(self, name, value)
-        if self.inputs:
-            SamplePoint(tuple(self.inputs))
 
     @classmethod
     def from_scene(cls, scene: Scene, **overrides: Any) -> SamplingSettings:

@@ -66,8 +66,8 @@ class Cycle(OverTime):
         object.__setattr__(self, "time_s", checked["time_s"])
         for key in ("pose", "loads", "centres"):
             object.__setattr__(self, key, {name: checked[name] for name in getattr(self, key)})
-        if not self.loads:
-            raise ValueError(f"cycle {self.name} has no load, expected those that hold the pose")
+        if not self.loads and set(self.pose) != set(POSE_NAMES):
+            raise ValueError(f"cycle {self.name} has no load, expected those that hold the pose, or all of the pose")
         check_reach(f"cycle {self.name}", {**self.pose, **self.centres})
         if self._of_knee:
             _check_knee(self.name, self.estimation_targets())
@@ -147,7 +147,7 @@ def read_cycle(path: str | Path, scene: Scene | None = None) -> Cycle:
             if name in curves:
                 raise ValueError(f"{path} has {name} in two columns, {column} and another, expected one: leave one out")
             curves[name] = units[unit] * table.numbers(column)
-    if not set(loads) & set(curves):
+    if not set(loads) & set(curves) and not set(POSE_NAMES) <= set(curves):
         columns = ", ".join(quantity(name).column for name in loads)
         has = f"it has {short(', '.join(table.header))}"
         raise ValueError(f"{path} has no load of {scene.name if scene else 'a knee'}, expected one of {columns}; {has}")

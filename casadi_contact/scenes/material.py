@@ -52,11 +52,8 @@ class Layer:
     @classmethod
     def checked(cls, key: str, values: Mapping[str, Any]) -> Layer:
         """Of a scene's table by this key; raises ValueError naming the value at fault."""
-        bounds = {
-            "youngs_modulus": {"low": 0.0},
-            "poissons_ratio": {"low": -1.0, "high": 0.5},
-            "thickness": {"low": 0.0},
-        }
+        above = {"low": 0.0}
+        bounds = {"youngs_modulus": above, "poissons_ratio": {"low": -1.0, "high": 0.5}, "thickness": above}
         return cls(**{name: number(f"{key}.{name}", values[name], **limits) for name, limits in bounds.items()})
 
 

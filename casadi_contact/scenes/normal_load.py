@@ -41,6 +41,11 @@ class NormalLoad:
         """Unit vector (3,) along which the moving body presses the patch; None for a magnitude."""
         return None if self.index is None else self.sign * np.eye(3)[self.index]
 
+    @property
+    def as_number(self) -> NormalLoad:
+        """Itself, or of a magnitude N as one load, F_patch."""
+        return self if self.component else NormalLoad(self.patch, "F", 1.0, (f"F_{self.patch}",))
+
     def of(self, wrenches: Array) -> Array:
         """N (...) [N] of the patch's wrenches (..., 6)."""
         if self.index is None:
@@ -58,7 +63,7 @@ class NormalLoad:
     def with_size(self, forces: Array, size: Array | float) -> Array:
         """Values (n, len(loads)) of the named loads with N = size, (n,) or one number; a force keeps its direction."""
         size = np.broadcast_to(size, len(forces))[:, None]
-        if self.index is not None:
+        if self.component is not None:
             return self.sign * size
         return forces * (size / np.maximum(np.linalg.norm(forces, axis=1, keepdims=True), 1e-300))
 

@@ -51,9 +51,8 @@ class PoseSpace:
     @property
     def symmetric(self) -> bool:
         """The mirror image in the plane z = 0 of a pose of this space is one too."""
-        return bool((self.matrix == REFLECTION[:, None] * self.matrix * REFLECTION).all()) and bool(
-            (self.offset == REFLECTION * self.offset).all()
-        )
+        turned = REFLECTION[:, None] * self.matrix * REFLECTION
+        return bool((self.matrix == turned).all() and (self.offset == REFLECTION * self.offset).all())
 
     def project(self, poses: Array) -> Array:
         """Poses (..., 6) with locked and tied parameters set: M·q + c."""

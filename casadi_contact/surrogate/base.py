@@ -227,7 +227,8 @@ class Surrogate(SurrogateFunctions):
         # The centres, and as many poses that Newton's method presses from there with ten boundary loads a patch.
         poses = self.confidence.centre_poses
         target = np.sqrt(10.0 * self.scene.boundary_load / self.scene.reference_load)
-        columns, pressed_poses = [pose_index(name) for name in self.scene.sensitive_pose], poses.copy()
+        sensitive, pressed_poses = self.scene.sensitive_pose or self.scene.pose_space.free_names, poses.copy()
+        columns = [pose_index(name) for name in sensitive]
         for _ in range(8):
             roots, slopes = self.root_loads(pressed_poses)
             steps = np.einsum("njp,np->nj", np.linalg.pinv(slopes[:, :, columns]), target - roots)

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.cluster.vq import kmeans2
 
+from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import Array, Progress, Update, load_selection, stage_progress
 from casadi_contact.networks.network import Network, Regression
 from casadi_contact.networks.training.fit import fit
@@ -26,7 +27,6 @@ from casadi_contact.samples.calibration_poses import (
     poses_in_range,
     self_settled_poses,
 )
-from casadi_contact.samples.chunk import WrenchModel
 from casadi_contact.samples.models import model_name_of
 from casadi_contact.samples.samples import DOMAINS, TEST, TRAIN, VALIDATION, Samples
 from casadi_contact.surrogate.base import Surrogate
@@ -86,7 +86,7 @@ class _Rows(NamedTuple):
 def calibrate(
     surrogate: Surrogate,
     samples: Samples,
-    model: WrenchModel | None = None,
+    model: ContactModel | None = None,
     update: Update | None = None,
     settings: CalibrationSettings | None = None,
     executor: Executor | None = None,
@@ -166,7 +166,7 @@ def _other_poses(
     surrogate: Surrogate,
     confidence: Confidence,
     samples: Samples,
-    model: WrenchModel,
+    model: ContactModel,
     settings: CalibrationSettings,
     progress: Progress | None,
     executor: Executor | None,
@@ -202,7 +202,7 @@ def _rows(
     surrogate: Surrogate,
     validation: Samples,
     others: Sequence[Samples],
-    model: WrenchModel | None,
+    model: ContactModel | None,
     settings: CalibrationSettings,
 ) -> _Rows:
     """At most `rows` validation rows, and all others. Poses at which the model gave no loads have infinite errors."""
@@ -338,7 +338,7 @@ def _unseen_quantile(ratios: Array, share: float) -> float:
     return float(np.quantile(ratios, min(1.0, share * (len(ratios) + 1) / len(ratios))))
 
 
-def _model_errors(model: WrenchModel) -> dict[str, Any]:
+def _model_errors(model: ContactModel) -> dict[str, Any]:
     """Errors of a foundation that were found when it was chosen: no error on samples includes them."""
     measured = getattr(model, "record", {})
     if "rms" not in measured or "against" not in measured:

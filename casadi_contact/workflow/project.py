@@ -13,14 +13,14 @@ from typing import Concatenate, ParamSpec, TypeVar
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation
 from casadi_contact.core.conventions import Array
-from casadi_contact.core.files.writing import folder_lock, writable_folder, write_text
+from casadi_contact.core.files.writing import folder_lock, writable_folder
 from casadi_contact.samples.reference import ReferenceMotion, found_sensitive_pose, reference_motion
 from casadi_contact.samples.resume import KeptMotion
 from casadi_contact.samples.samples import Samples, partial_folder, read_samples
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.loading import load_scene, ready_scenes
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.scenes.walking import reference_motion_cycles
+from casadi_contact.scenes.walking import has_gait, reference_motion_cycles
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.load import STRUCTURES, load_surrogate, ready_surrogates
 from casadi_contact.workflow.presets import PRESETS, Preset
@@ -39,20 +39,24 @@ class Project:
     surrogate: Surrogate | None = None
 
     @classmethod
-    def open(cls, scene: str | Path, preset: str, folder: Path | None = None) -> Project:
+    def open(cls, scene: str | Path | Scene, preset: str, folder: Path | None = None) -> Project:
         """Check the names and make the folder (results/SCENE-PRESET if left out). scene: a ready name or .toml, or a
         surrogate by its name or .h5 file, which stands for its scene and for what was trained on it. The sensitive pose
-        parameters of a scene that leaves them out are found, and kept in the folder's scene.toml."""
+        parameters of a scene that leaves them out are found."""
         # "knee" is both a scene and a surrogate: the scene
-        named = Path(scene).suffix == ".h5" or (str(scene) in ready_surrogates() and str(scene) not in ready_scenes())
-        surrogate = load_surrogate(scene) if named else None
-        loaded = load_scene(scene) if surrogate is None else surrogate.scene
+        given = scene.name if isinstance(scene, Scene) else str(scene)
+        named = given.endswith(".h5") or (given in ready_surrogates() and given not in ready_scenes())
+        surrogate = load_surrogate(given) if named else None
+        loaded = scene if isinstance(scene, Scene) else surrogate.scene if surrogate else load_scene(scene)
         if preset not in PRESETS:
             raise ValueError(f"unknown preset {preset!r}, expected one of {', '.join(PRESETS)}")
         folder = _folder_of(loaded, preset) if folder is None else Path(folder)
         writable_folder(folder)
-        completed = loaded if loaded.sensitive_pose else _completed(loaded, folder / "scene.toml")
-        return cls(completed, preset, folder, given=str(scene), surrogate=surrogate)
+        if not loaded.sensitive_pose and (loaded.motion or has_gait(loaded)):  # of known poses none is needed
+            model = ElasticFoundation(loaded, loaded.grids.get("settle"))
+            cycles = reference_motion_cycles(loaded, ())
+            loaded = loaded.with_sensitive_pose(found_sensitive_pose(model, cycles))
+        return cls(loaded, preset, folder, given=given, surrogate=surrogate)
 
     def command(self, name: str, *options: str, preset: bool = True) -> str:
         """The command line NAME for this scene, preset and folder, as messages and records give it to run."""
@@ -122,19 +126,6 @@ def exclusive(stage: Callable[Concatenate[Project, Given], Result]) -> Callable[
 def _folder_of(scene: Scene, preset: str) -> Path:
     """The folder of a project that names none."""
     return Path("results") / f"{scene.name}-{preset}"
-
-
-def _completed(scene: Scene, path: Path) -> Scene:
-    """The scene with its sensitive pose parameters: those found before, else found now on the settle grid."""
-    if path.is_file():
-        before = load_scene(path)
-        known = scene.with_sensitive_pose(before.sensitive_pose)
-        if before.digest == known.digest:
-            return known
-    model = ElasticFoundation(scene, scene.grids.get("settle"))
-    completed = scene.with_sensitive_pose(found_sensitive_pose(model, reference_motion_cycles(scene, ())))
-    write_text(path, completed.to_toml())
-    return completed
 
 
 def read_motion(project: Project) -> KeptMotion:

@@ -7,20 +7,19 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.contact.model import ContactModel
-from casadi_contact.core.conventions import Array, pose_index
+from casadi_contact.core.conventions import Array
 from casadi_contact.networks.training.fit import Fit, fit
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.optimisation.verification import Verification, verify
-from casadi_contact.samples.chunk import Chunk, WrenchModel, draw_chunk
-from casadi_contact.samples.models import DrawnModel
+from casadi_contact.samples.chunk import Chunk, draw_chunk
 from casadi_contact.samples.samples import COLUMNS, TEST, TRAIN, VALIDATION, Samples, domain_errors, samples_record
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import calibrate
 from casadi_contact.workflow.fitting import fits_record, summed_work
 
-# A round draws pose inputs so many scales of the range around a failing frame, and load inputs between shares of
-# the frame's own; of the static analyses a share is lifted off (as in D5).
+# A round draws poses so many scales of the range around a failing frame, and normal loads between shares of the
+# frame's own; of them a share is lifted off (as in D5).
 _SPREAD, _LOAD_SHARES, _LIFTED = 0.3, (0.2, 1.3), 0.1
 # Samples of before that are trained on again for each new one, and at least, so that they are not forgotten.
 _KNOWN_PER_NEW, _LEAST_KNOWN = 3, 12_000
@@ -57,7 +56,7 @@ def refine(
     surrogate: Surrogate,
     samples: Samples,
     solve: Solve,
-    model: DrawnModel,
+    model: ContactModel,
     *,
     rounds: int = 3,
     gflop: float = 600.0,
@@ -98,30 +97,24 @@ def _verified(surrogate: Surrogate, solve: Solve, model: ContactModel) -> Verifi
 
 
 def _drawn_around(
-    surrogate: Surrogate, check: Verification, model: DrawnModel, per_frame: int, rng: np.random.Generator
+    surrogate: Surrogate, check: Verification, model: ContactModel, per_frame: int, rng: np.random.Generator
 ) -> Samples:
-    """Samples whose pose inputs lie around those of failing frames, settled on the model under shares of the loads
-    that the surrogate gives there, some of them lifted off: as D1 and D5 lie around a motion, and counted as these."""
+    """Samples around failing frames, pressed on the model by shares of the normal loads that the surrogate gives there,
+    some of them lifted off: as D1 and D5 lie around a motion, and counted as these."""
     scene, scales = surrogate.scene, surrogate.require_confidence().scales
-    sampling = SamplingSettings.from_scene(scene)
-    point = sampling.sample_point(scene)
-    frames = check.poses[np.repeat(np.flatnonzero(check.failing), per_frame)]
-    columns, count = [pose_index(name) for name in point.pose_inputs], len(frames)
-    starts = frames.copy()
+    sampling, columns = SamplingSettings.from_scene(scene), list(scene.pose_space.free)
+    starts = check.poses[np.repeat(np.flatnonzero(check.failing), per_frame)]
+    count, roots = len(starts), surrogate.root_loads(starts)[0]
     starts[:, columns] += _SPREAD * scales[columns] * rng.uniform(-1.0, 1.0, (count, len(columns)))
     starts = scene.pose_space.project(starts)
-    loads = surrogate(frames, point.load_inputs) * rng.uniform(*_LOAD_SHARES, (count, len(point.load_inputs)))
+    normal = scene.reference_load * np.maximum(roots, 0.0) ** 2 * rng.uniform(*_LOAD_SHARES, roots.shape)
     role = rng.choice([TRAIN, VALIDATION, TEST], count, p=[0.8, 0.1, 0.1]).astype(np.uint8)
     lifted = rng.random(count) < _LIFTED
-    for normal in scene.normal_loads:
-        if set(normal.loads) <= set(point.load_inputs):
-            columns = [point.load_inputs.index(name) for name in normal.loads]
-            pressed = normal.at_least(loads[:, columns], scene.boundary_load)
-            loads[:, columns] = np.where(lifted[:, None], normal.with_size(pressed, scene.boundary_load), pressed)
+    normal = np.where(lifted[:, None], scene.boundary_load, np.maximum(normal, scene.boundary_load))
     parts = []
     for domain, rows in ((1, ~lifted), (5, lifted)):
-        wanted = dict(zip(point.load_inputs, loads[rows].T, strict=True))
-        chunk = Chunk(domain, -1, point.free, starts[rows], wanted, role[rows])
+        wanted = dict(zip(scene.patch_names, normal[rows].T, strict=True))
+        chunk = Chunk(domain, -1, (), starts[rows], wanted, role[rows])
         parts.append(draw_chunk(model, model, chunk, sampling))
     if not any(len(part.poses) for part in parts):
         reasons = sorted({reason for part in parts for reason in part.dropped})
@@ -131,7 +124,7 @@ def _drawn_around(
 
 
 def _trained_on(
-    surrogate: Surrogate, known: Samples, new: Samples, model: WrenchModel, gflop: float, rng: np.random.Generator
+    surrogate: Surrogate, known: Samples, new: Samples, model: ContactModel, gflop: float, rng: np.random.Generator
 ) -> Surrogate:
     """The surrogate's networks trained on from where they are, on the new samples and some of the known ones, and
     calibrated on all, and on the model around them."""

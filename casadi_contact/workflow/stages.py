@@ -16,13 +16,12 @@ from typing import Any
 
 import numpy as np
 
+from casadi_contact.contact.model import ContactModel
 from casadi_contact.core.conventions import Progress, Update, stage_progress
 from casadi_contact.core.workers import worker_pool
-from casadi_contact.samples.chunk import WrenchModel
 from casadi_contact.samples.draw import check_rejection_rate, draw_samples
 from casadi_contact.samples.models import (
     MODELS,
-    DrawnModel,
     ModelPair,
     model_name_of,
     model_pair,
@@ -33,7 +32,7 @@ from casadi_contact.samples.models import (
 from casadi_contact.samples.reference import reference_motion
 from casadi_contact.samples.resume import KeptMotion, check_same_plan, earlier_samples, motion_origin
 from casadi_contact.samples.samples import TRAIN, LoadModel, Samples, write_samples
-from casadi_contact.samples.settings import SamplingSettings
+from casadi_contact.samples.settings import AROUND_POSES, SamplingSettings
 from casadi_contact.samples.table import check_gaps, read_sample_table
 from casadi_contact.scenes.walking import reference_motion_cycles
 from casadi_contact.surrogate.base import Surrogate
@@ -43,7 +42,7 @@ from casadi_contact.workflow.fitting import Fitting, fit_surrogate
 from casadi_contact.workflow.project import Project, exclusive, has_motion, read_motion, trained_surrogates
 
 
-def check_single_source(table: str | Path | None, cycles: Sequence[str | Path], model: DrawnModel | str) -> None:
+def check_single_source(table: str | Path | None, cycles: Sequence[str | Path], model: ContactModel | str) -> None:
     """ValueError for cycles or another model beside a table of samples: nothing is drawn then."""
     if table is not None and (cycles or model != "elements"):
         raise ValueError(f"got a table of samples and {'cycles' if cycles else 'a model'}, expected one of them")
@@ -55,7 +54,7 @@ def sample(
     cycle_files: Sequence[Path] = (),
     update: Update | None = None,
     executor: Executor | None = None,
-    model: DrawnModel | str = "elements",
+    model: ContactModel | str = "elements",
 ) -> tuple[Samples, str]:
     """Estimate the poses of the reference cycles and draw the samples, or go on where an earlier run stopped; returns
     the samples and the report of the motion, which is kept beside them.
@@ -70,7 +69,12 @@ def sample(
     trained_surrogates(project)
     cycles = reference_motion_cycles(project.scene, cycle_files)
     preset = project.preset
-    settings = SamplingSettings.from_scene(project.scene, scale=preset.sampling_scale, **preset.sampling)
+    given: dict[str, Any] = {"scale": preset.sampling_scale, **preset.sampling}
+    if not cycles[0].loads:
+        offsets = {**AROUND_POSES, **project.scene.sampling.get("fixed_offsets", {})}
+        loads = (normal.as_number.loads[0] for normal in project.scene.normal_loads)
+        given |= {"inputs": (*project.scene.pose_space.free_names, *loads), "fixed_offsets": offsets}
+    settings = SamplingSettings.from_scene(project.scene, **given)
     origin = motion_origin(project.scene, cycles, settings, models_identity(models))
     drawn = earlier_samples(project.samples_path)
     if drawn is not None and project.motion_path.is_file():
@@ -83,7 +87,7 @@ def sample(
         kept.write(project.motion_path)
     progress = stage_progress(update, "samples")
     with nullcontext(executor) if isinstance(model, str) else ThreadPoolExecutor(1) as workers:
-        given: dict[str, Any] = {"settings": settings, "executor": workers, "models": models, "progress": progress}
+        given = {"settings": settings, "executor": workers, "models": models, "progress": progress}
         samples = draw_samples(project.scene, kept.motion, project.samples_path, **given)
     check_rejection_rate(samples, settings.most_dropped)
     if model_name_of(samples) is None:
@@ -115,7 +119,7 @@ def train(
     executor: Executor | None = None,
     *,
     structure: str | None = None,
-    teacher: WrenchModel | None = None,
+    teacher: ContactModel | None = None,
 ) -> list[Path]:
     """Train the preset's structures, or this one alone, and write a surrogate file for each; goes on from checkpoints.
 

@@ -102,9 +102,8 @@ def train_to_tolerance(
         samples, _ = sample(this, cycle_files, _in_round(update, number), executor, model)
         with worker_pool(executor) as workers:
             command = build_command(project, samples, [*map(str, cycle_files)], *_options(project.scene))
-            fitting = Fitting(
-                structure, preset.efforts[structure], folder / f"training-{number}", command, f"round {number}"
-            )
+            efforts, checkpoints = preset.efforts[structure], folder / f"training-{number}"
+            fitting = Fitting(structure, efforts, checkpoints, command, f"round {number}")
             surrogate = fit_surrogate(this, samples, fitting, update, workers)
         missed = misses(surrogate, samples)
         if not missed:

@@ -44,14 +44,11 @@ def test_those_found_are_those_declared(name, sensitive):
     assert found_sensitive_pose(model, reference_motion_cycles(scene, ())) == sensitive
 
 
-def test_a_project_finds_what_its_scene_leaves_out_and_keeps_it(tmp_path):
+def test_a_project_finds_what_its_scene_leaves_out(tmp_path):
     assert cc.load_scene("glenohumeral").sensitive_pose == ()
     project = Project.open("glenohumeral", "quick", tmp_path)
     assert project.scene.sensitive_pose == ("tz",)
-    assert cc.load_scene(tmp_path / "scene.toml").digest == project.scene.digest
-    written = (tmp_path / "scene.toml").stat().st_mtime_ns
     assert Project.open("glenohumeral", "quick", tmp_path).scene == project.scene
-    assert (tmp_path / "scene.toml").stat().st_mtime_ns == written
     other = tmp_path / "other.toml"
     other.write_text(cc.load_scene("glenohumeral", ball_radius=23.0).to_toml())
     assert Project.open(other, "quick", tmp_path).scene.geometry["ball_radius"] == 23.0

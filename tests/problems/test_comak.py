@@ -7,8 +7,10 @@ from importlib.util import find_spec
 import casadi as ca
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import casadi_contact as cc
+from casadi_contact.cli.main import app
 from casadi_contact.networks.network import Network
 from casadi_contact.optimisation.assembly.balance import FrameBalance, networks_together
 from casadi_contact.optimisation.assembly.file import write_assembly
@@ -16,6 +18,7 @@ from casadi_contact.scenes.opensim import TIME, Table, read_opensim_table, write
 from casadi_contact.workflow.opensim_import.importing import import_model, states_of
 from casadi_contact.workflow.opensim_import.model_file import read_model
 from casadi_contact.workflow.opensim_import.process import describe
+from casadi_contact.workflow.presets import PRESETS, Effort, Preset
 from problems import comak, knee_picture, passive_flexion
 from tests.support.compiler import needs_compiler
 from tests.support.shared_data import shared_file
@@ -101,9 +104,14 @@ def test_all_frames_balance_at_no_more_cost_than_one_after_the_other(walk, capsy
     given = {"settings": walk / "comak.xml", "coordinates": walk / "motion.mot", "loads": walk / "loads.xml"}
     with pytest.raises(SystemExit, match="0"):
         comak.main(walk / "knee", **given, whole=False, out=walk / "one")
-    monkeypatch.setattr(cc, "load_surrogate", lambda path: cc.load_assembly(path).contacts[0].model)
+    small = {"root": Effort(((10, 10),), 5.0), "ratios": Effort(((6,),), 1.0)}
+    monkeypatch.setitem(PRESETS, "tiny", Preset(0.02, {"patch": small}))
+    built = {"--preset": "tiny", "--cycles": walk / "one" / "values.sto", "--out": walk / "networks"}
+    options = [str(word) for option in built.items() for word in option]
+    result = CliRunner().invoke(app, ["build", str(walk / "knee"), *options])
+    assert result.exit_code == 0, result.output
     with pytest.raises(SystemExit, match="0"):
-        comak.main(walk / "knee", **given, against=walk / "one", networks=[walk / "knee"], out=walk / "all")
+        comak.main(walk / "knee", **given, against=walk / "one", networks=walk / "networks", out=walk / "all")
     assert "frames: 4\n" in capsys.readouterr().out
     told = json.loads((walk / "all" / "summary.json").read_text("utf-8"))
     assert told["networks: muscles from cells"][1] < 0.01 * told["networks: muscles from COMAK"][1] + 1.0

@@ -127,6 +127,3 @@ def test_a_model_without_gaps_goes_the_same_way(tmp_path):
     assert np.isnan(samples.gaps).all()
     lifted = TwoSpheres(knee()).gaps(samples.select("D4").poses).max(axis=1).reshape(-1, 3)
     np.testing.assert_allclose(lifted[:, 2], 2.0, atol=0.1)
-    others = SamplingSettings(inputs=("tx", "Fy_med", "tz", "Tx", "ry", "rz"))
-    with pytest.raises(ValueError, match="the reference motion has inputs"):
-        draw(tmp_path / "others.h5", settings=others)

@@ -193,7 +193,7 @@ def test_neither_the_far_side_of_a_closed_mesh_nor_a_target_inside_out_turns_wha
     [
         ("<OpenSimDocument", "<!DOCTYPE a [<!ENTITY b 'c'>]><OpenSimDocument", "entities"),
         ("OpenSimDocument", "Other", "OpenSimDocument"),
-        ("contactgeometryset/ball", "contactgeometryset/none", "names the mesh none"),
+        ("contactgeometryset/ball", "contactgeometryset/none", "names none"),
         ("</Model>", "", "no XML"),
         ("model-thigh-ball.stl", "other.stl", "--geometry"),
         ("<thickness>0.002", "<thickness>0.002 0.003", "numbers"),

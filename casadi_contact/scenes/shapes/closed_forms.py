@@ -57,11 +57,8 @@ class BallInCup(Shape):
         half = np.deg2rad(g["cup_half_angle_deg"])
         theta = 2.0 * np.arcsin(r * np.sin(0.5 * half))
         pole, first, second = _frame(np.asarray(g["cup_pole"]))
-        outward = (
-            np.cos(theta)[..., None] * pole
-            + (np.sin(theta) * np.cos(phi))[..., None] * first
-            + (np.sin(theta) * np.sin(phi))[..., None] * second
-        )
+        ring = np.cos(phi)[..., None] * first + np.sin(phi)[..., None] * second
+        outward = np.cos(theta)[..., None] * pole + np.sin(theta)[..., None] * ring
         area = 2.0 * np.pi * g["cup_radius"] ** 2 * (1.0 - np.cos(half)) / (nx * nz)
         return [(np.asarray(g["cup_centre"]) + g["cup_radius"] * outward, -outward, np.full((nx, nz), area))]
 

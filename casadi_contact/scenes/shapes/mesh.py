@@ -6,27 +6,17 @@
     units = "m"                           # of both files, "m" or "mm"
     axes = ["-x", "y", "-z"]              # which file axis x, y and z are; as in the file if left out
     pressing = [0.0, -1.0, 0.0]           # where to the moving body presses; the elements lie on the side that faces it
-    cup_centre = [0.0, 10.0, 5.0]         # of a deep cup, in the fixed body's frame [mm]: rays run from here instead
-    start_pose = [0.0, 40.0, 0.0, 0.0, 0.0, 0.0]  # tx, ty, tz [mm], rx, ry, rz [rad]; zero if left out
-    shell = "outer"                       # of a moving mesh that is a thin shell: only its side away from the
-                                          # anchors counts; or "whole": overlaps stay far below its thickness
-    open_edges = "cut"                    # of the fixed mesh; or "rim": the part itself ends there, contact may too
     elements = "grid"                     # rays along `pressing` onto the fixed mesh; or "triangles": its own
     spacing = 0.75                        # of the distance fields' nodes [mm]; or {moving = 0.75, fixed = 0.2}
     backing = "tibia_bone.stl"            # what the fixed body's layer lies on, in the fixed mesh's units, axes and
                                           # placement: the layer is as thick as the way to it along the normal
-    [geometry.placement.moving]           # where each mesh lies in its body's frame; as in the file if left out
-    mirror = "z"                          # first mirrored, then turned as a pose turns, then moved [mm]
-    rotation_deg = [0.0, 0.0, 5.0]
-    offset = [0.0, -10.0, 0.0]
     [geometry.patches.med]                # in the order of the patches; bounds in mm in the fixed body's frame
     x = [-20.0, 20.0]                     # where the patch's elements lie, likewise y; no bound if left out
     z = [3.0, 40.0]
     anchor = [0.0, 0.0, 22.0]             # on the moving body, about where it touches this patch; else its origin
-    pressing = [-1.0, 0.0, 0.0]           # of this patch alone: a post's wall, a ridge that another direction sees
 
-Loading a scene file makes the paths absolute and adds the files' SHA-256; the scene's digest holds the latter only,
-so that a scene stays the same scene wherever its files lie, and another one when a mesh changes.
+Other keys stand in docs/how-to/meshes.md. Loading a scene file makes the paths absolute and adds the files' SHA-256;
+the digest holds the latter only, so that a scene is the same wherever its files lie, and another when a mesh changes.
 """
 
 import math

@@ -86,10 +86,8 @@ def check_shells(geometry: Geometry, most_spacing: float = 0.4) -> None:
             continue
         what = f"scene: the {body} mesh {Path(source.path).name} is a thin shell about {thickness:.2g} mm thick"
         if body == "moving" and "shell" not in geometry:
-            raise ValueError(
-                f"{what}, which loses load where it is pressed as deep: set geometry.shell to 'outer' to count the "
-                "side away from the anchors alone, or to 'whole' where overlaps are far smaller"
-            )
+            cure = "set geometry.shell to 'outer' (its side away from the anchors counts) or 'whole' (small overlaps)"
+            raise ValueError(f"{what}, which loses load where it is pressed as deep: {cure}")
         if (spacing := field_spacing(geometry, body)) > (allowed := most_spacing * thickness):
             raise ValueError(f"{what}, geometry.spacing = {spacing:g} mm is too coarse: expected {allowed:.2g} at most")
 

@@ -16,6 +16,7 @@ from casadi_contact.contact.settle import settle
 from casadi_contact.core.conventions import Array
 from casadi_contact.core.machine import machine_record
 from casadi_contact.core.workers import one_thread
+from casadi_contact.samples.chunk import pressed
 from casadi_contact.samples.models import MODELS, model_name_of
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import LoadErrors, LoadModel, Samples, domain_errors, load_errors
@@ -51,6 +52,9 @@ def unseen_walking(model: ContactModel, motion: ReferenceMotion, count: int = 5,
         curves = np.einsum("wc,cfi->wfi", rng.dirichlet(np.ones(cycles), size=count), motion.curves)
     inputs = curves.reshape(-1, curves.shape[2])
     loads = {name: inputs[:, motion.point.inputs.index(name)] for name in motion.point.load_inputs}
+    if not motion.point.free:
+        poses = pressed(model, motion.starts(inputs), loads)
+        return poses[np.isfinite(poses).all(axis=1)]
     poses, report = settle(model, motion.starts(inputs), motion.point.free, loads)
     return poses[report.converged]
 

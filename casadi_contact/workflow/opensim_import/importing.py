@@ -86,9 +86,8 @@ def import_model(
         table["scene"] = Path(table["scene"]).name
     networks = {name: wrap.network for name, (wrap, _) in excess.items() if isinstance(wrap, Wrap)}
     write_assembly(out, tables, curves, networks)
-    counts = ", ".join(
-        f"{len(tables[kind])} {kind}" for kind in ("bodies", "coordinates", "contacts", "ligaments", "muscles")
-    )
+    kinds = ("bodies", "coordinates", "contacts", "ligaments", "muscles")
+    counts = ", ".join(f"{len(tables[kind])} {kind}" for kind in kinds)
     errors_mm = {name: error for name, (_, error) in excess.items()}
     exact = described(errors_mm) if errors_mm else []
     report = "\n".join([f"{model.name}: {counts}", how, *exact, *(f"lost: {each}" for each in lost)])

@@ -94,9 +94,7 @@ def read_model(path: str | Path) -> ModelFile:
     contacts = [_of_jam(element) for element in root.iter(JAM)]
     for contact in contacts:
         if missing := {contact.target, contact.casting} - set(surfaces):
-            raise ValueError(
-                f"{path}: {contact.name} names the mesh {', '.join(missing)}, it has {', '.join(surfaces)}"
-            )
+            raise ValueError(f"{path}: {contact.name} names {', '.join(missing)}, the meshes are {', '.join(surfaces)}")
     unmapped = []
     for element in root.iter(ELASTIC):
         of_all = {each: _text(each, "geometry", "") for each in element.iter(f"{ELASTIC}.ContactParameters")}

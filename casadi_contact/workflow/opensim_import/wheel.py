@@ -79,9 +79,7 @@ def joint_axes(joint: Any) -> dict[str, Any]:
             axis = custom.getSpatialTransform().getTransformAxis(k)
             of = [axis.get_coordinates(i) for i in range(axis.getCoordinateNames().size())]
             if len(of) > 1:
-                raise ValueError(
-                    f"joint {joint.getName()} has an axis of the coordinates {', '.join(of)}, expected one"
-                )
+                raise ValueError(f"joint {joint.getName()} has an axis of {', '.join(of)}, expected one coordinate")
             c = coordinates[of[0]] if of else None
             span, per = ((c.getRangeMin(), c.getRangeMax()), scale_of(c)) if c else ((0.0, 1.0), 1.0)
             values = function_values(axis.getFunction(), span, 1.0 if k < 3 else 1e3, per)
