@@ -159,8 +159,8 @@ def lift(
 
     Newton's method on the root loads, which are -c·gap out of contact; those of a model without gaps are continued
     there along their slope at the start. Steps are of least squares, turns at 25 mm, 1 mm long or as the widest gap.
-    Returns poses (n, 6): NaN where
-    loads or slopes are not finite, where all slopes are zero, and where a kept load ends more than 0.1 % off.
+    Returns poses (n, 6): NaN where loads or slopes are not finite, where all slopes are zero, and where a kept load
+    ends more than 0.1 % off.
     """
     scene = model.scene
     columns = [pose_index(name) for name in scene.sensitive_pose or scene.pose_space.free_names]
