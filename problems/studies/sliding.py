@@ -112,7 +112,7 @@ def surrogate_misses(model: Surrogate, poses: Array) -> None:
     still, moving = ([each(poses, velocities=way) for each in (model, foundation)] for way in (0.0 * rates, rates))
     rubbed, missed = ([one - other for one, other in zip(moving, still, strict=True)], moving[0] - moving[1])
     covered = np.abs(missed) <= model.expected_error(poses, sliding=True)
-    print(f"friction of {model!r} in {len(poses)} calibration poses, against {foundation!r}")
+    print(f"friction of {model!r} in {len(poses)} poses, against {foundation!r}")
     for k, load in enumerate(model.load_names):
         rms, largest = np.sqrt(np.mean((rubbed[0] - rubbed[1])[:, k] ** 2)), np.abs(rubbed[1][:, k]).max()
         print(f"  {load:8s} RMS {rms:8.3g}, largest {largest:8.3g}; loads covered {np.mean(covered[:, k]):.0%}")
@@ -151,16 +151,16 @@ def ball_on_plane(folder: Path, levels: tuple[int, ...]) -> None:
 
 
 def main(surrogate: str = "knee", finest: int = 7, count: int = 300) -> None:
-    """Print times and errors of friction. finest: subdivisions of OpenSim's ball, each of four times the faces."""
+    """Print times and errors of friction. finest: subdivisions of OpenSim's ball, each with four times the faces."""
     model = cc.load_surrogate(surrogate, dynamic_friction=0.06, transition_velocity=2.0)
-    rng, foot = np.random.default_rng(1), cc.foundation(cc.load_scene("foot_on_ground"))
-    poses = model.require_confidence().centre_poses
-    poses = poses[rng.permutation(len(poses))[:count]]
-    standing = np.array([0.0, -21.0, 0.0, 0.0, 0.0, 0.05]) + 1e-3 * rng.normal(size=(count, 6))
-    print("µs a pose at rest, sliding: value; Jacobian; Hessian")
-    for each, at in ((cc.foundation(model.scene), poses), (foot, standing), (model, poses)):
-        still, moving = costs(each, at)
-        print(f"  {each!r:60.60s}", "; ".join(f"{a:.2f} {b:.2f}" for a, b in zip(still, moving, strict=True)))
+    rays, foot = cc.foundation(model.scene), cc.foundation(cc.load_scene("foot_on_ground"))
+    poses, targets = model.require_confidence().centre_poses[:count], dict.fromkeys(model.scene.sensitive_loads, -500.0)
+    poses, _ = cc.settle(rays, poses, free=model.scene.sensitive_pose, targets=targets)
+    poses = poses[model.validity(poses) > 0.5]
+    standing = np.array([0.0, -21.0, 0.0, 0.0, 0.0, 0.05]) + 1e-3 * np.random.default_rng(1).normal(size=(count, 6))
+    print("µs a pose of 500 N on each patch, at rest, sliding: value; Jacobian; Hessian")
+    for each, at in ((rays, poses), (foot, standing), (model, poses)):
+        print(f"  {each!r:60.60s}", "; ".join(f"{a:.2f} {b:.2f}" for a, b in zip(*costs(each, at), strict=True)))
     surrogate_misses(model, poses)
     with tempfile.TemporaryDirectory() as folder:
         ball_on_plane(Path(folder), tuple(range(5, finest + 1)))

@@ -180,3 +180,24 @@ def test_a_surrogate_rubs_as_its_contact_model_does():
         surrogate.function(velocity=True, parameters=["youngs_modulus"])
     with pytest.raises(ValueError, match="radius"):
         cc.load_surrogate("knee", radius=2.0)
+
+
+@pytest.mark.parametrize(
+    "lift", [[0.0, 0.0], [0.0, 0.003], [0.12, 0.0], [3.0, 0.0]], ids=["on", "tilted", "light", "off"]
+)
+def test_the_kernel_of_a_rubbing_surrogate_has_the_derivatives_of_its_graph(lift):
+    """By pose, velocity and coefficients: at rest, sticking and sliding."""
+    model, inputs = cc.load_surrogate("knee", **RUBBING), ca.MX.sym("inputs", 17)
+    forms = []
+    for compiled in (True, False):
+        given = {"velocity": True, "parameters": FRICTION_NAMES, "compiled": compiled}
+        loads = model.function(**given)(*ca.vertsplit(inputs, [0, 6, 12, 17]))
+        bend = ca.hessian(ca.dot(np.cos(np.arange(7)), loads), inputs)[0]
+        forms.append(ca.Function("forms", [inputs], [loads, ca.jacobian(loads, inputs), bend]))
+    pose = np.array(KNEE)
+    pose[[1, 3]] += lift
+    for speed in (0.0, 1e-2, 3.0):
+        x = np.concatenate([pose, speed * RATES, list(RUBBING.values())])
+        for found, expected in zip(*(form.call([x]) for form in forms), strict=True):
+            largest = np.abs(expected.full()).max()
+            np.testing.assert_allclose(found.full(), expected.full(), rtol=1e-10, atol=1e-10 * largest)
