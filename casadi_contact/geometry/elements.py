@@ -29,6 +29,13 @@ class ElementGrid:
     blocks: np.ndarray
 
 
+def tangents(normals: Array) -> tuple[Array, Array]:
+    """Two unit vectors (..., 3) normal to unit normals (..., 3) and to each other, right-handed with these."""
+    first = np.cross(np.eye(3)[np.abs(normals).argmin(axis=-1)], normals)
+    first /= np.linalg.norm(first, axis=-1, keepdims=True)
+    return first, np.cross(normals, first)
+
+
 def cell_middles(count: int) -> Array:
     """Middles (count,) of equal cells of [-1, 1]."""
     return (2.0 * np.arange(count) + 1.0) / count - 1.0

@@ -14,6 +14,7 @@ import numpy as np
 from scipy import sparse
 
 from casadi_contact.core.conventions import Array
+from casadi_contact.geometry.elements import tangents
 from casadi_contact.geometry.triangle_mesh import TriangleMesh, split_at_creases
 
 EDGE_RADIUS_MM = 3.0
@@ -132,7 +133,7 @@ def fitted_normals(mesh: TriangleMesh, least_cos: float = 0.8) -> Array:
     for corner in range(3):
         np.add.at(averaged, mesh.faces[:, corner], mesh.area_vectors_mm2)
     averaged /= np.maximum(np.linalg.norm(averaged, axis=1, keepdims=True), 1e-300)
-    first, second = _frames(averaged)
+    first, second = tangents(averaged)
     i, j = _neighbours(mesh.faces, size)
     offset = mesh.vertices_mm[j] - mesh.vertices_mm[i]
     reach = np.sqrt(np.bincount(i, (offset**2).sum(axis=1), size) / np.maximum(np.bincount(i, minlength=size), 1))
@@ -181,14 +182,6 @@ def _neighbours(faces: np.ndarray, size: int, most: int = 256) -> tuple[np.ndarr
     order = np.lexsort((pairs.col, pairs.row))
     i, j = pairs.row[order].astype(np.int64), pairs.col[order].astype(np.int64)
     return i[i != j], j[i != j]
-
-
-def _frames(normals: Array) -> tuple[Array, Array]:
-    """Two unit vectors (n, 3) normal to each normal and to each other."""
-    helper = np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    first = np.cross(normals, helper)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return first, np.cross(normals, first)
 
 
 def _barycentric(corners: Array, points: Array) -> Array:

@@ -69,9 +69,9 @@ class PoseTargets:
             if same := [other for other, known in centres.items() if known.axis == centre.axis]:
                 raise ValueError(f"got {same[0]} and {name}, expected one of them: they are the same coordinate")
             centres[name] = centre
-            parts = [_summands(component, scene, values) for component in centre.made_of]
+            parts = [_summands(component, scene, values) for component in (centre.force, centre.torque)]
             if not all(parts):
-                needs = f"{' and '.join(centre.made_of)} among the loads of scene {scene.name}"
+                needs = f"{centre.force} and {centre.torque} among the loads of scene {scene.name}"
                 raise ValueError(f"{name} needs {needs}, got {', '.join(scene.load_names)}: add them with tolerances")
             needed |= {*parts[0], *parts[1]}
         if unknown := needed - set(scene.load_names):
@@ -109,7 +109,8 @@ class PoseTargets:
             if (centre := self.centres.get(name)) is None:
                 found.append(named[name])
                 continue
-            force, torque = (np.sum([named[n] for n in self._summands(of)], axis=0) for of in centre.made_of)
+            parts = (centre.force, centre.torque)
+            force, torque = (np.sum([named[n] for n in self._summands(of)], axis=0) for of in parts)
             pressed = centre.pressing * force > 0.0
             found.append(centre.sign * np.where(pressed, torque, np.nan) / np.where(pressed, force, np.nan))
         return np.column_stack(found)
@@ -178,7 +179,8 @@ class PoseEstimation:
     targets: measured loads and centres of pressure, measured: pose parameters, by name, each (n,). smoothness
     [N²/mm²] weighs the change from frame to frame.
 
-    nlp: CasADi's x and f; contact: variables with bounds and scales (`ContactFrames`); residuals: scaled free
+    nlp: CasADi's x and f; contact: variables with bounds and scales (`ContactFrames`); free: names of the free pose
+    parameters; residuals: scaled free
     parameters (f, n) -> r (targets, n) [N]. Raises ValueError for loads that the scene lacks, measured parameters that
     contradict what it locks or ties, and a cycle that measures too little to determine the pose, or too much."""
 
@@ -197,6 +199,7 @@ class PoseEstimation:
         self.measured = model.scene.pose_space.free_curves(measured, "measured pose")
         self.frames = len(self.targets)
         self.contact = ContactFrames(model, self.frames, locked=self.measured, loads=self.targets.load_names)
+        self.free = self.contact.free
         self._check_determined()
         q, r = self.contact.q, self.contact.misfit(self.targets.values)
         objective = 0.5 * ca.sumsqr(r)
@@ -219,11 +222,6 @@ class PoseEstimation:
         locked = [name for name in sensitive if name in self.measured]
         if locked and len(self.targets.pressing) > len(sensitive) - len(locked):
             raise ValueError(f"{', '.join(locked)} measured, expected free for {', '.join(self.targets.pressing)}")
-
-    @property
-    def free(self) -> tuple[str, ...]:
-        """Names of the free pose parameters."""
-        return self.contact.free
 
     def in_range(self, poses: Array) -> np.ndarray:
         """True (n,) for poses (n, 6) whose free parameters lie within `pose_bounds`."""

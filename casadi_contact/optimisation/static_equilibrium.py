@@ -93,6 +93,7 @@ class StaticEquilibrium:
 
         locked = {name: self.rest[:, pose_index(name)] for name in space.free_names if name not in free}
         self.contact = ContactFrames(model, count, locked=locked)
+        self.free = self.contact.free  # in the order of a pose
         self._total = total_selection(self.contact.load_names, model.patch_names)
         balance = self._balance().map(count)
         r = balance(self.contact.pose, self.contact.loads, ca.DM(self.loads.T), ca.DM(self.rest.T))
@@ -113,11 +114,6 @@ class StaticEquilibrium:
             forces = ca.mtimes(ca.sparsify(ca.DM(space.matrix.T)), forces)
         r = forces / ca.DM(POSE_IN_MM)
         return ca.Function("balance", [pose, contact, loads, rest], [r[self.contact.columns]])
-
-    @property
-    def free(self) -> tuple[str, ...]:
-        """Names of the free pose parameters, in the order of a pose."""
-        return self.contact.free
 
     @property
     def pulls(self) -> np.ndarray:

@@ -18,6 +18,7 @@ from casadi_contact.contact.polar.ray_hits import fixed_point
 from casadi_contact.contact.polar.surfaces import SmoothPatch, u_range
 from casadi_contact.core.conventions import ANATOMY, POSE_NAMES, Array
 from casadi_contact.core.quantities import ANGLE, quantity
+from casadi_contact.geometry.elements import tangents
 from casadi_contact.geometry.moving_surface import CYLINDER, HALF_SPACE, NUMBERS_PER_ARC, SWEPT_ARCS, MovingSurface
 from casadi_contact.pictures.page import anatomical_name, direction_formula, view_of
 from casadi_contact.scenes.scene import Scene
@@ -124,9 +125,7 @@ def _cup_surface(cup: Cup) -> FixedSurface:
     """Circles about the pole; places are directions from the cup's centre."""
     angle = np.linspace(0.0, cup.half_angle, _count(cup.radius * cup.half_angle))
     turn = np.linspace(0.0, 2.0 * np.pi, 4 * len(angle) + 1)
-    first = np.cross(np.eye(3)[np.abs(cup.pole).argmin()], cup.pole)
-    first /= np.linalg.norm(first)
-    second = np.cross(cup.pole, first)
+    first, second = tangents(cup.pole)
     around = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * second
     e = np.cos(angle)[:, None, None] * cup.pole + np.sin(angle)[:, None, None] * around
     return FixedSurface(Triangles.of_grid(cup.centre + cup.radius * e, -e), e.reshape(-1, 3))

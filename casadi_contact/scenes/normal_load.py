@@ -160,18 +160,14 @@ _ANATOMICAL = {"cop_ap": "cop_x", "cop_ml": "cop_z"}  # of a joint that is press
 
 @dataclass(frozen=True)
 class CentreOfPressure:
-    """The coordinate along axis 0 (x), 1 or 2: sign·T/F [mm] of total force F and torque T; pressing: F's sign then."""
+    """The coordinate along axis 0 (x), 1 or 2: sign·T/F [mm], of the components F (force) and T (torque) of the total
+    wrench, by name; pressing: the sign of F in contact."""
 
     axis: int
     force: str
     torque: str
     sign: float
     pressing: float
-
-    @property
-    def made_of(self) -> tuple[str, str]:
-        """Components of the total wrench."""
-        return self.force, self.torque
 
 
 def centre_of_pressure(name: str, normals: Sequence[NormalLoad]) -> CentreOfPressure | None:

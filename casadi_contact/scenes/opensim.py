@@ -239,8 +239,9 @@ def femur_in_insert(coordinates: ArrayLike, side: str = "right") -> Array:
         R = C·(Rz(-flex)·Rx(add)·Ry(rot))ᵀ·C = Ry(-rot)·Rx(add)·Rz(-flex),   translation -R·C·t.
 
     side: "left" is the mirror image of a right knee, which scenes are made for (`Placement.mirror`): knee_tz, knee_add
-    and knee_rot about the same axes as of a right one change sign. Joints that count a coordinate the other way
-    (knee_angle < 0 in flexion; a left knee's axes written -1 0 0, 0 -1 0) need its sign turned before.
+    and knee_rot about the same axes as of a right one change sign. Raises ValueError for another side. Joints that
+    count a coordinate the other way (knee_angle < 0 in flexion; a left knee's axes written -1 0 0, 0 -1 0) need its
+    sign turned before.
 
     >>> femur_in_insert([[5.0, -27.0, 1.0, 0.02, 0.1, 0.3]]).round(3).tolist()
     [[12.544, 24.292, 2.752, 0.02, -0.1, -0.298]]

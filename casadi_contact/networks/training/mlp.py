@@ -18,7 +18,7 @@ matrix V_l without its bias column,
 `Mlp.flop` counts the operations of all matrix products, two for each row and parameter: the same on any machine.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -62,19 +62,14 @@ class Mlp:
             np.ascontiguousarray(targets), np.ascontiguousarray(row_weights), false.copy() if false.any() else None
         )
         self._unit = float(np.abs(row_weights).max(initial=0.0)) or 1.0  # of weights in single precision
-        self._blocks = list(self._blocks_of(data.inputs, chunk_rows))
+        scaled = np.vstack([((data.inputs - like.input_shift) / like.input_scale).T, np.ones(self.rows)])
+        parts = [slice(k, min(k + chunk_rows, self.rows)) for k in range(0, self.rows, chunk_rows)]
+        self._blocks = [Block(activation_of(like.activation), scaled[:, part], like.hidden, part) for part in parts]
         self._chunk_rows = chunk_rows
         self._outputs = self._tried_outputs = np.zeros(targets.shape)
         self._weight, self.residuals = self._rows.weight_and_residual(self._outputs)  # at the current parameters
         self._single = self.rows >= single_from
         self.flop = 0
-
-    def _blocks_of(self, inputs: Array, chunk_rows: int) -> Iterator[Block]:
-        scaled = np.vstack([((inputs - self.like.input_shift) / self.like.input_scale).T, np.ones(self.rows)])
-        activation = activation_of(self.like.activation)
-        for start in range(0, self.rows, chunk_rows):
-            c = slice(start, min(start + chunk_rows, self.rows))
-            yield Block(activation, scaled[:, c], self.like.hidden, c)
 
     @property
     def rows_to_draw(self) -> int:

@@ -116,16 +116,17 @@ class Trainer:
 
     def update_stopping(self, reached: bool) -> None:
         """Set ``stop_reason``, or begin a larger or another network, after a step; reached: the tolerance is met."""
+        settings, errors = self.settings, self._phase("training_rms")
         if reached:
             self.stop_reason = ERROR_REACHED
         elif reason := self._limit_reached():
             self.stop_reason = reason
-        elif validation_rising(self._phase("validation_error"), self.settings.max_validation_rises):
+        elif validation_rising(self._phase("validation_error"), settings.max_validation_rises):
             self.stop_reason = VALIDATION_RISING
-        elif self._stalled():
+        elif self._lm.exhausted or stalled(errors, settings.stall_window, settings.stall_improvement):
             if self._can_begin_another() and self._can_grow():
                 self._grow()
-            elif self._can_begin_another() and self.attempt < self.settings.restarts:
+            elif self._can_begin_another() and self.attempt < settings.restarts:
                 self.attempt += 1
                 self.began = len(self.history["gflop"])
                 self._start(self._fresh())
@@ -147,12 +148,6 @@ class Trainer:
     def _phase(self, column: str) -> list[float]:
         """Entries since the present network began."""
         return self.history[column][self.began :]
-
-    def _stalled(self) -> bool:
-        settings = self.settings
-        return self._lm.exhausted or stalled(
-            self._phase("training_rms"), settings.stall_window, settings.stall_improvement
-        )
 
     def _effort(self) -> tuple[np.ndarray, float]:
         """Effort at each entry of the history and at the end: iterations if these are limited, else Gflop."""

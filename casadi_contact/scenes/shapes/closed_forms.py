@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.core.conventions import Array
-from casadi_contact.geometry.elements import CellGrid, cell_middles, dish, plane
+from casadi_contact.geometry.elements import CellGrid, cell_middles, dish, plane, tangents
 from casadi_contact.geometry.moving_surface import MovingSurface, cylinder, half_space, sphere, swept_arcs
 from casadi_contact.scenes.shapes.checks import fail
 from casadi_contact.scenes.shapes.shape import Geometry, Parameter, Shape
@@ -56,20 +56,12 @@ class BallInCup(Shape):
         phi = np.where(along_u, 0.25 * np.pi * v / safe, 0.5 * np.pi - 0.25 * np.pi * u / safe)
         half = np.deg2rad(g["cup_half_angle_deg"])
         theta = 2.0 * np.arcsin(r * np.sin(0.5 * half))
-        pole, first, second = _frame(np.asarray(g["cup_pole"]))
+        pole = np.array(g["cup_pole"]) / np.linalg.norm(g["cup_pole"])
+        first, second = tangents(pole)
         ring = np.cos(phi)[..., None] * first + np.sin(phi)[..., None] * second
         outward = np.cos(theta)[..., None] * pole + np.sin(theta)[..., None] * ring
         area = 2.0 * np.pi * g["cup_radius"] ** 2 * (1.0 - np.cos(half)) / (nx * nz)
         return [(np.asarray(g["cup_centre"]) + g["cup_radius"] * outward, -outward, np.full((nx, nz), area))]
-
-
-def _frame(pole: Array) -> tuple[Array, Array, Array]:
-    """A right-handed orthonormal frame whose first vector points along pole."""
-    pole = pole / np.linalg.norm(pole)
-    least = np.eye(3)[np.abs(pole).argmin()]
-    first = np.cross(least, pole)
-    first /= np.linalg.norm(first)
-    return pole, first, np.cross(pole, first)
 
 
 class ButtonInGroove(Shape):
