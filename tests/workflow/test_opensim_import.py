@@ -163,9 +163,11 @@ def test_another_side_with_a_turned_roll_and_a_point_that_moves_is_read_alike(tm
         moves += f"<{axis}_location>{line.format(slope, at)}</{axis}_location>"
     last = f'<PathPoint name="p1">{on}<location>-0.02 -0.02 0.0'
     moving = f'<MovingPathPoint name="moving">{on}{moves}</MovingPathPoint>'
-    model.write_text(text.replace(rolls, turned, 1).replace(last, moving + last))
+    text = text.replace(rolls, turned, 1).replace(last, moving + last)
+    model.write_text(text.replace("Millard2012EquilibriumMuscle", "Thelen2003Muscle"))
     report = import_model(model, tmp_path / "out", joint="knee_l")
     assert "back: its MovingPathPoint" in report
+    assert "back: the curves of Thelen2003Muscle" in report
     assembly = cc.load_assembly(tmp_path / "out")
     assert assembly.coordinates == ("hip_l", "flex_l", "sink_l")
     (bare := tmp_path / "bare.osim").write_text(read_model(model).rest)
@@ -173,6 +175,7 @@ def test_another_side_with_a_turned_roll_and_a_point_that_moves_is_read_alike(tm
     found = measure(bare, assembly.coordinates, states, ["front", "back"])
     front, back = assembly.function(["ligament_lengths", "muscle_lengths"])(states.T, 0.0, 0.0, 0.5)
     assert (found["stretches"][:, 0, 0] >= 0).any()
+    assert float(assembly.function(["muscle_forces"])(states[0], 0.0, 0.0, 0.5)) > 0.3 * 800.0
     np.testing.assert_allclose(np.vstack([front[1, :].full(), back.full()]), found["lengths"].T, atol=1e-4)
     with pytest.raises(ValueError, match="knee_r"):
         import_model(model, tmp_path / "out", joint="knee_r")

@@ -131,17 +131,13 @@ def write_scene(path: Path, contact: ContactForce, casting: Body, target: Body, 
     files = {"moving": target.file, "fixed": casting.file}
     if material["law"] == "linear" and not contact.springs:
         files["backing"] = casting.backing
-    geometry: dict[str, Any] = {
-        body: Path(os.path.relpath(file.resolve(), path.parent.resolve())).as_posix()
-        for body, file in files.items()
-        if file is not None
-    }
+    here, geometry = path.parent.resolve(), dict[str, Any]()
+    geometry |= {b: Path(os.path.relpath(f.resolve(), here)).as_posix() for b, f in files.items() if f is not None}
     thickness["fixed"] = shell_thickness(casting.mesh)
     geometry |= {"units": "m", "elements": "grid", "pressing": [round(float(v), 3) + 0.0 for v in way]}
     geometry |= {"start_pose": pose.tolist(), "patches": {"all": {}}}
     geometry["spacing"] = {b: min(SPACING_MM, math.floor(400.0 * min(h, THIN_MM)) / 1e3) for b, h in thickness.items()}
-    if thickness["moving"] < THIN_MM:
-        geometry["shell"] = "whole"
+    geometry |= {"shell": "whole"} if thickness["moving"] < THIN_MM else {}
     tables = {
         "format": 1,
         "name": path.stem,

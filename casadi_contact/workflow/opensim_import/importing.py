@@ -73,8 +73,9 @@ def import_model(
         tables["contacts"], of_contacts = _contacts(source, said["frames"], assembly, folders, out)
         lost += of_contacts
         assembly = write_assembly(draft, tables, curves)
-        moving, following = _coordinates(assembly, joint)
-        centres, how = _centres(assembly, moving, following, motion)
+        loose = replace(assembly, contacts=[of for of in assembly.contacts if assembly.ground not in of.bodies])
+        moving, following = _coordinates(loose, joint)
+        centres, how = _centres(loose, moving, following, motion)
         if progress:
             progress("model", 2.0, 3.0, "paths")
         about = [*moving, *following] if len(centres) > 1 else []  # else the whole ranges count
@@ -134,13 +135,12 @@ def _contacts(
 
 
 def _coordinates(assembly: Assembly, joint: str | None) -> tuple[list[str], list[str]]:
-    """The coordinate that moves the joint, and those that follow: all others between bodies in contact but for the
-    ground, which no joint holds, and those that are locked."""
+    """The coordinate that moves the joint, and those that follow: others between bodies in contact, unless locked."""
     joints = {each.name: each for each in assembly.joints}
     if joint is not None and joint not in joints:
         raise ValueError(f"joint is {joint!r}, expected one of {', '.join(joints)}")
     counts = Counter[str]()
-    for contact in _within(assembly).contacts:
+    for contact in assembly.contacts:
         up, down = (assembly._chain.ancestors(body) for body in contact.bodies)
         between = [*(body for body in up if body not in down), *(body for body in down if body not in up)]
         carriers = (assembly._chain.above[body] for body in between)
@@ -151,11 +151,6 @@ def _coordinates(assembly: Assembly, joint: str | None) -> tuple[list[str], list
     return names[:1], [name for name in names[1:] if table[name].low < table[name].high]
 
 
-def _within(assembly: Assembly) -> Assembly:
-    """The assembly without contact with the ground."""
-    return replace(assembly, contacts=[each for each in assembly.contacts if assembly.ground not in each.bodies])
-
-
 def _centres(
     assembly: Assembly, moving: Sequence[str], following: Sequence[str], motion: str | Path | None
 ) -> tuple[Array, str]:
@@ -163,7 +158,6 @@ def _centres(
     if motion is not None:
         states = states_of(assembly, read_opensim_table(motion))
         return states, f"paths are fitted about the states of {Path(motion).name}"
-    assembly = _within(assembly)
     if not (moving and following and assembly.contacts):
         return assembly.default[None], "paths are fitted about the model's rest"
     q, c = assembly.default, assembly.coordinate_table[moving[0]]

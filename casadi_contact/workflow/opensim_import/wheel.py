@@ -13,6 +13,7 @@ the transforms (n, b, 3, 4) of the named bodies in the ground.
 import json
 import re
 import sys
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,6 @@ import opensim
 _ROTATIONS = {"PinJoint": "z", "UniversalJoint": "xy", "BallJoint": "xyz", "GimbalJoint": "xyz", "FreeJoint": "xyz"}
 _ROTATIONS |= {"WeldJoint": "", "PlanarJoint": "z", "SliderJoint": ""}
 _TRANSLATIONS = {"FreeJoint": "xyz", "PlanarJoint": "xy", "SliderJoint": "x"}
-_LINES = ("Constant", "LinearFunction")
 CURVE_LENGTHS = np.linspace(0.0, 2.5, 501)  # of fibres, over their optimal length
 CURVE_SPEEDS = np.linspace(-1.5, 1.5, 301)  # over the greatest speed
 
@@ -61,7 +61,7 @@ def function_values(function: Any, span: tuple[float, float], unit: float, per: 
         parts.append(0)
         return scale * float(function.calcDerivative(parts, point))
 
-    if function.getConcreteClassName() in _LINES:
+    if function.getConcreteClassName() in ("Constant", "LinearFunction"):
         offset = at(0.0)
         return {"offset": offset, "slope": (at(1.0) - offset) / per}
     spline = opensim.SimmSpline.safeDownCast(function)
@@ -106,7 +106,7 @@ class Model:
 
     def __init__(self, path: str) -> None:
         opensim.Logger.setLevelString("off")
-        self.model = opensim.Model(path)
+        self.file, self.model = path, opensim.Model(path)
         self.state = self.model.initSystem()
         forces = self.model.getForceSet()
         self.paths: dict[str, Any] = {}
@@ -115,7 +115,6 @@ class Model:
             for kind in (opensim.Blankevoort1991Ligament, opensim.Ligament, opensim.PathActuator):
                 if found := kind.safeDownCast(force):
                     self.paths[force.getName()] = found.getGeometryPath()
-                    break
         coordinates = self.model.getCoordinateSet()
         self.coordinates = {coordinates.get(i).getName(): coordinates.get(i) for i in range(coordinates.getSize())}
 
@@ -179,9 +178,8 @@ class Model:
         for force in self.forces:
             name, kind = force.getName(), force.getConcreteClassName()
             ligament = opensim.Blankevoort1991Ligament.safeDownCast(force)
-            muscle = opensim.Millard2012EquilibriumMuscle.safeDownCast(force)
-            spring = opensim.SpringGeneralizedForce.safeDownCast(force)
-            if not (spring or ligament or opensim.Muscle.safeDownCast(force)):
+            muscle, spring = self._muscle(force), opensim.SpringGeneralizedForce.safeDownCast(force)
+            if not (spring or ligament or muscle):
                 self.lost.append(f"{name}: {kind}")
             elif not force.get_appliesForce() or (ligament and not ligament.get_linear_stiffness()):
                 self.lost.append(f"{name}: it applies no force, so it is left out")
@@ -190,32 +188,44 @@ class Model:
                 values |= {"of": spring.get_coordinate(), "viscosity": spring.getViscosity()}
                 tables["coordinate_springs"][name] = values
             elif ligament:
-                tables["ligaments"][name] = self._path(name, ligament) | {
+                tables["ligaments"][name] = self._path(name) | {
                     "stiffness_n": ligament.get_linear_stiffness(),
                     "slack_length_mm": 1e3 * ligament.get_slack_length(),
                     "toe_strain": 0.5 * ligament.get_transition_strain(),
                     "damping_n_s": ligament.get_damping_coefficient(),
                 }
-            elif muscle:
-                tables["muscles"][name] = self._path(name, muscle) | {
+            else:
+                tables["muscles"][name] = self._path(name) | {
                     "max_force_n": muscle.getMaxIsometricForce(),
                     "optimal_fibre_mm": 1e3 * muscle.getOptimalFiberLength(),
                     "tendon_slack_mm": 1e3 * muscle.getTendonSlackLength(),
                     "pennation_rad": muscle.getPennationAngleAtOptimalFiberLength(),
                     "max_speed_per_s": muscle.getMaxContractionVelocity(),
-                    "damping": muscle.getFiberDamping(),
+                    "damping": muscle.get_fiber_damping(),
                     "curves": self._curves(muscle),
                 }
-            else:
-                self.lost.append(f"{name}: {kind} has other curves, expected Millard2012EquilibriumMuscle: its force")
+                if kind != muscle.getConcreteClassName():
+                    self.lost.append(
+                        f"{name}: the curves of {kind}; those of {muscle.getConcreteClassName()} are taken"
+                    )
         return tables
 
-    def _path(self, name: str, force: Any) -> dict[str, Any]:
+    def _muscle(self, force: Any) -> Any:
+        """The force as a muscle of Millard, or of De Groote and Fregly, with which OpenSim replaces others."""
+        if not opensim.Muscle.safeDownCast(force) or "Millard" in force.getConcreteClassName():
+            return opensim.Millard2012EquilibriumMuscle.safeDownCast(force)
+        return opensim.DeGrooteFregly2016Muscle.safeDownCast(self._replaced.getMuscles().get(force.getName()))
+
+    @cached_property
+    def _replaced(self) -> Any:
+        model = opensim.Model(self.file)
+        opensim.DeGrooteFregly2016Muscle.replaceMuscles(model, True)
+        return model
+
+    def _path(self, name: str) -> dict[str, Any]:
         """A path's table; notes the surface that it wraps over, a cylinder where that is all."""
-        path = force.getGeometryPath()
-        points, bodies, kinds = [], [], set()
-        for i in range(path.getPathPointSet().getSize()):
-            point = path.getPathPointSet().get(i)
+        path, points, bodies, kinds = self.paths[name], [], [], set()
+        for point in (path.getPathPointSet().get(i) for i in range(path.getPathPointSet().getSize())):
             X = transform(point.getParentFrame().findTransformInBaseFrame())
             points.append((1e3 * (X[:, :3] @ numbers(point.getLocation(self.state)) + X[:, 3])).tolist())
             bodies.append(base(point.getParentFrame()))
@@ -230,12 +240,17 @@ class Model:
         return {"bodies": bodies, "points_mm": points}
 
     def _curves(self, muscle: Any) -> str:
-        """Name of the muscle's curves: millard, millard_2 ... where they differ."""
-        active, passive = muscle.getActiveForceLengthCurve(), muscle.getFiberForceLengthCurve()
-        lengths, speeds, of_speed = CURVE_LENGTHS.tolist(), CURVE_SPEEDS.tolist(), muscle.getForceVelocityCurve()
-        own = {"lengths": lengths, "speeds": speeds, "of_speed": [of_speed.calcValue(v) for v in speeds]}
-        own |= {key: [c.calcValue(x) for x in lengths] for key, c in (("active", active), ("passive", passive))}
-        new = f"millard_{len(self.curves) + 1}" if self.curves else "millard"
+        """Name of the muscle's curves: curves_1, curves_2 ... where they differ."""
+        lengths, speeds = CURVE_LENGTHS.tolist(), CURVE_SPEEDS.tolist()
+        if isinstance(muscle, opensim.DeGrooteFregly2016Muscle):
+            active, passive = muscle.calcActiveForceLengthMultiplier, muscle.calcPassiveForceMultiplier
+            of_speed = muscle.calcForceVelocityMultiplier
+        else:
+            of_length = muscle.getActiveForceLengthCurve(), muscle.getFiberForceLengthCurve()
+            active, passive, of_speed = (c.calcValue for c in (*of_length, muscle.getForceVelocityCurve()))
+        own = {"lengths": lengths, "speeds": speeds, "of_speed": [of_speed(v) for v in speeds]}
+        own |= {"active": [active(x) for x in lengths], "passive": [passive(x) for x in lengths]}
+        new = f"curves_{len(self.curves) + 1}"
         name = next((name for name, known in self.curves.items() if known == own), new)
         self.curves[name] = own
         return name
