@@ -87,8 +87,7 @@ def sole_surface(g: Geometry) -> Callable[[Array, Array], tuple[Array, Array, Ar
         one, zero, edge = np.ones(len(x)), np.zeros(len(x)), g["edge_rise"]
         c = np.stack([x, y + edge * v**2, g["middle_z"][0] + toe_in * (x - g["heel_x"]) + v * w], 1)
         first = [[one, y_x, toe_in + v * w_x], [zero, 2.0 * edge * v, w]]
-        across = [zero, zero, w_x]
-        second = [[[zero, y_xx, v * w_xx], across], [across, [zero, 2.0 * edge * one, zero]]]
+        second = [[[zero, y_xx, v * w_xx], [zero, zero, w_x]], [[zero, zero, w_x], [zero, 2.0 * edge * one, zero]]]
         return c, np.moveaxis(np.array(first), -1, 0), np.moveaxis(np.array(second), -1, 0)
 
     return surface
