@@ -131,7 +131,8 @@ class SurrogateFunctions(SymbolicContact):
         motion = motion_functions(size, self.scene.friction, by_pose=True)
         if compiled and key not in self._kernels:
             source = self.sliding.source(self._kernel(wrenches, roots=False), loads, motion)
-            self._kernels[key] = compiled_arrays(source, loads, 0, f"friction of {self.scene.name}, some seconds")
+            said = f"friction of {self.scene.name}, some seconds"
+            self._kernels[key] = compiled_arrays(source, loads, 0, said, self.sliding.law_source(size))
         if compiled and (kernel := self._kernels[key]):
             return external_function(
                 kernel.library, name, {"loads": len(loads), "roots": 0}, ["loads"], 1, "moving_", size

@@ -119,10 +119,14 @@ class SurrogateArrays:
         return values[:, [self.load_names.index(name) for name in names]]
 
 
-def compiled_arrays(source: str, loads: Sequence[str], roots: int, waited_for: str) -> SurrogateArrays | None:
-    """The compiled kernel; None, with one warning, without a compiler. waited_for: what is announced."""
+def compiled_arrays(
+    source: str, loads: Sequence[str], roots: int, waited_for: str, called: str = ""
+) -> SurrogateArrays | None:
+    """The compiled kernel; None, with one warning, without a compiler. waited_for: what is announced. called: C of a
+    library whose functions it calls."""
     try:
-        library = shared_library("\n".join(["#define ENTRY", source]), waited_for)
+        linked = shared_library(called, waited_for) if called else None
+        library = shared_library("\n".join(["#define ENTRY", source]), waited_for, linked=linked)
     except CompilerError as error:
         warn_once(f"{error}; NumPy and the CasADi graph take the kernel's place, which are slower")
         return None

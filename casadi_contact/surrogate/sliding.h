@@ -1,5 +1,7 @@
 /* Loads of a surrogate whose bodies slide, by x (see contact/c/moving.h): the law of a patch, which CasADi writes, makes of
  * its wrench at rest, by kernel_value and its like, the wrench that it has. A patch that is free has none. */
+typedef int Law(const double **, double **, long long *, double *, int);
+Law law_value, law_first, law_second;
 #define LAW(what, weights, ...) \
   law_##what((const double *[]){motion, rest + 6 * p, spreads[p], weights}, (double *[]){__VA_ARGS__}, 0, 0, 0)
 
@@ -8,8 +10,7 @@ static const double none[6] = {0.0};
 FUNCTION void moving_kernel_value(const double *x, double *loads, double *roots) {
   double motion[11], rest[6 * PATCHES], wrench[6];
   (void)roots, motion_value((const double *[]){x}, (double *[]){motion}, 0, 0, 0);
-  kernel_value(x, rest, 0);
-  memset(loads, 0, MOVED * sizeof(double));
+  kernel_value(x, rest, 0), memset(loads, 0, MOVED * sizeof(double));
   for (int p = 0; p < PATCHES; p++) {
     if (!memcmp(rest + 6 * p, none, sizeof none)) continue;
     LAW(value, 0, wrench);

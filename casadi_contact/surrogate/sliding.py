@@ -167,6 +167,10 @@ class SlidingPatches:
         moving = self.wrenches(still(given[:6]), motion(given))
         return ca.Function(name, [given], [selection @ moving], ["x"], ["loads"])
 
+    def law_source(self, inputs: int) -> str:
+        """C of the law, the same for all scenes, which `source` calls."""
+        return c_of_functions(law_functions(inputs - 6), "")
+
     def source(self, still: Kernel, loads: Sequence[str], motion: Sequence[ca.Function]) -> str:
         """C of the same, from the kernel of the wrenches at rest: `moving_guarded_value` and its like."""
         patches, inputs = len(self.patch_names), motion[0].numel_in(0)
@@ -174,7 +178,7 @@ class SlidingPatches:
         code = [
             table("selection", load_selection(loads, self.patch_names).swapaxes(0, 1)),
             table("spreads", self.spreads),
-            c_of_functions([*motion, *law_functions(inputs - 6)]),
+            c_of_functions(motion),
             c_text("moving.h", C_FOLDER),
             c_text("sliding.h", __package__),
             guards("moving_", loads="MOVED", roots="0", inputs="VARIABLES"),

@@ -55,12 +55,12 @@ def guards(before: str = "", loads: str = "LOADS", roots: str = "ROOTS", inputs:
     return Template(c_text("guards.h")).substitute(before=before, loads=loads, roots=roots, inputs=inputs)
 
 
-def c_of_functions(functions: Sequence[ca.Function]) -> str:
-    """C that CasADi writes of functions of SX: ``name(given, found, 0, 0, 0)``, two arrays of pointers."""
+def c_of_functions(functions: Sequence[ca.Function], kind: str = "FUNCTION") -> str:
+    """C that CasADi writes of functions of SX: ``kind int name(given, found, 0, 0, 0)``, two arrays of pointers."""
     generator = ca.CodeGenerator("written")
     for function in functions:
         generator.add(function)
-    return f"#define CASADI_SYMBOL_EXPORT FUNCTION\n{generator.dump()}"
+    return f"#define CASADI_SYMBOL_EXPORT {kind}\n{generator.dump()}"
 
 
 @dataclass(frozen=True)
