@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 
 import casadi as ca
+import numpy as np
 
 from casadi_contact.contact.choice import foundation
 from casadi_contact.contact.compiled_foundation import CompiledFoundation
@@ -45,6 +46,7 @@ from casadi_contact.workflow.project import (
     project_surrogates,
     read_motion,
 )
+from casadi_contact.workflow.proposal.propose import motion_tolerances
 from casadi_contact.workflow.stages import check_single_source, sample, take_table, train
 
 _EXAMPLE_FRAME = 25  # a quarter of the first cycle: in contact
@@ -92,8 +94,8 @@ def build_contacts(
     executor: Executor | None = None,
 ) -> dict[str, Surrogate]:
     """Build a surrogate of each contact of an assembly (its folder) that touches along motions, OpenSim's files of
-    coordinates: of the contact's own model, around its poses there. Returned by the contacts' names, which are their
-    folders' in ``folder``, results/ASSEMBLY-PRESET if left out; `assembly.file.trained_in` takes them from there.
+    coordinates: of the contact's own model, around its poses there, with tolerances of 0.5 % of its peak. Returned by
+    contact, which are folders in ``folder``, results/ASSEMBLY-PRESET if left out; `assembly.file.trained_in` reads it.
     progress, executor, errors: as of `build`, also ValueError where nothing touches."""
     loaded, found = load_assembly(assembly), dict[str, Surrogate]()
     function, tables = loaded.function(["contact_poses"]), {Path(path): read_opensim_table(path) for path in motions}
@@ -101,13 +103,15 @@ def build_contacts(
     out = Path("results") / f"{Path(assembly).resolve().name}-{preset}" if folder is None else Path(folder)
     for k, part in enumerate(loaded.contacts):
         poses = {path: each[:, k :: len(loaded.contacts)].T for path, each in moved.items()}
-        if not any(part.model(each).any() for each in poses.values()):
+        together = np.concatenate([*poses.values()])
+        if not part.model(together).any():
             continue
+        scene = part.model.scene.with_tolerances(**motion_tolerances(part.model, together, 0.005))
         writable_folder(here := out / part.name)
         files = [here / f"{path.stem}.csv" for path in poses]
         for file, (path, each) in zip(files, poses.items(), strict=True):
             write_poses(tables[path].columns[TIME], each, file)
-        run = partial(build, part.model.scene, preset, cycles=files, model=part.model, folder=here)
+        run = partial(build, scene, preset, cycles=files, model=part.model, folder=here)
         found |= {part.name: run(progress=progress, executor=executor)["patch"]}
     if not found:
         raise ValueError(f"no contact of {assembly} touches along {', '.join(map(str, motions)) or 'no motion'}")

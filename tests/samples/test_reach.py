@@ -6,6 +6,12 @@ import casadi_contact as cc
 from casadi_contact.samples.chunk import Chunk, draw_chunk, lift
 from casadi_contact.samples.domains import Envelopes, plan_domains
 from casadi_contact.samples.settings import SamplingSettings
+from casadi_contact.scenes.normal_load import normal_forces
+from casadi_contact.scenes.pose_file import write_poses
+from casadi_contact.scenes.scene import Scene
+from casadi_contact.workflow import stages
+from casadi_contact.workflow.presets import Preset
+from casadi_contact.workflow.project import Project
 from tests.support.two_spheres import RADIUS_MM, TwoSpheres, knee
 
 INPUTS = ("tx", "Fy_med", "tz", "Fy_lat", "ry", "rz")
@@ -64,3 +70,29 @@ def test_the_plan_of_a_reach_lifts_sides_apart_and_that_of_a_motion_lifts_them_a
         assert (gaps > -0.2).all()
         assert gaps.max() > 0.9 * settings.liftoff_mm - 0.2
         assert (np.ptp(gaps, axis=1).max() < 1e-3) == alike
+
+
+def test_around_known_poses_patches_carry_the_plan_s_loads_by_the_least_move(tmp_path):
+    """No sensitive pose is asked; N is a magnitude, or along an axis; other poses lie within the motion's offsets."""
+    shares = np.linspace(0.0, 1.0, 21)
+    for scene, radius in ((cc.load_scene("sphere_on_plane", sensitive=["F"]), 30.0), (knee(), RADIUS_MM)):
+        motion = np.outer(shares, [1.0, -0.2, 0.0, 0.0, 0.0, -0.5])
+        motion[:, 1] += radius - 0.1
+        write_poses(shares, motion, tmp_path / "motion.csv")
+        tables = {**scene.tables, "loads": {k: v for k, v in scene.tables["loads"].items() if k != "sensitive_pose"}}
+        scene = Scene.from_tables(tables)
+        model = cc.ElasticFoundation(scene, (30, 30)) if radius == 30.0 else TwoSpheres(scene)
+        preset = Preset(0.01, sampling={"frames": 21})
+        project = Project(scene, "own", tmp_path / scene.name, own=preset)
+        samples, report = stages.sample(project, [tmp_path / "motion.csv"], model=model)
+        assert str(report) == "21 of 21 reference frames converged"
+        assert not samples.dropped_shares()
+        normal = normal_forces(scene.normal_loads, samples.wrenches)
+        most = normal_forces(scene.normal_loads, model.wrenches(motion)).max(axis=0)
+        touching = np.isin(samples.domain, (1, 2, 3))
+        assert (normal[touching] > 0.99 * scene.boundary_load).all()
+        assert (normal.max(axis=0) < 1.3 * most).all()
+        assert (normal.max(axis=0) > 1.1 * most).all()
+        assert (normal[samples.domain == 5] == 0.0).all()
+        away = np.abs(samples.poses[:, None] - motion) / [2.0, 2.0, 2.0, 0.08, 0.08, 0.08]
+        assert away.max(axis=2).min(axis=1).max() < 3.0

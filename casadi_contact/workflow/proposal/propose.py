@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from casadi_contact.contact.elements.foundation import ElasticFoundation
+from casadi_contact.contact.model import ContactModel
 from casadi_contact.contact.settle import settle
 from casadi_contact.core.conventions import Array, Update
 from casadi_contact.core.quantities import FORCE, TORQUE, of_kind, quantity
@@ -125,7 +126,7 @@ def propose(
         pose = poses[0]
         tables["geometry"]["start_pose"] = pose.round(4).tolist()
         tables["loads"]["gap_slope"] = gap_slope(model, pose, direction)
-    tables["tolerances"] = _tolerances(model, poses)
+    tables["tolerances"] = motion_tolerances(model, poses)
     begin(3, 4, "element grids")
     tables["grids"], off = converged_grids(Scene.from_tables(tables), poses[:: max(1, len(poses) // 40)])
     (nx, nz), (most_x, most_z) = tables["grids"]["fine"], CONVERGED
@@ -215,13 +216,13 @@ def _reference(tables: Mapping[str, Any]) -> tuple[Array, ReferenceReport]:
     return poses[report.converged], report
 
 
-def _tolerances(model: ElasticFoundation, poses: Array) -> dict[str, float]:
-    """1 % of the largest force in the poses for every force; of the largest torque, at least that force times 10 mm,
-    for every torque: a ball turns about its centre without torque."""
+def motion_tolerances(model: ContactModel, poses: Array, share: float = 0.01) -> dict[str, float]:
+    """A share of the largest force in the poses for every force; of the largest torque, at least that force times
+    10 mm, for every torque: a ball turns about its centre without torque."""
     largest = dict(zip(model.load_names, np.abs(model(poses)).max(axis=0).tolist(), strict=True))
     of = {kind: max(largest[name] for name in of_kind(model.load_names, kind)) for kind in (FORCE, TORQUE)}
     of[TORQUE] = max(of[TORQUE], 10.0 * of[FORCE])
-    return {name: float(f"{0.01 * of[quantity(name).kind]:.2g}") for name in model.load_names}
+    return {name: float(f"{share * of[quantity(name).kind]:.2g}") for name in model.load_names}
 
 
 def _questions_about_motion(model: ElasticFoundation, poses: Array, report: ReferenceReport) -> list[str]:
