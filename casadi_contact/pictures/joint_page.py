@@ -194,12 +194,6 @@ def slider_ranges(poses: Array, surrogate: Surrogate | None) -> Array:
     return np.stack([low - reach, high + reach], 1)
 
 
-def settled_by(scene: Scene) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Free pose parameters and target loads of the page's settling: none where their numbers differ."""
-    free, target = scene.sensitive_pose, tuple(name for name in scene.sensitive_loads if name in scene.load_names)
-    return (free, target) if free and len(free) == len(target) else ((), ())
-
-
 _LIBRARY = ("third_party", "twgl-full.js")
 # In the order in which each can use those before it.
 _MODULES = ("canvas", "linear", "kernel", "settle", "scene", "views", "panel", "timeline", "save", "main")
@@ -266,7 +260,9 @@ def _content(
     from matplotlib import colormaps
 
     scene = contact.scene
-    free, target = settled_by(scene)
+    sensitive = [name for name in scene.sensitive_loads if name in scene.load_names]
+    settles = len(scene.sensitive_pose) == len(sensitive)
+    free, target = (scene.sensitive_pose, sensitive) if settles else ((), [])
     pressed = normal_forces(scene.normal_loads, contact.wrenches(cycle.poses)).sum(axis=1)
     stance = int(pressed.argmax())
     points = np.concatenate([surface.triangles.points_mm for surface in surfaces])
@@ -280,7 +276,7 @@ def _content(
         "patches": [{"name": name, "title": title(name)} for name in scene.patch_names],
         "loads": [{"name": load, "unit": of.unit, "column": of.column} for load, of in loads],
         "surrogateLoads": None if surrogate is None else list(surrogate.load_names),
-        "sensitive": [name for name in scene.sensitive_loads if name in scene.load_names],
+        "sensitive": sensitive,
         "referenceLoad": scene.reference_load,
         "gapSlope": scene.gap_slope,
         "normals": [
@@ -290,7 +286,7 @@ def _content(
         "pose": pose_words(scene.shape, slider_ranges(cycle.poses, surrogate)),
         "space": None if space.unconstrained else held,
         "presets": {"stance": stance, "swing": int(pressed.argmin())},
-        "settle": {"free": list(free), "loads": list(target), "start": begun},
+        "settle": {"free": list(free), "loads": target, "start": begun},
         "cycle": {"time": cycle.time_s.tolist(), "poses": cycle.poses.tolist()},
         "view": map_view(ElasticFoundation(scene, scene.grids.get("coarse")), points),
         "colours": np.round(colormaps["YlOrRd"](np.linspace(0.0, 1.0, _COLOURS))[:, :3], 3).tolist(),

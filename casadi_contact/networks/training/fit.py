@@ -95,7 +95,10 @@ def fit(
                     )
         finally:  # the last whole iteration, on Ctrl-C too
             write()
-        return _result(regression, trainer)
+        network = trainer.best_network()
+        rms = float(np.sqrt(regression.squares(network)[~regression.validation].mean()))
+        history = {name: np.array(column) for name, column in trainer.history.items()}
+        return Fit(network, history, trainer.stop_reason, rms, trainer.gflop, trainer.cpu_s)
 
 
 def _identity(r: Regression, settings: TrainingSettings, start: Network | None) -> dict[str, Any]:
@@ -139,13 +142,6 @@ def _begun(
     if not same or not (np.abs(sums - expected) <= 1e-9 * np.repeat(expected[::2], 2)).all():  # up to rounding
         raise ValueError(f"checkpoint {checkpoint} belongs to other data or settings: delete it, or move the folder")
     return Trainer(regression, settings, saved, start)
-
-
-def _result(regression: Regression, trainer: Trainer) -> Fit:
-    network = trainer.best_network()
-    rms = float(np.sqrt(regression.squares(network)[~regression.validation].mean()))
-    history = {name: np.array(column) for name, column in trainer.history.items()}
-    return Fit(network, history, trainer.stop_reason, rms, trainer.gflop, trainer.cpu_s)
 
 
 def fit_all(
