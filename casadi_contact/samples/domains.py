@@ -186,7 +186,7 @@ def plan_domains(
                 parts.append((lifted, _at_boundary(box, held, int(n), shift, boundary_load)))
         if settings.reach or (along_poses and domain >= 3):
             parts = [(lifted, _rooted(inputs, box, normals)) for lifted, inputs in parts]
-        roles = _roles(sum(len(inputs) for _, inputs in parts), domain, settings)
+        roles = roles_of(sum(len(inputs) for _, inputs in parts), domain, settings)
         for lifted, inputs in parts:
             blocks.append(Block(domain, lifted, inputs, roles[: len(inputs)]))
             roles = roles[len(inputs) :]
@@ -291,7 +291,7 @@ def _at_boundary(box: Envelopes, held: Sequence[NormalLoad], count: int, shift: 
     return inputs
 
 
-def _roles(count: int, domain: int, settings: SamplingSettings) -> np.ndarray:
+def roles_of(count: int, domain: int, settings: SamplingSettings) -> np.ndarray:
     """Test rows held back from the whole domain, validation rows from what is left [EF15 §3.3, §2.6].
 
     Any domain of at least three rows has one of each, so that no row of an error table stays empty.

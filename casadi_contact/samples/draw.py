@@ -94,7 +94,7 @@ def draw_samples(
     folder = ChunkFolder(path, identity)
     drawn = {number: chunk for number in range(len(chunks)) if (chunk := folder.read(number)) is not None}
     if drawn:
-        check(_joined(scene, drawn.values()), folder.folder)
+        check(joined_chunks(scene, drawn.values()), folder.folder)
     _draw_missing(partial(_draw, *worker), chunks, drawn, folder, executor, progress or (lambda done, total: None))
     samples = _gather(scene, chunks, [drawn[number] for number in range(len(chunks))], identity, settings)
     write_samples(path, samples)
@@ -174,7 +174,7 @@ def _evaluate(scene_toml: str, settings_json: str, models: ModelPair, poses: Arr
         return wrenches_of(teacher, poses, len(settle_model.scene.patches))
 
 
-def _joined(scene: Scene, drawn: Iterable[DrawnChunk]) -> Samples:
+def joined_chunks(scene: Scene, drawn: Iterable[DrawnChunk]) -> Samples:
     """The samples of these chunks, without provenance."""
     columns: dict[str, Any] = {name: np.concatenate([getattr(chunk, name) for chunk in drawn]) for name in COLUMNS}
     return Samples(scene, **columns)
@@ -193,4 +193,4 @@ def _gather(
     provenance = {**of_plan, "dropped": dropped, "left_out": skipped}
     lost_from = np.repeat([chunk.domain for chunk in chunks], [len(chunk.dropped_poses) for chunk in drawn])
     lost = Dropped(np.concatenate([chunk.dropped_poses for chunk in drawn]), lost_from)
-    return replace(_joined(scene, drawn), provenance=provenance, dropped=lost)
+    return replace(joined_chunks(scene, drawn), provenance=provenance, dropped=lost)

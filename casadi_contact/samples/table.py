@@ -18,13 +18,14 @@ from casadi_contact.contact.model import overlaps_without_load
 from casadi_contact.core.conventions import POSE_NAMES, WRENCH_NAMES, Array, load_selection, rotation
 from casadi_contact.core.files.reading import sha256_of
 from casadi_contact.core.quantities import three_digits
-from casadi_contact.samples.samples import ROLES, TEST, TRAIN, VALIDATION, Samples
+from casadi_contact.samples.domains import roles_of
+from casadi_contact.samples.samples import ROLES, Samples
+from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.scenes.columns import check_size, read_columns
 from casadi_contact.scenes.normal_load import normal_forces
 from casadi_contact.scenes.scene import Scene
 
 _LEAST_ROWS = 10
-_HELD_BACK = 0.1  # of the poses, for validation and for the test each
 _MOST_ANGLE_RAD, _LEAST_TRAVEL_MM, _LEAST_FORCE_SHARE, _MOST_LEVER_MM = 3.5, 0.05, 0.01, 200.0
 
 
@@ -49,6 +50,8 @@ def read_sample_table(path: str | Path, scene: Scene) -> Samples:
     for name, column in table.items():
         check_size(str(path), name, column)
     poses = np.stack([table[name] for name in POSE_NAMES], axis=1)
+    distinct, pose_of_row = np.unique(poses, axis=0, return_inverse=True)  # repeated poses have the same role
+    drawn = roles_of(len(distinct), 1, SamplingSettings())[pose_of_row.ravel()]
     zero, unknown = np.zeros(count), np.full(count, np.nan)
     samples = Samples(
         scene,
@@ -56,28 +59,17 @@ def read_sample_table(path: str | Path, scene: Scene) -> Samples:
         wrenches=np.stack([np.stack([table.get(name, zero) for name in of[:6]], axis=1) for of in columns], axis=1),
         gaps=np.stack([table.get(of[6], unknown) for of in columns], axis=1),
         domain=table.get("domain", np.ones(count)),
-        role=table["role"] if "role" in table else _split(poses),
+        role=table.get("role", drawn),
         provenance={"table": str(path), "table_digest": sha256_of(path)},
     )
     missing = [f"{number} ({name})" for number, name in enumerate(ROLES) if not (samples.role == number).any()]
     if missing:
-        got = f"{len(np.unique(poses, axis=0))} poses, none of them with role {', '.join(missing)}"
+        got = f"{len(distinct)} poses, none of them with role {', '.join(missing)}"
         raise ValueError(f"{path} has {got}, expected hundreds, some of each role (or no column role)")
     _check_units(samples, str(path))
     check_no_pull(samples, str(path))
     check_gaps(samples, str(path))
     return samples
-
-
-def _split(poses: Array) -> np.ndarray:
-    """Roles (n,) of poses (n, 6) drawn at random, at least one pose of each; repeated poses have the same role."""
-    distinct, pose_of_row = np.unique(poses, axis=0, return_inverse=True)
-    order = np.random.default_rng(0).permutation(len(distinct))
-    held_back = max(1, round(_HELD_BACK * len(distinct)))
-    role = np.full(len(distinct), TRAIN, dtype=np.uint8)
-    role[order[:held_back]] = TEST
-    role[order[held_back : 2 * held_back]] = VALIDATION
-    return np.asarray(role[pose_of_row.ravel()])
 
 
 def _check_units(samples: Samples, where: str) -> None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,8 @@ from casadi_contact.networks.training.fit import Fit, fit
 from casadi_contact.networks.training.settings import TrainingSettings
 from casadi_contact.optimisation.verification import Verification, verify
 from casadi_contact.samples.chunk import Chunk, draw_chunk
-from casadi_contact.samples.samples import COLUMNS, TEST, TRAIN, VALIDATION, Samples, domain_errors, samples_record
+from casadi_contact.samples.draw import joined_chunks
+from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, Samples, domain_errors, samples_record
 from casadi_contact.samples.settings import SamplingSettings
 from casadi_contact.surrogate.base import Surrogate
 from casadi_contact.surrogate.calibration import calibrate
@@ -119,8 +119,7 @@ def _drawn_around(
     if not any(len(part.poses) for part in parts):
         reasons = sorted({reason for part in parts for reason in part.dropped})
         raise ValueError(f"no sample could be drawn around the failing frames: {'; '.join(reasons)}")
-    drawn: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS}
-    return Samples(scene, **drawn)
+    return joined_chunks(scene, parts)
 
 
 def _trained_on(

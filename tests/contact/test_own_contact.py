@@ -67,7 +67,7 @@ def test_a_table_is_trained_evaluated_and_transcribed(scene_file, tmp_path):
     cc.build(scene_file, "small", table=table, folder=tmp_path / "out")
     project = pipeline.Project.open(scene_file, "small", tmp_path / "out")
     samples = project.samples()
-    assert samples.counts()["D1"] == {"train": 960, "validation": 120, "test": 120}
+    assert samples.counts()["D1"] == {"train": 972, "validation": 108, "test": 120}
     check_surrogate(project)
     assert read_front(measure_project(project)).models[0].value.low_us > 0.0, "on poses of the table"
     with pytest.raises(ValueError, match="no geometry"):

@@ -135,7 +135,7 @@ def write_scene(path: Path, contact: ContactForce, casting: Body, target: Body, 
     geometry |= {b: Path(os.path.relpath(f.resolve(), here)).as_posix() for b, f in files.items() if f is not None}
     thickness["fixed"] = shell_thickness(casting.mesh)
     geometry |= {"units": "m", "elements": "grid", "pressing": [round(float(v), 3) + 0.0 for v in way]}
-    geometry |= {"start_pose": pose.tolist(), "patches": {"all": {}}}
+    geometry |= {"start_pose": pose.tolist(), "open_edges": "rim", "patches": {"all": {}}}
     geometry["spacing"] = {b: min(SPACING_MM, math.floor(400.0 * min(h, THIN_MM)) / 1e3) for b, h in thickness.items()}
     geometry |= {"shell": "whole"} if thickness["moving"] < THIN_MM else {}
     tables = {
