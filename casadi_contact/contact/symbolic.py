@@ -36,6 +36,7 @@ from casadi_contact.scenes.material import FRICTION_NAMES, Material
 from casadi_contact.scenes.scene import Scene
 
 Output = tuple[str, int, Callable[[Array], tuple[Array, Array]]]  # name, rows m, poses -> (n, m), (n, m, 6)
+INLINED: dict[str, Any] = {"always_inline": True}  # derivatives of a call within a call take twice as long
 _KEPT: list[ca.Callback] = []  # CasADi does not keep the Python side of a callback alive
 
 
@@ -175,8 +176,7 @@ class SymbolicContact(ContactFunctions, ContactModel):
             return parametric_function(name, inputs, self.scene, selection, of_patches, ("loads",), moving=True)
         pose, velocity = ca.MX.sym("pose", 6), ca.MX.sym("velocity", 6)
         found = self._at_rates(f"{name}_at_rates", loads, compiled, 12)(ca.vertcat(pose, velocity))
-        inlined = {"always_inline": True}  # derivatives of a call within a call take twice as long
-        return ca.Function(name, [pose, velocity], [found], ["pose", "velocity"], ["loads"], inlined)
+        return ca.Function(name, [pose, velocity], [found], ["pose", "velocity"], ["loads"], INLINED)
 
 
 def symbolic(model: ContactModel) -> SymbolicContact:
@@ -295,7 +295,8 @@ def parametric_function(
             roots.append(s * ca.sqrt(ca.if_else(s > 0.0, grown, 1.0)))
         made["roots"] = ca.vertcat(*roots)
     inputs = {"pose": pose, **({"velocity": velocity} if moving else {}), "parameters": given}
-    return ca.Function(name, [*inputs.values()], [made[key] for key in outputs], [*inputs], list(outputs))
+    chosen: Any = [made[key] for key in outputs]
+    return ca.Function(name, [*inputs.values()], chosen, [*inputs], list(outputs), INLINED)
 
 
 def _stiffness_ratio(value: dict[str, ca.MX], material: Material) -> ca.MX:

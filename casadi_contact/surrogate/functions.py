@@ -130,9 +130,8 @@ class SurrogateFunctions(SymbolicContact):
         wrenches, key = wrench_names(self.patch_names), (tuple(loads), size)
         motion = motion_functions(size, self.scene.friction, by_pose=True)
         if compiled and key not in self._kernels:
-            source = self.sliding.source(self._kernel(wrenches, roots=False), loads, motion)
-            said = f"friction of {self.scene.name}, some seconds"
-            self._kernels[key] = compiled_arrays(source, loads, 0, said, self.sliding.law_source(size))
+            source, law = self.sliding.sources(self._kernel(wrenches, roots=False), loads, motion)
+            self._kernels[key] = compiled_arrays(source, loads, 0, f"friction of {self.scene.name}, some seconds", law)
         if compiled and (kernel := self._kernels[key]):
             return external_function(
                 kernel.library, name, {"loads": len(loads), "roots": 0}, ["loads"], 1, "moving_", size
@@ -144,9 +143,8 @@ class SurrogateFunctions(SymbolicContact):
         """The loads' kernel, compiled once; of all loads there is one that gives root loads and confidence as well."""
         key = (tuple(loads), roots or tuple(loads) == self.load_names)
         if key not in self._kernels:
-            waited_for = f"the kernel of the surrogate {self.scene.name}, some seconds"
-            root_count = len(self.patch_names) if key[1] else 0
-            self._kernels[key] = compiled_arrays(self._source(*key), loads, root_count, waited_for)
+            said, patches = f"the kernel of the surrogate {self.scene.name}, some seconds", len(self.patch_names)
+            self._kernels[key] = compiled_arrays(self._source(*key), loads, patches * key[1], said)
         return self._kernels[key]
 
     def _source(self, loads: Sequence[str], roots: bool = True) -> str:

@@ -120,13 +120,12 @@ class SurrogateArrays:
 
 
 def compiled_arrays(
-    source: str, loads: Sequence[str], roots: int, waited_for: str, called: str = ""
+    source: str, loads: Sequence[str], roots: int, said: str, called: str = ""
 ) -> SurrogateArrays | None:
-    """The compiled kernel; None, with one warning, without a compiler. waited_for: what is announced. called: C of a
-    library whose functions it calls."""
+    """The compiled kernel; None, with one warning, without a compiler. said: what is announced; called: C it calls."""
     try:
-        linked = shared_library(called, waited_for) if called else None
-        library = shared_library("\n".join(["#define ENTRY", source]), waited_for, linked=linked)
+        linked = shared_library(called, said) if called else None
+        library = shared_library("\n".join(["#define ENTRY", source]), said, linked=linked)
     except CompilerError as error:
         warn_once(f"{error}; NumPy and the CasADi graph take the kernel's place, which are slower")
         return None

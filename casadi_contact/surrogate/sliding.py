@@ -167,12 +167,9 @@ class SlidingPatches:
         moving = self.wrenches(still(given[:6]), motion(given))
         return ca.Function(name, [given], [selection @ moving], ["x"], ["loads"])
 
-    def law_source(self, inputs: int) -> str:
-        """C of the law, the same for all scenes, which `source` calls."""
-        return c_of_functions(law_functions(inputs - 6), "")
-
-    def source(self, still: Kernel, loads: Sequence[str], motion: Sequence[ca.Function]) -> str:
-        """C of the same, from the kernel of the wrenches at rest: `moving_guarded_value` and its like."""
+    def sources(self, still: Kernel, loads: Sequence[str], motion: Sequence[ca.Function]) -> tuple[str, str]:
+        """C of the same, from the kernel of the wrenches at rest: `moving_guarded_value` and its like; and of the law,
+        which it calls, the same for all scenes."""
         patches, inputs = len(self.patch_names), motion[0].numel_in(0)
         sizes = {"PATCHES": patches, "MOVED": len(loads), "MOVING": 1, "VARIABLES": inputs, "LOCALS": inputs - 6}
         code = [
@@ -184,4 +181,5 @@ class SlidingPatches:
             guards("moving_", loads="MOVED", roots="0", inputs="VARIABLES"),
         ]
         beside = Kernel([], "\n".join(code))
-        return "\n".join([*definitions(sizes), still.source(loads=6 * patches, roots=0, beside=beside)])
+        whole = [*definitions(sizes), still.source(loads=6 * patches, roots=0, beside=beside)]
+        return "\n".join(whole), c_of_functions(law_functions(inputs - 6), "")
