@@ -88,7 +88,7 @@ def main(
         known = read_opensim_table(forces)
         columns = (known.column(name) for name in assembly.muscle_names)
         given = np.column_stack([np.interp(time_s, known.columns[TIME], column) for column in columns])
-    activation = float(root.findtext(".//constant_muscle_control") or 0.02)
+    activation = max(0.0, float(root.findtext(".//constant_muscle_control") or 0.01))  # -1: none
     found, left = move(assembly, motion, secondary, activation, given, rest)
     settled = left <= 0.1
     print(f"{int(settled.sum())} of {len(left)} frames settled, up to {left.max():.2g} N left")

@@ -177,8 +177,10 @@ def test_another_side_with_a_turned_roll_and_a_point_that_moves_is_read_alike(tm
     assert (found["stretches"][:, 0, 0] >= 0).any()
     assert float(assembly.function(["muscle_forces"])(states[0], 0.0, 0.0, 0.5)) > 0.3 * 800.0
     np.testing.assert_allclose(np.vstack([front[1, :].full(), back.full()]), found["lengths"].T, atol=1e-4)
-    with pytest.raises(ValueError, match="knee_r"):
-        import_model(model, tmp_path / "out", joint="knee_r")
+    (tmp_path / "loads.sto").write_text("loads\nversion=1\nendheader\ntime\tforce\n0\t1\n1\t2\n")
+    for wrong in ({"joint": "knee_r"}, {"motion": tmp_path / "loads.sto"}):
+        with pytest.raises(ValueError, match=r"knee_r|hip_l"):
+            import_model(model, tmp_path / "out", **wrong)
 
 
 @pytest.mark.parametrize("turned", [False, True])

@@ -173,7 +173,7 @@ class Chain:
         while found[-1] != self._ground:
             joint = self.above.get(found[-1])
             if joint is None or joint.parent in found:
-                raise ValueError(f"body {body} hangs on {found[-1]}, expected joints up to {self._ground}")
+                raise ValueError(f"{found[-1]} is no body joined to {self._ground}: expected {', '.join(self.above)}")
             found.append(joint.parent)
         return found
 

@@ -29,7 +29,7 @@ from casadi_contact.optimisation.assembly.file import write_assembly
 from casadi_contact.optimisation.assembly.joints import compose, frame
 from casadi_contact.optimisation.assembly.paths import Wrap
 from casadi_contact.optimisation.assembly.settling import CoordinateSettling
-from casadi_contact.scenes.opensim import TIME, Table, read_opensim_table
+from casadi_contact.scenes.opensim import Table, read_opensim_table
 from casadi_contact.workflow.opensim_import.contacts import body_of, write_scene
 from casadi_contact.workflow.opensim_import.excess import described, fit_excesses
 from casadi_contact.workflow.opensim_import.model_file import ModelFile, find_mesh, read_model
@@ -89,8 +89,7 @@ def import_model(
     write_assembly(out, tables, curves, networks)
     kinds = ("bodies", "coordinates", "contacts", "ligaments", "muscles")
     counts = ", ".join(f"{len(tables[kind])} {kind}" for kind in kinds)
-    errors_mm = {name: error for name, (_, error) in excess.items()}
-    exact = described(errors_mm) if errors_mm else []
+    exact = described({name: error for name, (_, error) in excess.items()}) if excess else []
     report = "\n".join([f"{model.name}: {counts}", how, *exact, *(f"lost: {each}" for each in lost)])
     write_text(out / "import.txt", f"{report}\n")
     return report
@@ -176,12 +175,13 @@ def _centres(
 
 def states_of(assembly: Assembly, table: Table) -> Array:
     """Coordinates (n, c) [m, rad] of an OpenSim table, whose labels are names or paths
-    (/jointset/knee_r/knee_flex_r/value); those that it lacks are at rest."""
+    (/jointset/knee_r/knee_flex_r/value); those that it lacks are at rest. Raises ValueError where it has none."""
+    names = {label: label.removesuffix("/value").split("/")[-1] for label in table.columns}
+    found = {label: name for label, name in names.items() if name in assembly.coordinate_table}
+    if not found:
+        raise ValueError(f"got columns {', '.join(table.columns)}, expected some of {', '.join(assembly.coordinates)}")
     states = np.tile(assembly.default, (len(table), 1))
-    for label, column in table.columns.items():
-        words = label.split("/")
-        name = words[-2] if len(words) > 1 and words[-1] == "value" else words[-1]
-        if label != TIME and name in assembly.coordinate_table and words[-1] != "speed":
-            turns = assembly.coordinate_table[name].kind == "rotation"
-            states[:, assembly.rows([name])[0]] = np.radians(column) if turns and table.in_degrees else column
+    for label, name in found.items():
+        turns, column = assembly.coordinate_table[name].kind == "rotation", table.columns[label]
+        states[:, assembly.rows([name])[0]] = np.radians(column) if turns and table.in_degrees else column
     return states
