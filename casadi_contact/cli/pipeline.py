@@ -98,23 +98,25 @@ def build_contacts(
     contact, which are folders in ``folder``, results/ASSEMBLY-PRESET if left out; `assembly.file.trained_in` reads it.
     progress, executor, errors: as of `build`, also ValueError where nothing touches."""
     loaded, found = load_assembly(assembly), dict[str, Surrogate]()
-    function, tables = loaded.function(["contact_poses"]), {Path(path): read_opensim_table(path) for path in motions}
-    moved = {path: function.map(len(t))(states_of(loaded, t).T, 0.0, 0.0, 0.0).full() for path, t in tables.items()}
+    function, tables = loaded.function(["contact_poses"]), [read_opensim_table(path) for path in motions]
+    if not tables:
+        raise ValueError(f"got no motion of {assembly}, expected files of its coordinates: --cycles values.sto")
+    moved = [function.map(len(t))(states_of(loaded, t).T, 0.0, 0.0, 0.0).full() for t in tables]
     out = Path("results") / f"{Path(assembly).resolve().name}-{preset}" if folder is None else Path(folder)
     for k, part in enumerate(loaded.contacts):
-        poses = {path: each[:, k :: len(loaded.contacts)].T for path, each in moved.items()}
-        together = np.concatenate([*poses.values()])
+        poses = [each[:, k :: len(loaded.contacts)].T for each in moved]
+        together = np.concatenate(poses)
         if not part.model(together).any():
             continue
         scene = part.model.scene.with_tolerances(**motion_tolerances(part.model, together, 0.005))
         writable_folder(here := out / part.name)
-        files = [here / f"{path.stem}.csv" for path in poses]
-        for file, (path, each) in zip(files, poses.items(), strict=True):
-            write_poses(tables[path].columns[TIME], each, file)
+        files = [here / f"motion_{number}.csv" for number in range(1, len(poses) + 1)]
+        for file, table, each in zip(files, tables, poses, strict=True):
+            write_poses(table.columns[TIME], each, file)
         run = partial(build, scene, preset, cycles=files, model=part.model, folder=here)
         found |= {part.name: run(progress=progress, executor=executor)["patch"]}
     if not found:
-        raise ValueError(f"no contact of {assembly} touches along {', '.join(map(str, motions)) or 'no motion'}")
+        raise ValueError(f"no contact of {assembly} touches along {', '.join(map(str, motions))}")
     return found
 
 
