@@ -62,6 +62,8 @@ def read_step(path: Path, *, left: bool = False, every: int = 3, rest: int = 3) 
     found = read_columns(path, required=["time_s", *names, *loads], what="step")
     poses, (Fx, Fy, Fz, x, z, free) = np.column_stack([found[name] for name in names]), (found[name] for name in loads)
     on = np.flatnonzero(Fy > LOADED_N)
+    if not on.size:
+        raise ValueError(f"{path}: Fy_N reaches {Fy.max():.3g}, expected a step's, above {LOADED_N:g} N: is y up?")
     rows = np.arange(max(on[0] - rest * every, 0), min(on[-1] + rest * every + 1, len(Fy)), every)
     origin = poses[on[len(on) // 2], :3] * [1.0, 0.0, 1.0]
     poses[:, :3] -= origin
@@ -168,15 +170,15 @@ def fit(
     misfit = ca.vertcat(off[:3, :] / w.force_n, *moments)
     bend = D[:, 2:] - 2.0 * D[:, 1:-1] + D[:, :-2]
     cost = ca.sumsqr(misfit) + w.lasting * ca.sumsqr(misfit[:, 1:] - misfit[:, :-1]) + ca.sumsqr(D)
-    cost += w.rough * ca.sumsqr(bend) + ca.sumsqr(s)
-    cost += 0.0 if known else ca.sumsqr(z / ca.DM(w.prior))
+    cost += w.rough * ca.sumsqr(bend) + ca.sumsqr(s) + (0.0 if known else ca.sumsqr(z / ca.DM(w.prior)))
     unknowns = ca.vertcat(z, s, ca.vec(D))
     options = ipopt_options(tolerance=1e-3, max_iterations=1000, mu_init=1e-3)
     solver = ca.nlpsol("step", "ipopt", {"x": unknowns, "f": 0.5 * cost}, options)
     lifted = np.outer(start_heights(wrench, step, start) / w.length_mm, np.eye(6)[1])
-    free = z.numel() + 6
-    bound = np.append(np.full(free, 3.0), np.full(6 * n, w.most))
-    answer = solver(x0=np.append(np.zeros(free), np.clip(lifted, -w.most, w.most).ravel()), lbx=-bound, ubx=bound)
+    bound = np.append(np.full(z.numel() + 6, 3.0), np.full(6 * n, w.most))
+    answer = solver(
+        x0=np.append(np.zeros(z.numel() + 6), np.clip(lifted, -w.most, w.most).ravel()), lbx=-bound, ubx=bound
+    )
     outcome = IpoptOutcome.of(solver)
     if not outcome.solved:
         raise ValueError(f"not solved ({outcome}): are poses in mm and rad, forces in N, and is y up?")
@@ -191,18 +193,15 @@ def misfits(step: Step, found: Fit) -> dict[str, float]:
     off = found.wrench - measured
     c = (pressure_centre(found.wrench) - pressure_centre(measured))[on]
     moved = (found.poses - step.poses)[step.wrench[:, 1] > 0.0] / np.repeat([1.0, np.pi / 180.0], 3)
-
-    def rms(values: Array) -> float:
-        return float(np.sqrt(np.mean(np.sum(np.reshape(values, (len(values), -1)) ** 2, axis=1))))
-
-    return {
-        "vertical_N": rms(off[:, 1]),
-        "fore_aft_N": rms(off[:, 0]),
-        "cop_mm": rms(c[:, :2]),
-        "free_moment_Nm": 1e-3 * rms(c[:, 2]),
-        "moved_mm": rms(moved[:, :3]),
-        "turned_deg": rms(moved[:, 3:]),
+    differences = {
+        "vertical_N": off[:, 1],
+        "fore_aft_N": off[:, 0],
+        "cop_mm": c[:, :2],
+        "free_moment_Nm": 1e-3 * c[:, 2],
+        "moved_mm": moved[:, :3],
+        "turned_deg": moved[:, 3:],
     }
+    return {name: float(np.linalg.norm(rows) / np.sqrt(len(rows))) for name, rows in differences.items()}
 
 
 def main(

@@ -74,7 +74,10 @@ def test_the_program_fits_one_step_and_then_the_poses_of_a_left_one(tmp_path, ca
         columns |= {"time_s": step.time_s, "cop_x_mm": x, "cop_z_mm": z, "free_Ty_Nmm": free}
         write_columns(tmp_path / f"{name}.csv", columns, digits=9)
     monkeypatch.setattr(ground_contact.cc, "foundation", lambda scene: foot)
-    ground_contact.main(tmp_path / "right.csv", tmp_path / "left.csv", every=1, out=tmp_path)
+    ground_contact.main(tmp_path / "right.csv", tmp_path / "left.csv", every=1, swap=True, out=tmp_path)
     rows = {line.split()[0]: line.split()[-2:] for line in capsys.readouterr().out.splitlines() if "_" in line}
     assert max(map(float, rows["vertical_N"])) < 15.0
     assert (tmp_path / "ground_contact.png").stat().st_size > 1000
+    write_columns(tmp_path / "none.csv", columns | {"Fy_N": 0.0 * x}, digits=9)
+    with pytest.raises(ValueError, match="above 40 N"):
+        read_step(tmp_path / "none.csv")
