@@ -211,6 +211,13 @@ def test_a_bad_model_is_refused_with_the_cure(tmp_path, before, after, message):
         import_model(path, tmp_path / "out", geometry=[tmp_path / "meshes"])
 
 
+def test_materials_that_an_older_file_gives_the_force_are_lost_by_name(tmp_path):
+    path = write_small_model(tmp_path)
+    given = '<Smith2018ArticularContactForce::ContactParameters name="casting_mesh_contact_params"/><max_proximity>'
+    path.write_text(path.read_text().replace("<max_proximity>", given))
+    assert any("joint_contact: its own materials" in each for each in read_model(path).unmapped)
+
+
 def test_a_knee_of_another_program_has_its_straight_ligaments_and_contact(tmp_path):
     """Lenhart's knee at JAM's stored states, straight paths and rays: its wraps are fitted by a whole import alone."""
     model = shared_file("data/jam_knee/lenhart2015.osim")

@@ -17,8 +17,8 @@ from casadi_contact.scenes.material import Layer
 MOST_MODEL = 64 * MIB
 SURFACES = ("Smith2018ContactMesh", "ContactMesh", "ContactSphere", "ContactHalfSpace")
 JAM, ELASTIC = "Smith2018ArticularContactForce", "ElasticFoundationForce"
-HERTZ = "whose force grows with depth to the power 1.5, that of an elastic layer with its square"
-HERTZIAN = ("HuntCrossleyForce", "SmoothSphereHalfSpaceForce")
+HERTZ = ", whose force grows with depth to the power 1.5, that of an elastic layer with its square"
+HERTZIAN = {"HuntCrossleyForce": HERTZ, "SmoothSphereHalfSpaceForce": HERTZ}
 SPRINGS_MM = 10.0  # of a layer with ν = 0 that is as stiff as given springs
 
 
@@ -107,8 +107,10 @@ def read_model(path: str | Path) -> ModelFile:
             if element.tag.startswith("Smith2018") or element.tag in (*SURFACES, ELASTIC, *HERTZIAN):
                 parent.remove(element)
                 if element.tag not in (*SURFACES, JAM, ELASTIC):
-                    why = f", {HERTZ}" if element.tag in HERTZIAN else ""
-                    unmapped.append(f"{element.get('name', 'without a name')}: {element.tag}{why}")
+                    name = element.get("name", "without a name")
+                    unmapped.append(f"{name}: {element.tag}{HERTZIAN.get(element.tag, '')}")
+                elif element.find(".//*[@name='casting_mesh_contact_params']") is not None:  # of older files
+                    unmapped.append(f"{element.get('name')}: its own materials; those of its meshes are taken")
     return ModelFile(surfaces, tuple(contacts), tuple(unmapped), ET.tostring(root, encoding="unicode"))
 
 

@@ -255,7 +255,7 @@ class Model:
         self.curves[name] = own
         return name
 
-    def measure(self, request: Any) -> dict[str, np.ndarray]:
+    def measure(self, request: Any) -> dict[str, Any]:
         """Lengths, wrapped stretches, moment arms and transforms at coordinates (n, c)."""
         names, values = [str(n) for n in request["coordinates"]], request["values"]
         paths = [self.paths[str(n)] for n in request["paths"]]
@@ -298,8 +298,7 @@ def main(task: str, model: str, *files: str) -> None:
         with open(files[0], "w", encoding="utf-8") as reply:
             json.dump(Model(model).describe(), reply)
     else:
-        found: dict[str, Any] = Model(model).measure(np.load(files[0], allow_pickle=False))
-        np.savez(files[1], **found)
+        np.savez(files[1], **Model(model).measure(np.load(files[0], allow_pickle=False)))
 
 
 if __name__ == "__main__":
