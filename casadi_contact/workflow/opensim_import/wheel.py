@@ -121,10 +121,8 @@ class Model:
     def describe(self) -> dict[str, Any]:
         """All that `workflow.opensim_import` needs of it, as plain values."""
         bodies, constraints = self.model.getBodySet(), self.model.getConstraintSet()
-        self.curves: dict[str, Any] = {}
-        self.wraps: dict[str, Any] = {}
+        self.curves, self.wraps, self.surfaces = dict[str, Any](), dict[str, Any](), dict[str, Any]()
         self.lost: list[str] = []
-        self.surfaces: dict[str, Any] = {}
         for frame in filter(None, map(opensim.PhysicalFrame.safeDownCast, self.model.getFrameList())):
             objects, within = frame.getWrapObjectSet(), frame.findTransformInBaseFrame()
             for wrap in (objects.get(i) for i in range(objects.getSize())):
