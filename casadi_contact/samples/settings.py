@@ -10,7 +10,7 @@ from typing import Any
 from casadi_contact.core.conventions import POSE_NAMES, WRENCH_NAMES
 from casadi_contact.samples.samples import DOMAINS
 from casadi_contact.scenes.scene import Scene
-from casadi_contact.scenes.shapes.checks import grid_size
+from casadi_contact.scenes.shapes.checks import fail, grid_size
 
 MOST_SAMPLES = 10_000_000  # of a domain: hundreds of times the paper's
 PAPER_COUNTS = {"D1": 24000, "D2": 24000, "D3": 24000, "D4": 30000, "D5": 300, "D6": 20000, "D7": 100}
@@ -122,17 +122,17 @@ class SamplingSettings:
     def __post_init__(self) -> None:
         for name in ("counts", "fixed_offsets", "d3_minimum_widths", "reach"):
             if not isinstance(getattr(self, name), Mapping):
-                raise _bad(name, getattr(self, name), "a table")
+                raise fail(f"sampling.{name}", getattr(self, name), "a table")
         if set(self.counts) - set(DOMAINS):
-            raise _bad("counts", self.counts, f"samples for some of {', '.join(DOMAINS)}")
+            raise fail("sampling.counts", self.counts, f"samples for some of {', '.join(DOMAINS)}")
         for domain, count in self.counts.items():
             _number(f"counts.{domain}", count, 0, MOST_SAMPLES, whole=True)
         for name, (least, most) in _RANGES.items():
             _number(name, getattr(self, name), least, most, whole=isinstance(getattr(type(self), name), int))
         if self.scale * max(self.counts.values(), default=0) > MOST_SAMPLES:
-            raise _bad("scale", self.scale, f"at most {MOST_SAMPLES} samples in a domain")
+            raise fail("sampling.scale", self.scale, f"at most {MOST_SAMPLES} samples in a domain")
         if isinstance(self.inputs, str) or not all(isinstance(name, str) for name in self.inputs):
-            raise _bad("inputs", self.inputs, "a list of pose parameters and loads")
+            raise fail("sampling.inputs", self.inputs, "a list of pose parameters and loads")
         pairs = {
             key: {name: _pair(f"{key}.{name}", pair, least) for name, pair in getattr(self, key).items()}
             for key, least in (("fixed_offsets", 0.0), ("reach", -1e15))
@@ -170,9 +170,9 @@ class SamplingSettings:
         for setting in ("fixed_offsets", "d3_minimum_widths"):
             for name in getattr(self, setting):
                 if name not in (*POSE_NAMES, *point.inputs):
-                    raise _bad(setting, name, f"inputs among {', '.join(point.inputs)}")
+                    raise fail(f"sampling.{setting}", name, f"inputs among {', '.join(point.inputs)}")
         if self.reach and set(self.reach) != set(point.inputs):
-            raise _bad("reach", list(self.reach), f"a range of each input: {', '.join(point.inputs)}")
+            raise fail("sampling.reach", list(self.reach), f"a range of each input: {', '.join(point.inputs)}")
         return point
 
     def to_table(self) -> dict[str, Any]:
@@ -182,19 +182,15 @@ class SamplingSettings:
         return table
 
 
-def _bad(name: str, got: object, expected: str) -> ValueError:
-    return ValueError(f"sampling setting {name} = {got!r}, expected {expected}")
-
-
 def _number(name: str, value: object, least: float = 0.0, most: float = 1e15, *, whole: bool = False) -> float:
     kinds = int if whole else int | float
     if isinstance(value, bool) or not isinstance(value, kinds) or not least <= value <= most:
-        raise _bad(name, value, f"a {'whole ' if whole else ''}number from {least:g} to {most:g}")
+        raise fail(f"sampling.{name}", value, f"a {'whole ' if whole else ''}number from {least:g} to {most:g}")
     return float(value)
 
 
 def _pair(name: str, pair: object, least: float) -> tuple[float, float]:
     numbers = [_number(name, number, least) for number in pair] if isinstance(pair, list | tuple) else []
     if len(numbers) != 2 or numbers[1] < numbers[0]:
-        raise _bad(name, pair, "two numbers, the smaller one first")
+        raise fail(f"sampling.{name}", pair, "two numbers, the smaller one first")
     return numbers[0], numbers[1]

@@ -97,9 +97,10 @@ def train_to_tolerance(
     tolerances = (f"{tolerance:.15g}" for tolerance in project.scene.tolerances.values())
     folder = project.folder / "-".join(["within", *tolerances])
     for number, preset in enumerate(rounds, start=1):
+        told = update and (lambda what, *rest, n=number: update(f"{what}, round {n}", *rest))
         this = replace(project, folder=folder / f"samples-{preset.sampling_scale:g}", own=preset)
         this.folder.mkdir(parents=True, exist_ok=True)
-        samples, _ = sample(this, cycle_files, _in_round(update, number), executor, model)
+        samples, _ = sample(this, cycle_files, told, executor, model)
         with worker_pool(executor) as workers:
             command = build_command(project, samples, [*map(str, cycle_files)], *_options(project.scene))
             efforts, checkpoints = preset.efforts[structure], folder / f"training-{number}"
@@ -119,7 +120,3 @@ def train_to_tolerance(
         said = f"after {number} rounds, {len(samples)} samples, the tolerance is missed: {missed}"
         raise ValueError(f"{said}; loosen it, or ask for fewer loads or a smaller range")
     return calibrated
-
-
-def _in_round(update: Update | None, number: int) -> Update | None:
-    return None if update is None else lambda what, *rest: update(f"{what}, round {number}", *rest)
