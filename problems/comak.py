@@ -27,12 +27,13 @@ from casadi_contact.core.conventions import Array
 from casadi_contact.core.terminal import run_program
 from casadi_contact.optimisation.assembly.assembly import Assembly
 from casadi_contact.optimisation.assembly.balance import FrameBalance
-from casadi_contact.optimisation.assembly.file import ray_casting, trained_in
+from casadi_contact.optimisation.assembly.file import ray_casting
 from casadi_contact.optimisation.ipopt import IpoptOutcome, settled_options
 from casadi_contact.pictures.page import FOUNDATION, SURROGATE, TARGET, frame, new_page, save_page
 from casadi_contact.scenes.columns import write_columns
 from casadi_contact.scenes.opensim import TIME, Table, read_opensim_table, write_table
 from casadi_contact.workflow.opensim_import.importing import states_of
+from casadi_contact.workflow.project import trained_in
 from problems.measured_motion import Motion, Settings, read_motion, write_values
 from problems.summary import write_summary
 

@@ -95,7 +95,7 @@ def build_contacts(
 ) -> dict[str, Surrogate]:
     """Build a surrogate of each contact of an assembly (its folder) that touches along motions, OpenSim's files of
     coordinates: of the contact's own model, around its poses there, with tolerances of 0.5 % of its peak. Returned by
-    contact, which are folders in ``folder``, results/ASSEMBLY-PRESET if left out; `assembly.file.trained_in` reads it.
+    contact, which are folders in ``folder``, results/ASSEMBLY-PRESET if left out; `project.trained_in` reads it.
     progress, executor, errors: as of `build`, also ValueError where nothing touches."""
     loaded, found = load_assembly(assembly), dict[str, Surrogate]()
     function, tables = loaded.function(["contact_poses"]), [read_opensim_table(path) for path in motions]

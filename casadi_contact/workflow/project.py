@@ -163,6 +163,15 @@ def trained_surrogates(project: Project) -> dict[str, Surrogate]:
     return made
 
 
+def trained_in(folder: str | Path) -> Callable[[Scene], Surrogate | None]:
+    """The surrogates that `casadi-contact build` made of an assembly's contacts, for ``load_assembly(name,
+    contact=trained_in(folder))``; FileNotFoundError for none."""
+    known = {path.parent.name: load_surrogate(path) for path in Path(folder).glob("*/patch.h5")}
+    if not known:
+        raise FileNotFoundError(f"no surrogates of contacts in {folder}: run casadi-contact build on the assembly")
+    return lambda scene: known.get(scene.name)
+
+
 def shipped_surrogates(scene: Scene) -> dict[str, Surrogate]:
     """The surrogates of this very scene that come with the library, by name."""
     ready = ((name, load_surrogate(name)) for name in ready_surrogates())

@@ -60,7 +60,6 @@ from casadi_contact.optimisation.joint_mechanics import whole_wrench
 from casadi_contact.scenes.loading import load_scene
 from casadi_contact.scenes.scene import Scene
 from casadi_contact.scenes.shapes.checks import fail, identifier, number, plain_values, scene_name, table_of
-from casadi_contact.surrogate.load import load_surrogate
 
 FORMAT = 1
 _PACKAGE = "casadi_contact.optimisation.assembly"
@@ -111,15 +110,6 @@ def ray_casting(scene: Scene) -> RayCastFoundation:
     geometry = {key: value for key, value in scene.tables["geometry"].items() if key != "pressing"}
     changed = {"geometry": {**geometry, "elements": "triangles"}, "friction": {}}
     return RayCastFoundation(Scene.from_tables({**scene.tables, **changed}))
-
-
-def trained_in(folder: str | Path) -> MakeContact:
-    """The surrogates that `casadi-contact build` made of an assembly's contacts, for ``load_assembly(name,
-    contact=trained_in(folder))``; FileNotFoundError for none."""
-    known = {path.parent.name: load_surrogate(path) for path in Path(folder).glob("*/patch.h5")}
-    if not known:
-        raise FileNotFoundError(f"no surrogates of contacts in {folder}: run casadi-contact build on the assembly")
-    return lambda scene: known.get(scene.name)
 
 
 def _assembly(tables: Mapping[str, Any], folder: Path, contact: MakeContact | None) -> Assembly:
