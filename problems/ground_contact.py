@@ -7,10 +7,10 @@
 with measured poses q̂ = q - σ_q·δ of markers that are wrong by some mm and degrees, and loads L̂ of a force plate.
 Loads are taken in the middle between frames, q = (q_k + q_{k+1})/2 and q̇ = (q_{k+1} - q_k)/Δt: the three forces, and
 the moments about the measured centre of pressure, which vanish but for the free one. Errors last: they change little
-from frame to frame. One IPOPT problem with the exact Hessian. Another step is fitted with the same coefficients and
-deviations. Its poses are free, and six numbers for the whole step: where the sole lies in the foot, since markers and
-model place each foot's frame otherwise, within three deviations. A shoe that does not slip tells friction from below
-alone: walking needs some 0.2 (Redfern et al., Ergonomics 44 (2001) 1138-1166), and it stays near a dry floor's 0.6.
+from frame to frame. One IPOPT problem with the exact Hessian. Another step is fitted with the same coefficients. Its
+poses are free, and six numbers for the whole step: where the sole lies in the foot, since markers and model place each
+foot's frame otherwise, within three deviations. A shoe that does not slip tells friction from below alone: walking
+needs some 0.2 (Redfern et al., Ergonomics 44 (2001) 1138-1166), and it stays near a dry floor's 0.6.
 The scene's transition velocity is that of published contact of walking, 0.2 m/s (see `problems.tracked_step`).
 
 Input columns: time_s, foot_tx_mm ... foot_rz_rad (the calcaneus in a ground with x forward, y up, z to the right, x-y-z
@@ -104,9 +104,9 @@ def ground_wrench(model: CompiledFoundation) -> ca.Function:
 
 @dataclass(frozen=True)
 class Weights:
-    """Standard deviations, the same for every step: of forces [N], of centres of pressure [mm], of the free moment
-    [N·mm], of poses [mm, rad]; a of the loads' changes, r of the pose's bends; most a pose is corrected by, in its
-    deviations; deviations of the sole's place [mm, rad], and of the coefficients' logarithms z."""
+    """Standard deviations of forces [N], of centres of pressure [mm], of the free moment [N·mm], of poses [mm, rad]; a
+    of the loads' changes, r of the pose's bends; most a pose is corrected by, in its deviations; deviations of the
+    sole's place [mm, rad], and of the coefficients' logarithms z."""
 
     force_n: float = 20.0
     centre_mm: float = 5.0
@@ -118,6 +118,11 @@ class Weights:
     most: float = 8.0
     place: tuple[float, ...] = (15.0, 15.0, 15.0, 0.1, 0.1, 0.1)
     prior: tuple[float, ...] = (1.0, 1.0, 0.03)
+
+    @classmethod
+    def other_foot(cls) -> "Weights":
+        """Of a foot whose sole was fitted to another one: its loads deviate more, and leap more."""
+        return cls(force_n=40.0, centre_mm=5.5, free_nmm=2000.0, lasting=2.0)
 
 
 @dataclass(frozen=True)
@@ -217,7 +222,7 @@ def main(
     both = (read_step(fitted, every=every), read_step(unseen, left=True, every=every))
     steps = dict(zip(("fitted", "unseen"), both[::-1] if swap else both, strict=True))
     found = {"fitted": fit(model, steps["fitted"])}
-    found["unseen"] = fit(model, steps["unseen"], known=found["fitted"].parameters)
+    found["unseen"] = fit(model, steps["unseen"], known=found["fitted"].parameters, weights=Weights.other_foot())
     for name, value in found["fitted"].parameters.items():
         print(f"{name:20s} {value:10.4g}" + f"{found['unseen'].parameters[name]:10.4g}" * (name in PLACEMENT))
     table = {name: misfits(steps[name], found[name]) for name in steps}
