@@ -177,7 +177,7 @@ def write_cycle(cycle: Cycle, path: str | Path) -> None:
 def scene_cycles(scene: Scene, *, frames: int = 101, seed: int = 2015) -> list[Cycle]:
     """The reference motion of a scene's [motion], the same for a seed. Raises ValueError without one, or for a key."""
     if not scene.motion:
-        raise ValueError(f"scene {scene.name} has no [motion], expected it there or a cycle file")
+        raise ValueError(f"scene {scene.name} has no [motion], expected it there or a build around --cycles")
     optional = ("cycles", "duration_s", "deviation")
     motion = table_of("motion", scene.motion, ("harmonics",), complete=True, optional=optional)
     names = (*POSE_NAMES, *possible_loads(scene.patch_names))

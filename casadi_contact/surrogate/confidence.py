@@ -35,8 +35,8 @@ from casadi_contact.core.conventions import Array
 from casadi_contact.networks.graph import network_value
 from casadi_contact.networks.network import Network
 
-SURELY_VALID, VALID, SURELY_INVALID = 0.9, 0.5, 0.1  # validities
-SURE = 4.0 / 3.0  # excess at a validity of `SURELY_INVALID`; its negative at `SURELY_VALID`
+SURELY_VALID, VALID = 0.9, 0.5  # validities
+SURE = 4.0 / 3.0  # excess at a validity of 0.1; its negative at `SURELY_VALID`
 FAR = 1e8  # poses are clipped here, so that their squares are finite (in C: ``confidence.h``)
 
 
