@@ -100,12 +100,9 @@ def _chart_section(path: Path) -> list[str]:
     measured = "casadi-contact chart" if "; patch " in names else "casadi-contact speed"
     program = "python -m problems.studies.peers" if "polynomial" in names else measured
     command = f"{program} {given} --preset {header['preset']}"
-    older = "polynomial" in names and "; roots" not in names
     intro = (
         f"{len(front.models)} models, {header['walking_poses']} unseen poses, against {header['reference']}, on "
         f"{header['processor']} ({header['instruction_set']}): `{command}`."
-        + " Its peers are older ones: fitted to loads alone, timed as calls through Python."
-        * older
     )
     picture = f"![Time per pose against error: {scene}]({path.stem}.png)"
     return [f"## {scene}", intro, picture, _front_table(_best(front.models))]
