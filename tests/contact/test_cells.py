@@ -44,7 +44,9 @@ def test_cells_that_carry_are_near_enough_to_be_looked_at(tmp_path):
         R, t = rotation(pose[3:]), pose[:3]
         touch = patch.touch(R, t)
         carries = touch.cells[(touch.depth > -patch.tuning.width).any(axis=1)]
-        g = point_distances(patch.body.family, patch.body.parameters, points[carries].reshape(-1, 3), R, t)
+        g = point_distances(
+            patch.body.family, patch.body.parameters, np.ascontiguousarray(points[carries].reshape(-1, 3).T), R, t
+        )
         assert (g.reshape(-1, points.shape[1]).min(axis=1) < patch.tuning.touch_mm(size)).all()
         carried += len(carries)
     assert carried > 40

@@ -67,7 +67,7 @@ def test_bounds_hold_at_all_points_of_a_block_in_a_hollow(from_middle_mm, direct
     offsets = half * np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 9)] * 3), axis=-1).reshape(-1, 3)
     distances = hollow_mm - np.linalg.norm(centre + offsets, axis=1)
     bounds = np.array([point_bound.py_func(tangent, *offset) for offset in offsets])
-    box = np.asfortranarray(np.concatenate([[0.0] * 3, np.diag(half).ravel()])[None])
+    box = np.concatenate([[0.0] * 3, np.diag(half).ravel()])[:, None]
     assert block_bounds(MESH_FIELD, np.array(tangent)[:, None], box)[0] <= distances.min()
     assert (bounds <= distances + 1e-12).all()
     assert (distances - bounds).max() < 2.0 * curvature * half @ half  # and not so low that nothing is left out

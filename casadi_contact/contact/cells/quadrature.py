@@ -142,7 +142,9 @@ class Quadrature:
 
     def _distances(self, R: Array, t: Array) -> Array:
         """Of the nodes (m,) from the body [mm]."""
-        return np.asarray(point_distances(self.body.family, self.body.parameters, self.patch.c, R, t))
+        return np.asarray(
+            point_distances(self.body.family, self.body.parameters, np.ascontiguousarray(self.patch.c.T), R, t)
+        )
 
     def touch(self, R: Array, t: Array) -> Touch:
         """What touches in a pose."""

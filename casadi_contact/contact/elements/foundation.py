@@ -72,7 +72,7 @@ class PatchElements(NamedTuple):
         law = (0, np.nan, np.zeros(0))
         if scene is not None:
             law = *law_of(scene.material)[:2], scene.thickness_at(e.centres_mm, e.normals)
-        centres, normals, boxes = map(np.asfortranarray, (e.centres_mm, e.normals, _boxes(e)))
+        centres, normals, boxes = (np.ascontiguousarray(part.T) for part in (e.centres_mm, e.normals, _boxes(e)))
         return cls(surface, (centres, normals, e.areas_mm2, e.blocks, boxes), law)
 
     def wrenches(self, rotations: Array, translations: Array, *, derivatives: bool) -> tuple[Array, Array]:
@@ -96,7 +96,7 @@ class ElasticFoundation(SlidingContact):
         _ = scene.material  # a scene without geometry says so
         self.grid = scene.grids["fine"] if grid is None else grid_size("grid", grid)
         grids = scene.elements(self.grid)
-        self._edges = [np.asfortranarray(e.edge_centres_mm) for e in grids]
+        self._edges = [np.ascontiguousarray(e.edge_centres_mm.T) for e in grids]
         self._patches = [PatchElements.of(s, e, scene) for s, e in zip(scene.surfaces(), grids, strict=True)]
 
     def __repr__(self) -> str:
@@ -123,19 +123,21 @@ class ElasticFoundation(SlidingContact):
     @cached_property
     def _unit_loads(self) -> list[Array]:
         """(n, c × n) (m, 6) of each patch's elements."""
-        return [wrench_about_origin(bed.elements[1], bed.elements[0]) for bed in self._patches]
+        return [wrench_about_origin(bed.elements[1].T, bed.elements[0].T) for bed in self._patches]
 
     def _pressed(self, bed: PatchElements, loads: Array, R: Array, t: Array) -> PressedPoints:
         surface, (centres, normals, areas, *_) = bed.surface, bed.elements
         near = near_elements(surface.family, surface.parameters, bed.elements, R, t)
-        points, along = np.asfortranarray(centres[near]), np.asfortranarray(normals[near])
+        points, along = np.ascontiguousarray(centres[:, near]), np.ascontiguousarray(normals[:, near])
         depths, by_twist = overlap_many(surface.family, surface.parameters, points, along, R, t, 0.0)
         pressed = depths > 0.0
         depths, by_twist, on = depths[pressed], by_twist[pressed], near[pressed]
         number, modulus, thickness = bed.law
         p, slope = pressure_derivatives(number, modulus, thickness[on], depths)
         area = areas[on]
-        return PressedPoints(centres[on], normals[on], loads[on], p * area, (slope * area)[:, None] * by_twist)
+        return PressedPoints(
+            centres[:, on].T, normals[:, on].T, loads[on], p * area, (slope * area)[:, None] * by_twist
+        )
 
     def function(self, loads: Iterable[str] | None = None, name: str = "contact_loads", **options: Any) -> ca.Function:
         """`ContactFunctions.function` of this model called back from CasADi."""
@@ -179,7 +181,7 @@ class ElasticFoundation(SlidingContact):
         """Pressure of every element in one pose (6,), patch by patch."""
         (position,) = as_poses([pose])
         return [
-            PressureMap(patch, bed.elements[0], bed.elements[2], pressures(*bed.law, depths))
+            PressureMap(patch, bed.elements[0].T, bed.elements[2], pressures(*bed.law, depths))
             for patch, (bed, depths) in zip(self.patch_names, self._depths(position), strict=True)
         ]
 
@@ -187,7 +189,7 @@ class ElasticFoundation(SlidingContact):
         """Areas, pressures, centres of pressure and penetrations of each patch at poses (n, 6), over its elements."""
         poses = as_poses(poses)
         found = (
-            (n, p, bed.elements[0], bed.elements[2], depths, pressures(*bed.law, depths))
+            (n, p, bed.elements[0].T, bed.elements[2], depths, pressures(*bed.law, depths))
             for n, pose in enumerate(poses)
             for p, (bed, depths) in enumerate(self._depths(pose))
         )
@@ -197,7 +199,7 @@ class ElasticFoundation(SlidingContact):
         """Signed distances (m,) [mm] of fixed-frame points (m, 3) from the moving surface that faces a patch."""
         (position,) = as_poses([pose])
         surface = self._patches[self.patch_names.index(patch)].surface
-        points = np.asfortranarray(points_mm, dtype=float)
+        points = np.ascontiguousarray(np.asarray(points_mm, dtype=float).T)
         return point_distances(surface.family, surface.parameters, points, rotation(position[3:]), position[:3].copy())
 
     def _depths(self, pose: Array) -> Iterator[tuple[PatchElements, Array]]:
@@ -212,8 +214,8 @@ class ElasticFoundation(SlidingContact):
         """The patches' beds, of elements at an edge alone."""
         beds = []
         for (surface, elements, *_), edge in zip(self._patches, self._edges, strict=True):
-            centres, normals, areas = elements[:3]
-            near = cKDTree(edge).query(centres)[0] <= EDGE_MM if len(edge) else np.zeros(len(centres), dtype=bool)
+            centres, normals, areas = elements[0].T, elements[1].T, elements[2]
+            near = cKDTree(edge.T).query(centres)[0] <= EDGE_MM if edge.size else np.zeros(len(centres), dtype=bool)
             at_edge = scattered_elements(centres[near], normals[near], areas[near], near[near])
             beds.append(PatchElements.of(surface, at_edge, self.scene))
         return beds

@@ -3,7 +3,7 @@
 An element at c with outward normal n meets the moving body if c lies inside it (g(c) < 0); its depth d is the
 distance from c along -n to the body's surface, by Newton's method on g(c - d·n) = 0. Its load is -p(d)·A·(n, c × n).
 
-Points of a patch are stored coordinate after coordinate (order="F"), so that loops over them run in vectors.
+Points are stored coordinate after coordinate (3, m), so that loops over them run in vectors; boxes likewise (12, b).
 """
 
 from typing import Any
@@ -48,26 +48,27 @@ def _square_reach(boxes, b):
     """|r|² of the corners of the box about block b: the sum of its half axes' squares."""
     total = 0.0
     for k in range(3, 12):
-        total += boxes[b, k] ** 2
+        total += boxes[k, b] ** 2
     return total
 
 
 @njit(**_VECTORS)
 def _swept_distances(parameters, points, R, t):
     """As `_distances`, of swept arcs: `signed_distance` of all points at once."""
-    found, (qx, qy, qz) = np.empty((4, len(points))), np.empty((3, len(points)))
+    count = points.shape[1]
+    found, (qx, qy, qz) = np.empty((4, count)), np.empty((3, count))
     g, x, y, offset = found
     last = 3 + NUMBERS_PER_ARC * (int(parameters[0]) - 1)
     end_x, end_y, end_offset = parameters[last], parameters[last + 1], parameters[last + 2]
-    for e in range(len(points)):
-        qx[e], qy[e], qz[e] = to_moving(R, t, points[e, 0], points[e, 1], points[e, 2])
+    for e in range(count):
+        qx[e], qy[e], qz[e] = to_moving(R, t, points[0, e], points[1, e], points[2, e])
         x[e], y[e], offset[e] = end_x, end_y, end_offset
     for at in range(last - NUMBERS_PER_ARC, 0, -NUMBERS_PER_ARC):
         axis_x, axis_y, out, along_x, along_y = parameters[at : at + NUMBERS_PER_ARC]
-        for e in range(len(points)):
+        for e in range(count):
             past = (qx[e] - axis_x) * along_x + (qy[e] - axis_y) * along_y > 0.0
             x[e], y[e], offset[e] = x[e] if past else axis_x, y[e] if past else axis_y, offset[e] if past else out
-    for e in range(len(points)):
+    for e in range(count):
         dx, dy, dz = qx[e] - x[e], qy[e] - y[e], qz[e] - parameters[2]
         rho = max(np.sqrt(dx * dx + dy * dy), 1e-12)
         out = rho - offset[e]
@@ -80,12 +81,12 @@ def _swept_distances(parameters, points, R, t):
 
 @njit(**_VECTORS)
 def _distances(family, parameters, points, R, t):
-    """g and its gradient G (fixed frame) (4, n) at points (n, 3) of the fixed frame, the body in one pose."""
+    """g and its gradient G (fixed frame) (4, n) at points (3, n) of the fixed frame, the body in one pose."""
     if family == SWEPT_ARCS:
         return _swept_distances(parameters, points, R, t)
-    found = np.empty((4, len(points)))
-    for e in range(len(points)):
-        qx, qy, qz = to_moving(R, t, points[e, 0], points[e, 1], points[e, 2])
+    found = np.empty((4, points.shape[1]))
+    for e in range(points.shape[1]):
+        qx, qy, qz = to_moving(R, t, points[0, e], points[1, e], points[2, e])
         found[0, e], ax, ay, az = signed_distance(family, parameters, qx, qy, qz)
         found[1, e], found[2, e], found[3, e] = to_fixed(R, ax, ay, az)
     return found
@@ -93,12 +94,12 @@ def _distances(family, parameters, points, R, t):
 
 @njit(**_VECTORS)
 def point_distances(family, parameters, points, R, t):
-    """g of points (m, 3) of the fixed frame from the moving body in one pose [mm]."""
+    """g of points (3, m) of the fixed frame from the moving body in one pose [mm]."""
     if family != MESH_FIELD:
         return _distances(family, parameters, points, R, t)[0]
-    distances = np.empty(len(points))
-    for k in range(len(points)):
-        qx, qy, qz = to_moving(R, t, points[k, 0], points[k, 1], points[k, 2])
+    distances = np.empty(points.shape[1])
+    for k in range(len(distances)):
+        qx, qy, qz = to_moving(R, t, points[0, k], points[1, k], points[2, k])
         distances[k] = signed_distance(family, parameters, qx, qy, qz)[0]
     return distances
 
@@ -110,11 +111,12 @@ def _tangents(family, parameters, R, t, boxes):
     Where g_c + G·(p - c) - M|p - c|²/2 > 0 the point p of the block lies outside the body. M = 0 for the analytic
     families, which are convex; see `geometry.distance_field` for a mesh. (An infinite M excludes nothing.)
     """
-    tangents = np.zeros((5, len(boxes)))
-    tangents[:4] = _distances(family, parameters, boxes[:, :3], R, t)
+    count = boxes.shape[1]
+    tangents = np.zeros((5, count))
+    tangents[:4] = _distances(family, parameters, boxes[:3], R, t)
     if family == MESH_FIELD:
-        for b in range(len(boxes)):
-            qx, qy, qz = to_moving(R, t, boxes[b, 0], boxes[b, 1], boxes[b, 2])
+        for b in range(count):
+            qx, qy, qz = to_moving(R, t, boxes[0, b], boxes[1, b], boxes[2, b])
             near = _square_reach(boxes, b) < CURVATURE_REACH_MM**2
             tangents[4, b] = field_curvature(parameters, qx, qy, qz) if near else np.inf
     return tangents
@@ -124,13 +126,13 @@ def _tangents(family, parameters, R, t, boxes):
 def block_bounds(family, tangents, boxes):
     """Least g (b,) that any point of each block can have: by its tangent at the centre, where g is convex; for a mesh
     by its tangent and curvature if these say that the block lies outside, else by its slope."""
-    bounds = np.empty(len(boxes))
-    for b in range(len(boxes)):
+    bounds = np.empty(boxes.shape[1])
+    for b in range(len(bounds)):
         gx, gy, gz = tangents[1, b], tangents[2, b], tangents[3, b]
         bounds[b] = tangents[0, b]
         for k in (3, 6, 9):
-            bounds[b] -= abs(gx * boxes[b, k] + gy * boxes[b, k + 1] + gz * boxes[b, k + 2])
-    for b in range(len(boxes) if family == MESH_FIELD else 0):
+            bounds[b] -= abs(gx * boxes[k, b] + gy * boxes[k + 1, b] + gz * boxes[k + 2, b])
+    for b in range(len(bounds) if family == MESH_FIELD else 0):
         reach2, curvature = _square_reach(boxes, b), tangents[4, b]
         if curvature < np.inf:
             bounds[b] -= 0.5 * curvature * reach2
@@ -158,13 +160,13 @@ def near_elements(family, parameters, elements, R, t):
     centres, _, _, blocks, boxes = elements
     tangents = _tangents(family, parameters, R, t, boxes)
     bounds = block_bounds(family, tangents, boxes)
-    found, count = np.empty(len(centres), np.int64), 0
-    for b in range(len(boxes)):
+    found, count = np.empty(centres.shape[1], np.int64), 0
+    for b in range(len(bounds)):
         if bounds[b] > 0.0:
             continue
         tangent = tangents[:, b]
         for e in range(blocks[b], blocks[b + 1]):
-            dx, dy, dz = centres[e, 0] - boxes[b, 0], centres[e, 1] - boxes[b, 1], centres[e, 2] - boxes[b, 2]
+            dx, dy, dz = centres[0, e] - boxes[0, b], centres[1, e] - boxes[1, b], centres[2, e] - boxes[2, b]
             found[count] = e
             count += point_bound(tangent, dx, dy, dz) < 0.0
     return found[:count]
@@ -172,9 +174,9 @@ def near_elements(family, parameters, elements, R, t):
 
 @njit(**_VECTORS)
 def overlap_many(family, parameters, points, normals, R, t, reach):
-    """Signed depths (m,) [mm] of points along -n in one pose, below 0 outside of the moving body, and the derivatives
-    by its twist about t (m, 6); -inf for points farther from it than the reach."""
-    overlaps, slopes = np.full(len(points), -np.inf), np.zeros((6, len(points)))
+    """Signed depths (m,) [mm] of points (3, m) along -n in one pose, below 0 outside of the moving body, and their
+    derivatives by its twist about t (m, 6); -inf for points farther from it than the reach."""
+    overlaps, slopes = np.full(points.shape[1], -np.inf), np.zeros((6, points.shape[1]))
     outside = point_distances(family, parameters, points, R, t)
     active = np.flatnonzero(outside < reach)
     # Newton's method would diverge without the bound 0.9·start, or start/0.05 from outside, where g jumps.
@@ -185,11 +187,11 @@ def overlap_many(family, parameters, points, normals, R, t, reach):
         ends = np.empty((3, len(active)))
         for k, e in enumerate(active):
             for i in range(3):
-                ends[i, k] = points[e, i] - overlaps[e] * normals[e, i]
-        found = _distances(family, parameters, ends.T, R, t)
+                ends[i, k] = points[i, e] - overlaps[e] * normals[i, e]
+        found = _distances(family, parameters, ends, R, t)
         for k, e in enumerate(active):
             gx, gy, gz = found[1, k], found[2, k], found[3, k]
-            slope = min(gx * normals[e, 0] + gy * normals[e, 1] + gz * normals[e, 2], STEEPEST_RAY_SLOPE)
+            slope = min(gx * normals[0, e] + gy * normals[1, e] + gz * normals[2, e], STEEPEST_RAY_SLOPE)
             least = NEAREST_SURFACE * start[e] if start[e] > 0.0 else -start[e] / STEEPEST_RAY_SLOPE
             d = max(overlaps[e] + found[0, k] / slope, least)
             moved, overlaps[e] = abs(d - overlaps[e]), d
@@ -199,10 +201,10 @@ def overlap_many(family, parameters, points, normals, R, t, reach):
         active = active[:count]
         if not count:
             break
-    for k in range(len(points)):
+    for k in range(len(overlaps)):
         d = overlaps[k] if np.isfinite(overlaps[k]) else 0.0
-        x, y, z = points[k, 0] - t[0], points[k, 1] - t[1], points[k, 2] - t[2]
-        x, y, z = x - d * normals[k, 0], y - d * normals[k, 1], z - d * normals[k, 2]
+        x, y, z = points[0, k] - t[0], points[1, k] - t[1], points[2, k] - t[2]
+        x, y, z = x - d * normals[0, k], y - d * normals[1, k], z - d * normals[2, k]
         fx, fy, fz = slopes[0, k], slopes[1, k], slopes[2, k]
         slopes[3, k], slopes[4, k], slopes[5, k] = y * fz - z * fy, z * fx - x * fz, x * fy - y * fx
         if outside[k] >= 0.0:
@@ -218,8 +220,8 @@ def _patch_wrench(family, parameters, elements, law, modulus, thickness, R, t, w
     points, along = np.empty((3, len(near))), np.empty((3, len(near)))
     for i in range(3):
         for k, e in enumerate(near):
-            points[i, k], along[i, k] = centres[e, i], normals[e, i]
-    depths, slopes = overlap_many(family, parameters, points.T, along.T, R, t, 0.0)
+            points[i, k], along[i, k] = centres[i, e], normals[i, e]
+    depths, slopes = overlap_many(family, parameters, points, along, R, t, 0.0)
     loads, forces, rises = np.empty((6, len(near))), np.zeros(len(near)), np.zeros(len(near))
     for k, e in enumerate(near):
         if depths[k] > 0.0:
@@ -249,21 +251,21 @@ def _patch_gap(family, parameters, elements, R, t, slope):
     tangents = _tangents(family, parameters, R, t, boxes)
     bounds = block_bounds(family, tangents, boxes)
     best, nearest, first = np.inf, -1, np.argmin(bounds)
-    for turn in range(-1, len(boxes)):
+    for turn in range(-1, len(bounds)):
         b = first if turn < 0 else turn
         if bounds[b] >= best:
             continue
         tangent = tangents[:, b]
         for e in range(blocks[b], blocks[b + 1]):
-            dx, dy, dz = centres[e, 0] - boxes[b, 0], centres[e, 1] - boxes[b, 1], centres[e, 2] - boxes[b, 2]
+            dx, dy, dz = centres[0, e] - boxes[0, b], centres[1, e] - boxes[1, b], centres[2, e] - boxes[2, b]
             if point_bound(tangent, dx, dy, dz) >= max(best, 0.0):
                 continue
-            qx, qy, qz = to_moving(R, t, centres[e, 0], centres[e, 1], centres[e, 2])
+            qx, qy, qz = to_moving(R, t, centres[0, e], centres[1, e], centres[2, e])
             g = signed_distance(family, parameters, qx, qy, qz)[0]
             if g < best:
                 best = g
                 nearest = e
-    c = centres[nearest]
+    c = centres[:, nearest]
     qx, qy, qz = to_moving(R, t, c[0], c[1], c[2])
     g, ax, ay, az = signed_distance(family, parameters, qx, qy, qz)
     gx, gy, gz = to_fixed(R, ax, ay, az)

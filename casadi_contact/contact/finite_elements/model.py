@@ -47,6 +47,7 @@ class ElasticBody:
 
     def __init__(self, layer: Layer, surface: MovingSurface) -> None:
         self.layer, self.surface = layer, surface
+        self.nodes = [np.ascontiguousarray(part.T) for part in (layer.points_mm, layer.normals)]
         self.wrenches = -np.concatenate([layer.normals, np.cross(layer.points_mm, layer.normals)], axis=1)
         inner = np.zeros(len(layer.points_mm), dtype=bool)  # no node counts as an edge: gaps alone are asked for
         nodes = scattered_elements(layer.points_mm, layer.normals, layer.areas_mm2, inner)
@@ -55,9 +56,7 @@ class ElasticBody:
     def press(self, R: Array, t: Array, reach_mm: float) -> Pressed:
         """The forces in one pose; nodes farther than reach from the moving body are left out."""
         surface, layer = self.surface, self.layer
-        overlaps, by_twist = overlap_many(
-            surface.family, surface.parameters, layer.points_mm, layer.normals, R, t, reach_mm
-        )
+        overlaps, by_twist = overlap_many(surface.family, surface.parameters, *self.nodes, R, t, reach_mm)
         active = np.flatnonzero(active_set(layer.compliance, overlaps))
         if not len(active):
             return Pressed(active, np.zeros(0), np.zeros(0), np.zeros((0, 6)))
