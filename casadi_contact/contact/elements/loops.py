@@ -265,11 +265,10 @@ def _patch_gap(family, parameters, elements, R, t, slope):
             if g < best:
                 best = g
                 nearest = e
-    c = centres[:, nearest]
-    qx, qy, qz = to_moving(R, t, c[0], c[1], c[2])
-    g, ax, ay, az = signed_distance(family, parameters, qx, qy, qz)
-    gx, gy, gz = to_fixed(R, ax, ay, az)
-    x, y, z = c[0] - t[0], c[1] - t[1], c[2] - t[2]
+    c = np.empty((3, 1))
+    c[:, 0] = centres[:, nearest]
+    _, gx, gy, gz = _distances(family, parameters, c, R, t)[:, 0]
+    x, y, z = c[0, 0] - t[0], c[1, 0] - t[1], c[2, 0] - t[2]
     slope[:] = (-gx, -gy, -gz, z * gy - y * gz, x * gz - z * gx, y * gx - x * gy)
     return best
 
