@@ -249,9 +249,9 @@ FLOOR = (
     [
         (f"{FLOOR}</ContactHalfSpace>", 0.0, 0.0),
         (
-            '<ContactSphere name="floor"><body_name>ground</body_name><radius>0.06</radius></ContactSphere>',
-            60.0,
-            1 / 60,
+            '<ContactSphere name="floor"><body_name>ground</body_name><radius>0.03</radius></ContactSphere>',
+            30.0,
+            1 / 30,
         ),
     ],
     ids=("half_space", "sphere"),
