@@ -121,7 +121,7 @@ class Weights:
 
     @classmethod
     def other_foot(cls) -> "Weights":
-        """Of a foot whose sole was fitted to another one: its loads deviate more, and leap more."""
+        """Of a foot to which the sole was not fitted: its loads deviate more, and change more between frames."""
         return cls(force_n=40.0, centre_mm=5.5, free_nmm=2000.0, lasting=2.0)
 
 

@@ -5,7 +5,6 @@ cycles -> motion.npz, samples.h5 -> training/ -> patch.h5, two_stage.h5 -> evalu
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from functools import partial
 from pathlib import Path
 
 import casadi as ca
@@ -93,10 +92,11 @@ def build_contacts(
     progress: Update | None = None,
     executor: Executor | None = None,
 ) -> dict[str, Surrogate]:
-    """Build a surrogate of each contact of an assembly (its folder) that touches along motions, OpenSim's files of
-    coordinates: of the contact's own model, around its poses there, with tolerances of 0.5 % of its peak. Returned by
-    contact, which are folders in ``folder``, results/ASSEMBLY-PRESET if left out; `project.trained_in` reads it.
-    progress, executor, errors: as of `build`, also ValueError where nothing touches."""
+    """Build a surrogate of each contact of an assembly (its folder) that touches along motions, which are OpenSim's
+    files of coordinates. It learns the contact's own model around the poses of the motions, with tolerances of 0.5 % of
+    the peak of each load. Returns surrogates by contact. Each lies in a subfolder, named as the contact, of ``folder``
+    (results/ASSEMBLY-PRESET if left out), which `project.trained_in` reads. progress, executor, errors: as of `build`,
+    and ValueError where nothing touches."""
     loaded, found = load_assembly(assembly), dict[str, Surrogate]()
     function, tables = loaded.function(["contact_poses"]), [read_opensim_table(path) for path in motions]
     if not tables:
@@ -113,8 +113,8 @@ def build_contacts(
         files = [here / f"motion_{number}.csv" for number in range(1, len(poses) + 1)]
         for file, table, each in zip(files, tables, poses, strict=True):
             write_poses(table.columns[TIME], each, file)
-        run = partial(build, scene, preset, cycles=files, model=part.model, folder=here)
-        found |= {part.name: run(progress=progress, executor=executor)["patch"]}
+        made = build(scene, preset, cycles=files, model=part.model, folder=here, progress=progress, executor=executor)
+        found[part.name] = made["patch"]
     if not found:
         raise ValueError(f"no contact of {assembly} touches along {', '.join(map(str, motions))}")
     return found

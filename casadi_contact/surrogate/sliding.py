@@ -93,9 +93,10 @@ class Steps(list[tuple[ca.SX, ca.SX]]):
 
 @cache
 def law_functions(size: int) -> list[ca.Function]:
-    """Of one patch, from its motion (`motion_functions`), wrench at rest (6), numbers (20) of `measured_spreads`
-    and weights (6): law_value, its wrench; law_first, also derivatives by the motion's first `size` numbers and the
-    wrench at rest; law_second, of Σ weights·wrench by the one, the other, the one twice, both, the other twice."""
+    """The law of one patch as three functions of its motion m (11, `motion_functions`), its wrench at rest w (6),
+    numbers (20) of `measured_spreads`, and weights λ (6). law_value gives the wrench F (6). law_first gives F, and its
+    derivatives by the first `size` numbers of m and by w. law_second gives the derivatives of λ·F by m, w, m and m, w
+    and m, w and w."""
     motion, wrench, numbers, weights = (ca.SX.sym("given", count) for count in (11, 6, 20, 6))
     A, b, d, axis, level, power = ca.vertsplit(numbers, np.cumsum([0, 9, 3, 1, 3, 2, 2]).tolist())
     A, step = ca.reshape(A, 3, 3), Steps()

@@ -4,6 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from casadi_contact.contact.model import ContactModel
 from casadi_contact.samples.reference import ReferenceMotion
 from casadi_contact.samples.samples import TEST, TRAIN, VALIDATION, partial_folder, read_samples
 from casadi_contact.samples.settings import SamplingSettings
@@ -114,10 +115,7 @@ def test_samples_whose_contact_reaches_the_edge_are_dropped_and_no_others(sample
 class Gapless(TwoSpheres):
     """The spheres without gaps, which a contact model may lack."""
 
-    has_gaps = False
-
-    def gaps(self, poses):
-        raise NotImplementedError
+    has_gaps, gaps = False, ContactModel.gaps
 
 
 def test_a_model_without_gaps_goes_the_same_way(tmp_path):
